@@ -23,8 +23,8 @@ import model
 from benchmarks.peers.compiled import force_table
 from benchmarks.runner import Run, Table
 from model import batch
-from model.batch.run import workers_here
-from model.kernels.lanes import LANES, lanes_pay
+from model.batch.run import count_processors
+from model.kernels.lanes import LANES, has_wide_vectors
 
 TOLERANCE = 1e-4
 TARGET_EFFICIENCY, TARGET_RATE = 0.90, 300.0
@@ -81,7 +81,7 @@ def apart(one: list[batch.Member], other: list[batch.Member]) -> np.ndarray:
 
 def lanes_beside_scalar(name: str, many: dict[str, tuple[np.ndarray, np.ndarray]], rounds: int) -> None:
     """Print how much faster lanes are on one worker, and by how much members differ from their scalar runs."""
-    if not lanes_pay():
+    if not has_wide_vectors():
         print(f"{name:9}  no lanes: this processor has neither AVX-512 nor AVX2")
         return
     action = model.load_action()
@@ -113,7 +113,7 @@ def main(run: Run) -> None:
     """Print lanes beside scalar runs, efficiency on several workers, and what is spent beside the kernels."""
     count, workers = run.trials, run.workers
     many = trials(count)
-    print(f"{count} forte trials at {TOLERANCE:g} rad on {workers} of {workers_here()} processors")
+    print(f"{count} forte trials at {TOLERANCE:g} rad on {workers} of {count_processors()} processors")
     print(f"largest error {check(many, workers):.2g} rad; members equal single runs to the last bit")
     lanes_beside_scalar("alike", many, run.rounds)
     lanes_beside_scalar("unlike", unlike(count), run.rounds)

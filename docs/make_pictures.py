@@ -16,7 +16,7 @@ import numpy as np
 
 import validation
 import vision
-from vision.output.colours import colour_of
+from vision.output.colours import body_colour
 
 BLUE, ORANGE = "#0072B2", "#D55E00"  # measured and predicted, as in a report
 
@@ -31,7 +31,7 @@ def main(folder: str) -> None:
         axes[0].imshow(source.read(130), cmap="gray")
     for k, body in enumerate(vision.load_bodies(session / "bodies.toml")):
         outline = np.vstack([body.polygon_px, body.polygon_px[:1]])
-        axes[0].plot(*outline.T, color=colour_of(body.name, k), linewidth=1.2, label=body.name)
+        axes[0].plot(*outline.T, color=body_colour(body.name, k), linewidth=1.2, label=body.name)
     axes[0].set_title("film: outlines at rest over frame 130", fontsize=9)
     axes[0].legend(fontsize=7, loc="upper left")
     axes[0].set(xlim=(0, source.width), ylim=(source.height, 0))

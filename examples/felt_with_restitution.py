@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 import model
-from model.compiler.expressions import exponential, largest
+from model.compiler.expressions import exponential, maximum
 from model.elements.laws.felt_law import Law, Number
 from model.elements.laws.hunt_crossley import HuntCrossley
 
@@ -36,23 +36,23 @@ class Restitution(Law):
         "slowest": Number(0.02, "m/s", 0.01, 1e-4, 10.0, "slowest touch that counts as a blow"),
     }
 
-    def packed(self, contact, values, curve):
+    def pack_numbers(self, contact, values, curve):
         """One memory; chi, one over tau, one over the layer, slowest."""
         chi = 8.0 * (1.0 - values["e"]) / (5.0 * values["e"])
         return 1, (chi, 1.0 / values["tau"], 1.0 / values["layer"], values["slowest"])
 
     def _damped(self, felt):
         chi, *_, slowest = felt.numbers
-        return replace(felt, damping=chi / largest(felt.memory[0], slowest))
+        return replace(felt, damping=chi / maximum(felt.memory[0], slowest))
 
     def force(self, felt):
         """As above."""
         return DAMPED.force(self._damped(felt))
 
-    def alone(self, felt):
+    def recovery_rates(self, felt):
         """It follows the closing speed, pressing or not, until the surfaces are in each other."""
-        within = largest(felt.depth, 0.0) * felt.numbers[2]
-        follows = exponential(largest(-(within * within), -700.0))  # that an exponential takes
+        within = maximum(felt.depth, 0.0) * felt.numbers[2]
+        follows = exponential(maximum(-(within * within), -700.0))  # that an exponential takes
         return [(felt.rate - felt.memory[0]) * felt.numbers[1] * follows]
 
     def energy(self, felt, label):

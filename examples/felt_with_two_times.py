@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import model
 from model.compiler.expressions import ZERO, where
-from model.elements.laws.curve import loading
+from model.elements.laws.curve import loading_force
 from model.elements.laws.felt_law import Law, Number
 from model.elements.laws.stulov import Stulov
 
@@ -34,7 +34,7 @@ class TwoTimes(Law):
         "tau2": Number(2e-3, "s", 1e-3, 1e-9, 10.0, "time in which it fades"),
     }
 
-    def packed(self, contact, values, curve):
+    def pack_numbers(self, contact, values, curve):
         """Two memories, and the numbers in the order above."""
         self.refuse_softening(contact, curve)
         return 2, tuple(values.values())
@@ -54,11 +54,11 @@ class TwoTimes(Law):
     def rates(self, felt):
         """A layer follows the curve while it presses; its own surface comes back while only the other does."""
         layers = [layer for _, layer in self._layers(felt)]
-        return [where(LAYER.force(x)[0], LAYER.rates(x)[0], LAYER.alone(x)[0]) for x in layers]
+        return [where(LAYER.force(x)[0], LAYER.rates(x)[0], LAYER.recovery_rates(x)[0]) for x in layers]
 
-    def alone(self, felt):
+    def recovery_rates(self, felt):
         """Both surfaces come back."""
-        return [LAYER.alone(layer)[0] for _, layer in self._layers(felt)]
+        return [LAYER.recovery_rates(layer)[0] for _, layer in self._layers(felt)]
 
     def energy(self, felt, label):
         """Sum of both."""
@@ -73,9 +73,9 @@ class TwoTimes(Law):
         (w1, one), (w2, two) = self._layers(felt)
         return w1 * LAYER.stiffness(one) + w2 * LAYER.stiffness(two)
 
-    def rested(self, depth, curve, numbers, memories):
+    def rest_memories(self, depth, curve, numbers, memories):
         """Both have come up to the curve."""
-        return [loading(depth, curve)] * 2
+        return [loading_force(depth, curve)] * 2
 
 
 def main() -> None:

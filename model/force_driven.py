@@ -21,13 +21,13 @@ from model.parameters.effects import STRING_EFFECT, column
 from model.scene.build import Scene, build_scene
 from model.scene.selection import SceneChoice
 from model.scene.string_terms import with_modes
-from model.simulation.giving_motion import giving_motion
+from model.simulation.giving_motion import compliant_joint_motion
 from model.simulation.loads_and_losses import Inside
 from model.simulation.options import ForceDrivenKeywords, ForceDrivenOptions
 from model.simulation.run import SMALLEST_TOLERANCE, Plan, Simulation, State
 from model.simulation.solution import MISSED, Solution
 from model.simulation.statics import RestState, solve_rest
-from model.simulation.string_motion import modes_of, string_motion
+from model.simulation.string_motion import count_modes, string_motion
 
 Array = NDArray[np.float64]
 
@@ -131,7 +131,7 @@ def simulate(
     times, forces = check_force_table(time_s, force_n)
     outputs = check_output_times(options.output_time_s, times)
     action, choice = options.of(action)
-    scene, fewer = strung_scenes(action, choice, options)
+    scene, fewer = resolve_string_modes(action, choice, options)
     if isinstance(initial, State):
         state = initial.copy()
     else:
@@ -144,7 +144,9 @@ def simulate(
     return run.from_state(state)
 
 
-def strung_scenes(action: Action, choice: SceneChoice, options: ForceDrivenOptions) -> tuple[Scene, Scene | None]:
+def resolve_string_modes(
+    action: Action, choice: SceneChoice, options: ForceDrivenOptions
+) -> tuple[Scene, Scene | None]:
     """The scene, its string with as many modes as the tolerance asks, and the one to judge it by where it was so."""
     if STRING_EFFECT not in choice.effects or action["string.modes"] != 0.0:
         return build_scene(action, choice), None
@@ -179,17 +181,19 @@ class ForceDrivenRun:
         angles, speeds = under_way.advance(self._end(), self.time_s, self.force_n, output_time_s=self.output_time_s)
         solution = self.solution(under_way, angles, speeds)
         if energy:
-            solution = replace(solution, energy=under_way.audited(state, stored))
+            solution = replace(solution, energy=under_way.energy_audit(state, stored))
         if "inside" in self.outputs:
-            solution = replace(solution, inside=self._inside(state))
+            solution = replace(solution, inside=self._inside_view(state))
         if self.estimate_error:
-            solution = replace(solution, error_rad=self.judged(state, angles, self.compared(state, angles)))
+            solution = replace(
+                solution, error_rad=self.confirm_error(state, angles, self.companion_difference(state, angles))
+            )
         return solution
 
     def _end(self) -> float:
         return float(self.output_time_s[-1]) if len(self.output_time_s) else float(self.time_s[-1])
 
-    def planned(self, state: State, *, companion: bool = False) -> tuple[Simulation, Plan]:
+    def plan_run(self, state: State, *, companion: bool = False) -> tuple[Simulation, Plan]:
         """The run from ``state`` or its companion, and what the step loop is to be given."""
         under_way = self.companion(state) if companion else self._run(state)
         return under_way, under_way.plan(self._end(), self.time_s, self.force_n, output_time_s=self.output_time_s)
@@ -203,7 +207,7 @@ class ForceDrivenRun:
         scene = self.scene if self.fewer_modes is None or len(state.memory) else self.fewer_modes
         return Simulation(scene, state.copy(), tolerance, self.method, creep=share)
 
-    def compared(self, first: State, angles: Array, share: float = COMPANION) -> float:
+    def companion_difference(self, first: State, angles: Array, share: float = COMPANION) -> float:
         """Largest difference (rad) of ``angles`` from the same motion integrated with a ``share`` of the tolerance.
 
         The tighter run contains what no local estimate knows: how much the errors of early steps grow.
@@ -213,14 +217,14 @@ class ForceDrivenRun:
         )
         return self.largest_difference(angles, other)
 
-    def judged(self, first: State, angles: Array, error: float) -> float:
+    def confirm_error(self, first: State, angles: Array, error: float) -> float:
         """The error that one companion found; in doubt, above the request but no miss yet, a second one is asked.
 
         Where small errors grow, a companion may happen to go wrong the same way.
         """
         if not self.tolerance < error <= MISSED * self.tolerance:
             return error
-        return max(error, self.compared(first, angles, SECOND_COMPANION))
+        return max(error, self.companion_difference(first, angles, SECOND_COMPANION))
 
     def largest_difference(self, angles: Array, others: Array) -> float:
         """Largest difference of an angle (rad) between two motions, columns that are no angles left out."""
@@ -241,13 +245,13 @@ class ForceDrivenRun:
             contacts=contacts,
             contact_normal_n=normal,
             contact_friction_n=tangential,
-            counters=under_way.work() | modes_of(self.scene),
+            counters=under_way.work() | count_modes(self.scene),
             tolerance=self.tolerance,
             string=string_motion(self.scene, self.output_time_s, under_way.remembered),
-            give=giving_motion(self.scene, under_way.remembered),
+            give=compliant_joint_motion(self.scene, under_way.remembered),
         )
 
-    def _inside(self, first: State) -> Inside:
+    def _inside_view(self, first: State) -> Inside:
         """Inside view of the motion from ``first``, which is integrated again for the times that the view needs."""
 
         def states(at: Array) -> tuple[Array, ...]:

@@ -88,7 +88,7 @@ def hammer_height_m(
     """
     theta = _column(angle_rad, "hammer")
     if give_m is not None:
-        return hammer_height_m(action, angle_rad, shank_rad) + along_string_normal(action, give_m)
+        return hammer_height_m(action, angle_rad, shank_rad) + string_normal_component(action, give_m)
     if shank_rad is None:
         return hammer_height_from_angle(action, theta)
     # the head turned about the hinge: as a whole hammer turned by both angles, its pivot moved along
@@ -165,7 +165,7 @@ def head_approach_m_per_s(
     return np.asarray((8.0 * near - far) / (12.0 * APPROACH_S))
 
 
-def along_string_normal(action: Action, way: ArrayLike) -> NDArray[np.float64]:
+def string_normal_component(action: Action, way: ArrayLike) -> NDArray[np.float64]:
     """Component of vectors (..., 2) along the normal of the string, which points at the hammer.
 
     Parameters
@@ -185,7 +185,7 @@ def along_string_normal(action: Action, way: ArrayLike) -> NDArray[np.float64]:
     Examples
     --------
     >>> import model
-    >>> float(model.observables.along_string_normal(model.load_action(), [0.0, 1e-3]))
+    >>> float(model.observables.string_normal_component(model.load_action(), [0.0, 1e-3]))
     -0.001
     """
     normal = np.array([action[f"{STRING}.second.normal.x"], action[f"{STRING}.second.normal.y"]])

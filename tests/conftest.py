@@ -24,8 +24,8 @@ import pytest
 from hypothesis import configuration, settings
 
 import model
-from model.kernels.lanes import LANES, lanes_pay
-from model.kernels.once import alone
+from model.kernels.lanes import LANES, has_wide_vectors
+from model.kernels.once import hold_lock
 from tests.command_line import run
 
 PROCESSES = 2
@@ -91,18 +91,18 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     """
     worker = getattr(session.config, "workerinput", {}).get("workerid")
     if worker == "gw0":
-        from model.integrators.lanes import loop_in_lanes  # its import compiles the loop of one run
+        from model.integrators.lanes import compile_lane_loop  # its import compiles the loop of one run
 
-        if lanes_pay():
-            loop_in_lanes(LANES)
+        if has_wide_vectors():
+            compile_lane_loop(LANES)
     elif worker == "gw1":
         from model import build_scene
-        from model.derived.load import kernels_of, lane_kernels_of
+        from model.derived.load import load_kernels, load_lane_kernels
 
         tables = build_scene(model.load_action(), model.SceneChoice()).tables
-        kernels_of(tables)
-        if lanes_pay():
-            lane_kernels_of(tables, LANES)
+        load_kernels(tables)
+        if has_wide_vectors():
+            load_lane_kernels(tables, LANES)
 
 
 @pytest.fixture(scope="session")
@@ -121,7 +121,7 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Any]:
         said = f"{code.co_filename}:{code.co_firstlineno}{arguments!r}"
         name = "shared-" + hashlib.sha256(said.encode()).hexdigest()[:16]
         file = root / f"{name}.pickle"
-        with alone(root, name):
+        with hold_lock(root, name):
             if file.is_file():
                 return pickle.loads(file.read_bytes())
             folder = Path(tempfile.mkdtemp(prefix=f"{name}-", dir=root))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
 import re
 
@@ -38,6 +39,18 @@ def test_a_public_function_says_what_it_takes_returns_and_refuses(name: str) -> 
     if re.search(r"^\s+raise [A-Z]", inspect.getsource(function), re.MULTILINE):
         assert section(text, "Raises"), "what it refuses is not described"
     assert ">>>" in (section(text, "Examples") or ""), "it has no example"
+
+
+def test_every_public_class_its_methods_and_properties_have_a_docstring() -> None:
+    """Elsewhere ruff asks for one only of modules: a name and a signature that say it all need no more."""
+    members = {
+        f"{name}.{key}": member
+        for name, one in public_classes().items()
+        for key, member in vars(one).items()
+        if not key.startswith("_") and isinstance(member, property | functools.cached_property)
+    }
+    silent = [n for n, one in {**with_methods(), **public_classes(), **members}.items() if not inspect.getdoc(one)]
+    assert not silent, silent
 
 
 def test_markup_of_public_docstrings_is_closed_and_refers_to_nothing_unknown() -> None:

@@ -9,12 +9,12 @@ A = TypeVar("A")
 B = TypeVar("B")
 
 
-class Each(Protocol):
+class ItemMap(Protocol):
     """Calls ``work`` with every item and returns the results in the order of the items."""
 
-    def __call__(self, work: Callable[[A], B], items: Iterable[A], /) -> list[B]: ...  # noqa: D102
+    def __call__(self, work: Callable[[A], B], items: Iterable[A], /) -> list[B]: ...
 
 
-def in_turn(work: Callable[[A], B], items: Iterable[A], /) -> list[B]:
+def serial_map(work: Callable[[A], B], items: Iterable[A], /) -> list[B]:
     """One after the other."""
     return [work(item) for item in items]

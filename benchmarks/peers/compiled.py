@@ -20,7 +20,7 @@ from scipy.integrate import DOP853
 
 from benchmarks.peers.equations import N, accelerations
 from model import Action
-from model.derived.load import kernels_of
+from model.derived.load import load_kernels
 from model.files import force_library as forces
 from model.kernels import workspace as W
 from model.kernels.kernel_value import KernelType
@@ -189,7 +189,7 @@ class CompiledJacobian:
 
     def __init__(self, action: Action) -> None:
         scene = build_scene(action)
-        linearise, vector = kernels_of(scene.tables).linearise, scene.vector
+        linearise, vector = load_kernels(scene.tables).linearise, scene.vector
         parent = tuple(int(i) for i in scene.tables.parent)
 
         @numba.njit(error_model="numpy")

@@ -150,7 +150,7 @@ def lost_before_strike(action: model.Action, time_s: Array, force_n: Array, stri
     energy, inside = solution.energy, solution.inside
     assert energy is not None and inside is not None
     front = float(inside.felt_j[-1, inside.contacts.index("contact02")]) if "contact02" in inside.contacts else 0.0
-    return 100.0 * energy.lost / energy.work_in, 100.0 * (energy.lost - front) / energy.work_in
+    return 100.0 * energy.loss / energy.work_in, 100.0 * (energy.loss - front) / energy.work_in
 
 
 def check_all(action: model.Action, time_s: Array, force_n: Array) -> list[Observation]:

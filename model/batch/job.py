@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from model.arrays import ArrayRecord
 from model.errors import ModelError
 from model.files.force_table import check_force_table
-from model.force_driven import ForceDrivenRun, check_output_times, strung_scenes
+from model.force_driven import ForceDrivenRun, check_output_times, resolve_string_modes
 from model.parameters.action import Action
 from model.scene.build import Scene
 from model.scene.selection import SceneChoice
@@ -87,20 +87,20 @@ def content_sha256(*values: Any, known: dict[int, bytes] | None = None) -> str:
     """
     digest = hashlib.sha256(code_sha256().encode())
     for value in values:
-        _feed(digest, value, {} if known is None else known)
+        _update_digest(digest, value, {} if known is None else known)
     return digest.hexdigest()
 
 
-def _feed(digest: Any, value: Any, known: dict[int, bytes]) -> None:
+def _update_digest(digest: Any, value: Any, known: dict[int, bytes]) -> None:
     """Add a value to a hash, with its kind and length, so that no two values look alike."""
     if isinstance(value, np.ndarray) or is_dataclass(value):
         if id(value) not in known:
-            known[id(value)] = _whole(value, known)
+            known[id(value)] = _content_digest(value, known)
         digest.update(known[id(value)])
     elif isinstance(value, tuple):
         digest.update(f"tuple {len(value)}\0".encode())
         for one in value:
-            _feed(digest, one, known)
+            _update_digest(digest, one, known)
     elif value is None or isinstance(value, (bool, int, float, str)):
         text = repr(value).encode()
         digest.update(f"{type(value).__name__} {len(text)}\0".encode() + text)
@@ -108,7 +108,7 @@ def _feed(digest: Any, value: Any, known: dict[int, bytes]) -> None:
         raise TypeError(f"a job cannot hold a {type(value).__name__}")
 
 
-def _whole(value: Any, known: dict[int, bytes]) -> bytes:
+def _content_digest(value: Any, known: dict[int, bytes]) -> bytes:
     """Hash of an array or a record by itself."""
     if isinstance(value, np.ndarray):
         plain = np.ascontiguousarray(value)
@@ -117,7 +117,7 @@ def _whole(value: Any, known: dict[int, bytes]) -> bytes:
     else:
         digest = hashlib.sha256(f"{type(value).__name__}\0".encode())
         for item in fields(value):
-            _feed(digest, getattr(value, item.name), known)
+            _update_digest(digest, getattr(value, item.name), known)
     return digest.digest()
 
 
@@ -132,13 +132,13 @@ def code_sha256() -> str:
     return digest.hexdigest()
 
 
-def _writable(run: ForceDrivenRun) -> ForceDrivenRun:
+def _with_writable_arrays(run: ForceDrivenRun) -> ForceDrivenRun:
     """The run with arrays that kernels accept; what comes from another process may be read-only."""
-    fewer = None if run.fewer_modes is None else _writable_scene(run.fewer_modes)
-    return replace(run, scene=_writable_scene(run.scene), fewer_modes=fewer)
+    fewer = None if run.fewer_modes is None else _scene_with_writable_arrays(run.fewer_modes)
+    return replace(run, scene=_scene_with_writable_arrays(run.scene), fewer_modes=fewer)
 
 
-def _writable_scene(scene: Scene) -> Scene:
+def _scene_with_writable_arrays(scene: Scene) -> Scene:
     if all(array.flags.writeable for array in (scene.vector, *scene.tables)):
         return scene
     tables = type(scene.tables)(*(np.require(table, requirements=["C", "W"]) for table in scene.tables))
@@ -188,7 +188,7 @@ def make_jobs(
         scene, fewer, start, failure, choice = None, None, None, None, SceneChoice()
         try:
             changed, choice = options.of(action.with_values(overrides) if overrides else action)
-            scene, fewer = strung_scenes(changed, choice, options)
+            scene, fewer = resolve_string_modes(changed, choice, options)
             start = solve_rest(scene) if initial is None else np.array(initial.angle_rad, dtype=float)
         except ModelError as problem:
             failure = problem
@@ -211,10 +211,10 @@ def make_jobs(
     return jobs
 
 
-def from_rest(job: Job) -> tuple[ForceDrivenRun, State]:
+def prepare_run(job: Job) -> tuple[ForceDrivenRun, State]:
     """What a job simulates, with arrays that kernels accept, and the state it starts from."""
     assert job.run is not None and job.start_rad is not None
-    run = _writable(job.run)
+    run = _with_writable_arrays(job.run)
     return run, State(float(run.time_s[0]), job.start_rad.copy(), np.zeros(run.scene.size))
 
 
@@ -242,7 +242,7 @@ def run_job(job: Job, sha256: str) -> Member:
     """
     if job.run is None or job.start_rad is None:
         return Member(job.trial, job.parameters, sha256, error=job.failure)
-    run, state = from_rest(job)
+    run, state = prepare_run(job)
     try:
         solution = run.from_state(state)
     except ModelError as problem:

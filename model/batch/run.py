@@ -17,9 +17,9 @@ from typing import TypeVar, Unpack
 from numpy.typing import ArrayLike
 
 from model.batch.job import Job, Member, make_jobs
-from model.batch.lanes import choose, run_unit, units, warm
+from model.batch.lanes import group_jobs, run_job_group, select_lane_jobs, warm_up_lanes
 from model.batch.store import Store
-from model.derived.load import kernel_of, kernels_of
+from model.derived.load import load_kernel, load_kernels
 from model.errors import InputError
 from model.parameters.action import Action
 from model.simulation.options import BatchKeywords, BatchOptions
@@ -43,28 +43,28 @@ class BatchInterrupt(KeyboardInterrupt):
         self.members = members
 
 
-def workers_here() -> int:
+def count_processors() -> int:
     """Processors this process may use."""
     if sys.platform == "linux":
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
-def _warm(jobs: Iterable[Job]) -> None:
+def _load_kernels(jobs: Iterable[Job]) -> None:
     """Load or compile the kernels of every structure once, before each worker does."""
     seen = set()
     for job in jobs:
         if job.run is not None and (id(job.run.scene), job.in_lanes) not in seen:
             seen.add((id(job.run.scene), job.in_lanes))
             if job.in_lanes:
-                warm(job.run.scene)
+                warm_up_lanes(job.run.scene)
                 continue
-            kernels_of(job.run.scene.tables)
+            load_kernels(job.run.scene.tables)
             if "energy" in job.run.outputs:
-                kernel_of(job.run.scene.tables, "energy")
+                load_kernel(job.run.scene.tables, "energy")
 
 
-def work_through(
+def run_job_groups(
     todo: Iterable[Sequence[int]],
     submit: Callable[[Executor, Sequence[int]], Future[T]],
     finish: Callable[[Sequence[int], Future[T]], None],
@@ -92,7 +92,7 @@ def work_through(
     if workers is not None and workers < 1:
         raise InputError(f"workers: found {workers}, allowed 1 or more")
     done, total = count
-    own = ThreadPoolExecutor(workers or workers_here()) if executor is None else None
+    own = ThreadPoolExecutor(workers or count_processors()) if executor is None else None
     pool = executor or own
     assert pool is not None
     at_work = workers or getattr(pool, "_max_workers", None)
@@ -180,12 +180,12 @@ def run_jobs(
     done = len(jobs) - len(todo)
     if progress is not None and done:
         progress(done, len(jobs))
-    _warm(jobs[i] for i in todo)
+    _load_kernels(jobs[i] for i in todo)
 
     def submit(pool: Executor, unit: Sequence[int]) -> Future[list[Member]]:
         try:
             of_unit = None if archive is None else [hashes[i] for i in unit]
-            return pool.submit(run_unit, [jobs[i] for i in unit], of_unit)
+            return pool.submit(run_job_group, [jobs[i] for i in unit], of_unit)
         except Exception as problem:  # the executor accepts none: its workers are gone
             refused: Future[list[Member]] = Future()
             refused.set_exception(problem)
@@ -201,10 +201,10 @@ def run_jobs(
             if archive is not None:
                 archive.write(member)
 
-    at_work = max(1, workers or getattr(executor, "_max_workers", None) or workers_here())
+    at_work = max(1, workers or getattr(executor, "_max_workers", None) or count_processors())
     try:
-        work_through(
-            units(jobs, todo, at_work),
+        run_job_groups(
+            group_jobs(jobs, todo, at_work),
             submit,
             finish,
             executor=executor,
@@ -221,7 +221,7 @@ def run_jobs(
     return [member for member in members if member is not None]
 
 
-def _named(items: Mapping[str, T] | Sequence[T]) -> dict[str, T]:
+def _label_items(items: Mapping[str, T] | Sequence[T]) -> dict[str, T]:
     return dict(items) if isinstance(items, Mapping) else {str(i): item for i, item in enumerate(items)}
 
 
@@ -281,9 +281,11 @@ def simulate_many(
     options = BatchOptions(**keywords)
     jobs = make_jobs(
         action,
-        _named(trials),
-        {"": {}} if parameter_sets is None else _named(parameter_sets),
+        _label_items(trials),
+        {"": {}} if parameter_sets is None else _label_items(parameter_sets),
         options,
         initial,
     )
-    return run_jobs(choose(jobs, options.lanes), executor=executor, workers=workers, progress=progress, store=store)
+    return run_jobs(
+        select_lane_jobs(jobs, options.lanes), executor=executor, workers=workers, progress=progress, store=store
+    )

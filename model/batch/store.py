@@ -25,7 +25,7 @@ from model.batch.job import Member
 from model.errors import InputError, ModelError
 from model.files.atomic_write import whole_file
 from model.scene.build import Scene
-from model.simulation.giving_motion import GivingMotion
+from model.simulation.giving_motion import CompliantJointMotion
 from model.simulation.solution import EnergyAudit, Solution
 from model.simulation.string_motion import StringMotion
 
@@ -103,7 +103,7 @@ class Store:
             about |= {name: tuple(about[name]) for name in ("bodies", "contacts")}
             found = {name: about[name] for name in _FACTS}
             if "directions" in about:
-                found["give"] = GivingMotion(tuple(about["directions"]), *(arrays.pop(name) for name in _GIVE))
+                found["give"] = CompliantJointMotion(tuple(about["directions"]), *(arrays.pop(name) for name in _GIVE))
             if scene is not None and "string_rows" in arrays:
                 found["string"] = StringMotion(scene, arrays["time_s"], arrays.pop("string_rows"))
             solution = Solution(**found, **arrays)  # type: ignore[arg-type]

@@ -53,7 +53,7 @@ class LoadingCurve(ArrayRecord):
     unloading_n: Array
     common: CommonErrors = field(default_factory=dict)
 
-    def off_by(self, name: str) -> LoadingCurve:
+    def with_common_error(self, name: str) -> LoadingCurve:
         """The curve as it would be if the common error ``name`` were one standard uncertainty."""
         m = len(self.loading_m)
         x, f = self.common[name]
@@ -201,7 +201,7 @@ def read_curve(path: str | Path) -> LoadingCurve:
     x, f = table.numbers("displacement_m"), table.numbers("force_n")
     common = {
         name: np.vstack([table.numbers(c) if c in table.names else np.zeros(len(x)) for c in columns])
-        for name, columns in common_names(table.names, table.where).items()
+        for name, columns in find_common_errors(table.names, table.where).items()
     }
     for name, moved in common.items():
         if not np.isfinite(moved).all():
@@ -215,7 +215,7 @@ def read_curve(path: str | Path) -> LoadingCurve:
     return check_curve(x, f, phase, table.where, common)
 
 
-def common_names(columns: Sequence[str], where: str) -> dict[str, tuple[str, str]]:
+def find_common_errors(columns: Sequence[str], where: str) -> dict[str, tuple[str, str]]:
     """Names of the common errors among a file's columns, each with its column of displacement and of force.
 
     Raises

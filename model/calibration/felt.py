@@ -96,14 +96,14 @@ class FeltFit(ArrayRecord):
     @property
     def law_fits(self) -> bool:
         """Whether the scatter of the points explains how far the mid-line is from the cubic, eq. 2.5."""
-        return not self._beyond(self.misfit_n)
+        return not self._excess_ratio(self.misfit_n)
 
     @property
     def loop_fits(self) -> bool:
         """Whether it explains how far the loop is from a constant share of the cubic, as eq. 2.7 has it."""
-        return not self._beyond(self.loop_misfit_n)
+        return not self._excess_ratio(self.loop_misfit_n)
 
-    def _beyond(self, misfit_n: float) -> bool:
+    def _excess_ratio(self, misfit_n: float) -> bool:
         return misfit_n > max(EXPLAINED * self.u_mid_n, NEGLIGIBLE * float(self.mid_n[-1]))
 
     @property
@@ -118,12 +118,12 @@ class FeltFit(ArrayRecord):
 
     def force_n(self, x_m: ArrayLike) -> Array:
         """f_fit at displacements (n,), eq. 2.5."""
-        return _cubic(x_m) @ self.abc
+        return _cubic_columns(x_m) @ self.abc
 
     def loading_ratio(self, x_m: float) -> tuple[float, float]:
         """f_loading / f_fit at one displacement, and its standard uncertainty."""
         fit, load = float(self.force_n([x_m])[0]), float(self.loading.force_n([x_m])[0])
-        by_force = -load / fit**2 * (_cubic([x_m])[0] @ self.gain)
+        by_force = -load / fit**2 * (_cubic_columns([x_m])[0] @ self.gain)
         by_force[: self.loading.solve.shape[1]] += (self.loading.basis([x_m])[0] @ self.loading.solve) / fit
         variance = np.concatenate([self.loading.variance, self.unloading.variance])
         u = self.widened * float(np.sqrt(by_force**2 @ variance))
@@ -136,7 +136,7 @@ class FeltFit(ArrayRecord):
         return float(self.loading.force_n([x_m])[0]) / float(self.force_n([x_m])[0])
 
 
-def _cubic(x_m: ArrayLike) -> Array:
+def _cubic_columns(x_m: ArrayLike) -> Array:
     x = as_numbers(x_m, "displacements", 1)
     return np.column_stack([x**3, x**2, x])
 
@@ -188,7 +188,7 @@ def fit_felt(curve: LoadingCurve) -> FeltFit:
     ((3,), True)
     """
     fit = _fit(curve)
-    off = {name: _fit(curve.off_by(name)) for name in curve.common}
+    off = {name: _fit(curve.with_common_error(name)) for name in curve.common}
     covariance = fit.widened**2 * fit.covariance
     for other in off.values():
         # of the free fits: on a bound, an error that pushes against it would count for nothing
@@ -210,9 +210,9 @@ def _fit(curve: LoadingCurve) -> FeltFit:
             f"loading curve: mean force at {high:g} m found {mid[-1]:g} N, allowed above 0; check the sign"
         )
     scale = high ** np.array([3.0, 2.0, 1.0])  # so that the three columns are of one size
-    columns = _cubic(x) / scale
+    columns = _cubic_columns(x) / scale
     free = np.linalg.pinv(columns)
-    beta, bound = _constrain(columns, mid, free @ mid)
+    beta, bound = _fit_stiffening_cubic(columns, mid, free @ mid)
     if not beta.sum() > 0.0:
         raise InputError(
             "loading curve: pulls more than it presses; allowed a mid-line above 0 N; check the zero of the force"
@@ -239,7 +239,7 @@ def _fit(curve: LoadingCurve) -> FeltFit:
     )
 
 
-def _constrain(columns: Array, mid: Array, free: Array) -> tuple[Array, str | None]:
+def _fit_stiffening_cubic(columns: Array, mid: Array, free: Array) -> tuple[Array, str | None]:
     """Best a, b, c (scaled) with a, c >= 0 and b >= -sqrt(3 a c), and the bound they lie on.
 
     The set is convex, so the best point is the free one or lies on one of three faces.
@@ -248,12 +248,12 @@ def _constrain(columns: Array, mid: Array, free: Array) -> tuple[Array, str | No
     if a >= 0.0 and c >= 0.0 and (b >= 0.0 or b * b <= 3.0 * a * c):
         return free, None
 
-    def inflected(s: float) -> Array:
+    def inflected_cubic(s: float) -> Array:
         # stiffness a (x - s)^2, which just touches zero at depth s
         return np.array([1.0, -3.0 * s, 3.0 * s * s])
 
     def height(s: float) -> float:
-        shape = columns @ inflected(s)
+        shape = columns @ inflected_cubic(s)
         return max(0.0, float(shape @ mid) / float(shape @ shape))
 
     def misfit(beta: Array) -> float:
@@ -265,16 +265,16 @@ def _constrain(columns: Array, mid: Array, free: Array) -> tuple[Array, str | No
         beta[list(keep)] = nnls(columns[:, keep], mid)[0]
         candidates.append((misfit(beta), beta, words))
     depths = np.concatenate([np.linspace(0.0, 2.0, 201), np.geomspace(2.02, 1e3, 200)])  # beyond: a straight line
-    k = int(np.argmin([misfit(height(s) * inflected(s)) for s in depths]))
+    k = int(np.argmin([misfit(height(s) * inflected_cubic(s)) for s in depths]))
     s = float(
         minimize_scalar(
-            lambda r: misfit(height(r) * inflected(r)),
+            lambda r: misfit(height(r) * inflected_cubic(r)),
             bounds=(depths[max(k - 1, 0)], depths[min(k + 1, 400)]),
             method="bounded",
             options={"xatol": 1e-10},
         ).x
     )
-    beta = height(s) * inflected(s)
+    beta = height(s) * inflected_cubic(s)
     candidates.append((misfit(beta), beta, "stiffness zero at one depth"))
     _, beta, bound = min(candidates, key=lambda item: item[0])
     return beta, bound

@@ -73,7 +73,7 @@ def peak_ratio(b1: float, b2: float = B2) -> float:
     return max(1.0, -float(best.fun))
 
 
-def _b1(ratio: float) -> float:
+def _solve_b1(ratio: float) -> float:
     if ratio == 1.0:
         return 0.0
     return float(brentq(lambda b: peak_ratio(b) - ratio, 0.0, LARGEST_B1, xtol=1e-12))
@@ -109,11 +109,11 @@ def fit_friction(mu_s: float, mu_k: float, u_mu_s: float = 0.0, u_mu_k: float = 
         raise InputError(
             f"friction: mu_s / mu_k found {ratio:g}, allowed 1 to {largest:.3g}; is the static coefficient given first?"
         )
-    b1 = _b1(ratio)
+    b1 = _solve_b1(ratio)
     # dB1/dratio by a central difference, one-sided at the ends of the allowed range
     step = 1e-4
     low, high = max(1.0, ratio - step), min(largest, ratio + step)
-    slope = (_b1(high) - _b1(low)) / (high - low)
+    slope = (_solve_b1(high) - _solve_b1(low)) / (high - low)
     u_ratio = ratio * math.hypot(u_mu_s / mu_s, u_mu_k / mu_k)
     return FrictionFit(a=mu_k, b1=b1, u_a=u_mu_k, u_b1=slope * u_ratio)
 

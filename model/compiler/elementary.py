@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from model.compiler.expressions import ONE, Expression, Number, constant, largest, lift, make
+from model.compiler.expressions import ONE, Expression, Number, as_expression, constant, intern, maximum
 
 EIGHTH_TURN = 0.7853981633974483
 ROUND = 6755399441055744.0  # 1.5 * 2^52: added and taken away it leaves a whole number
@@ -24,59 +24,64 @@ COSINE = (
 PADE = tuple(math.comb(6, j) * math.factorial(12 - j) / math.factorial(12) for j in range(7))
 
 
-def _fused(x: Number, y: Number, z: Number) -> Expression:
+def _multiply_add(x: Number, y: Number, z: Number) -> Expression:
     """X y + z, rounded once where the processor can."""
-    return make("fused", lift(x), lift(y), lift(z))  # opaque: a sum less one of its terms would be simplified away
+    return intern(
+        "fused", as_expression(x), as_expression(y), as_expression(z)
+    )  # opaque: a sum less one of its terms would be simplified away
 
 
-def _polynomial(z: Expression, coefficients: tuple[float, ...]) -> Expression:
+def _evaluate_polynomial(z: Expression, coefficients: tuple[float, ...]) -> Expression:
     out: Expression = constant(coefficients[0])
     for c in coefficients[1:]:
-        out = _fused(out, z, c)
+        out = _multiply_add(out, z, c)
     return out
 
 
 def sine(x: Expression) -> Expression:
     """Sine up to 45 degrees."""
     z = x * x
-    return x + x * z * _polynomial(z, SINE)
+    return x + x * z * _evaluate_polynomial(z, SINE)
 
 
 def cosine(x: Expression) -> Expression:
     """Cosine up to 45 degrees."""
     z = x * x
-    return ONE - (0.5 * z - z * z * _polynomial(z, COSINE))
+    return ONE - (0.5 * z - z * z * _evaluate_polynomial(z, COSINE))
 
 
-def _reduced(x: Expression) -> tuple[Expression, Expression]:
+def _reduce_argument(x: Expression) -> tuple[Expression, Expression]:
     """The multiple k of log 2 next to x, as it stands in the last bits of a sum, and what is left."""
-    shifted = _fused(x, LOG2_E, ROUND)
+    shifted = _multiply_add(x, LOG2_E, ROUND)
     k = shifted - ROUND
-    return shifted, _fused(k, -LN2_LOW, _fused(k, -LN2_HIGH, x))
+    return shifted, _multiply_add(k, -LN2_LOW, _multiply_add(k, -LN2_HIGH, x))
 
 
 def _exponential(x: Expression) -> Expression:
-    shifted, r = _reduced(x)
+    shifted, r = _reduce_argument(x)
     square = r * r
     # Taylor's series: beyond r^13 it is below 2^-57
-    low, middle = _fused(r, 1.0 / 6.0, 0.5), _fused(r, 1.0 / 120.0, 1.0 / 24.0)
-    high, top = _fused(r, 1.0 / 5040.0, 1.0 / 720.0), _fused(r, 1.0 / 362880.0, 1.0 / 40320.0)
-    over, last = _fused(r, 1.0 / 39916800.0, 1.0 / 3628800.0), _fused(r, 1.0 / 6227020800.0, 1.0 / 479001600.0)
-    high = _fused(square, _fused(square, _fused(square, last, over), top), high)
-    tail = _fused(square, _fused(square, high, middle), low)
-    return (1.0 + _fused(square, tail, r)) * make("two_to", shifted)
+    low, middle = _multiply_add(r, 1.0 / 6.0, 0.5), _multiply_add(r, 1.0 / 120.0, 1.0 / 24.0)
+    high, top = _multiply_add(r, 1.0 / 5040.0, 1.0 / 720.0), _multiply_add(r, 1.0 / 362880.0, 1.0 / 40320.0)
+    over, last = (
+        _multiply_add(r, 1.0 / 39916800.0, 1.0 / 3628800.0),
+        _multiply_add(r, 1.0 / 6227020800.0, 1.0 / 479001600.0),
+    )
+    high = _multiply_add(square, _multiply_add(square, _multiply_add(square, last, over), top), high)
+    tail = _multiply_add(square, _multiply_add(square, high, middle), low)
+    return (1.0 + _multiply_add(square, tail, r)) * intern("two_to", shifted)
 
 
 def _tanh(x: Expression) -> Expression:
     """By Pade's quotient of the exponential (6, 6), exp r = (even + odd) / (even - odd): one division in all."""
-    y = largest(-40.0, -2.0 * abs(x))  # beyond, tanh is 1 to the last digit; what is no number stays none
-    shifted, r = _reduced(y)
+    y = maximum(-40.0, -2.0 * abs(x))  # beyond, tanh is 1 to the last digit; what is no number stays none
+    shifted, r = _reduce_argument(y)
     square = r * r
     fourth = square * square
-    even = _fused(fourth, _fused(square, PADE[6], PADE[4]), _fused(square, PADE[2], PADE[0]))
-    odd = r * _fused(fourth, PADE[5], _fused(square, PADE[3], PADE[1]))
-    up, down = make("two_to", shifted) * (even + odd), even - odd
-    return make("with_sign", make("quotient", down - up, down + up), x)
+    even = _multiply_add(fourth, _multiply_add(square, PADE[6], PADE[4]), _multiply_add(square, PADE[2], PADE[0]))
+    odd = r * _multiply_add(fourth, PADE[5], _multiply_add(square, PADE[3], PADE[1]))
+    up, down = intern("two_to", shifted) * (even + odd), even - odd
+    return intern("with_sign", intern("quotient", down - up, down + up), x)
 
 
 WRITTEN = {"exponential": _exponential, "tanh": _tanh}

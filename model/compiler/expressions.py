@@ -13,7 +13,7 @@ from typing import Any, SupportsFloat
 
 from model.errors import InputError
 
-_made: dict[tuple[Any, ...], Expression] = {}
+_interned: dict[tuple[Any, ...], Expression] = {}
 _count = itertools.count()
 TRUTHS = ("above", "at_least", "differs", "and", "or", "not", "bit")
 
@@ -27,59 +27,59 @@ class Expression:
         self.op, self.args, self.order = op, args, next(_count)
 
     def __add__(self, other: Number) -> Expression:
-        return _add(self, lift(other))
+        return _add(self, as_expression(other))
 
     def __radd__(self, other: Number) -> Expression:
-        return _add(lift(other), self)
+        return _add(as_expression(other), self)
 
     def __sub__(self, other: Number) -> Expression:
-        return _subtract(self, lift(other))
+        return _subtract(self, as_expression(other))
 
     def __rsub__(self, other: Number) -> Expression:
-        return _subtract(lift(other), self)
+        return _subtract(as_expression(other), self)
 
     def __mul__(self, other: Number) -> Expression:
-        return _multiply(self, lift(other))
+        return _multiply(self, as_expression(other))
 
     def __rmul__(self, other: Number) -> Expression:
-        return _multiply(lift(other), self)
+        return _multiply(as_expression(other), self)
 
     def __truediv__(self, other: Number) -> Expression:
-        return _divide(self, lift(other))
+        return _divide(self, as_expression(other))
 
     def __rtruediv__(self, other: Number) -> Expression:
-        return _divide(lift(other), self)
+        return _divide(as_expression(other), self)
 
     def __neg__(self) -> Expression:
-        return _negative(self)
+        return _negate(self)
 
     def __abs__(self) -> Expression:
-        return make("abs", self)
+        return intern("abs", self)
 
     def __gt__(self, other: Number) -> Expression:
-        return make("above", self, lift(other))
+        return intern("above", self, as_expression(other))
 
     def __lt__(self, other: Number) -> Expression:
-        return make("above", lift(other), self)
+        return intern("above", as_expression(other), self)
 
     def __ge__(self, other: Number) -> Expression:
-        return make("at_least", self, lift(other))
+        return intern("at_least", self, as_expression(other))
 
     def __le__(self, other: Number) -> Expression:
-        return make("at_least", lift(other), self)
+        return intern("at_least", as_expression(other), self)
 
     def __and__(self, other: Expression) -> Expression:
-        return make("and", self, other)
+        return intern("and", self, other)
 
     def __or__(self, other: Expression) -> Expression:
-        return make("or", self, other)
+        return intern("or", self, other)
 
     def __invert__(self) -> Expression:
-        return make("not", self)
+        return intern("not", self)
 
     def __pow__(self, exponent: Any) -> Expression:
         if isinstance(exponent, Expression) or float(exponent) != int(exponent) or not 1 <= exponent <= MOST_FACTORS:
-            raise _misuse(f"** {exponent if not isinstance(exponent, Expression) else 'an expression'}",
+            raise _refuse_evaluation(f"** {exponent if not isinstance(exponent, Expression) else 'an expression'}",
                     f"a whole exponent from 1 to {MOST_FACTORS}, or root(x) in place of x ** 0.5")  # fmt: skip
         product = self
         for _ in range(int(exponent) - 1):
@@ -87,91 +87,91 @@ class Expression:
         return product
 
     def __rpow__(self, base: Any) -> Expression:
-        raise _misuse(f"{base} ** an expression", "exponential(x)")
+        raise _refuse_evaluation(f"{base} ** an expression", "exponential(x)")
 
     def __eq__(self, other: object) -> bool:
         if isinstance(other, SupportsFloat) and not isinstance(other, Expression):
-            raise _misuse("== or != between an expression and a number", "> and < in where(condition, a, b)")
+            raise _refuse_evaluation("== or != between an expression and a number", "> and < in where(condition, a, b)")
         return self is other
 
     __hash__ = object.__hash__
 
     def __bool__(self) -> bool:
-        raise _misuse("Python's if, and, or, not or min, max on an expression",
-                "where(condition, a, b), &, |, ~, smaller(a, b), largest(a, b)")  # fmt: skip
+        raise _refuse_evaluation("Python's if, and, or, not or min, max on an expression",
+                "where(condition, a, b), &, |, ~, minimum(a, b), maximum(a, b)")  # fmt: skip
 
     def __float__(self) -> float:
-        raise _misuse("a function for plain numbers, as of math, on an expression",
+        raise _refuse_evaluation("a function for plain numbers, as of math, on an expression",
                 "root, exponential, tanh, sine and cosine of model.compiler.expressions")  # fmt: skip
 
     def __array_ufunc__(self, function: Any, method: str, *given: Any, **more: Any) -> Expression:
         """Numbers of NumPy beside an expression are plain ones; functions of NumPy are refused."""
-        if method == "__call__" and function.__name__ in _OF_NUMPY and len(given) == 2:
+        if method == "__call__" and function.__name__ in _NUMPY_OPERATORS and len(given) == 2:
             a, b = (x if isinstance(x, Expression) else float(x) for x in given)
-            return _OF_NUMPY[function.__name__](lift(a), lift(b))
-        raise _misuse(f"numpy.{function.__name__} on an expression",
-                "root, exponential, tanh, sine, cosine, largest and smaller of model.compiler.expressions")  # fmt: skip
+            return _NUMPY_OPERATORS[function.__name__](as_expression(a), as_expression(b))
+        raise _refuse_evaluation(f"numpy.{function.__name__} on an expression",
+                "root, exponential, tanh, sine, cosine, maximum and minimum of model.compiler.expressions")  # fmt: skip
 
 
 MOST_FACTORS = 8
 """Of a power that is written out as a product."""
 
 
-def _misuse(found: str, instead: str) -> InputError:
+def _refuse_evaluation(found: str, instead: str) -> InputError:
     """The error of what Python would do with an expression at once, while its value is not known yet."""
     return InputError(f"expression: found {found}, whose value is not known yet; write {instead}")
 
 
 Number = Expression | float
-Given = tuple[Expression, ...]
+Arguments = tuple[Expression, ...]
 """What a law is differentiated by."""
 
 
-def make(op: str, *args: Any) -> Expression:
+def intern(op: str, *args: Any) -> Expression:
     """The one expression of an operation and its arguments."""
     key = (op, *args)
-    found = _made.get(key)
+    found = _interned.get(key)
     if found is None:
-        found = _made[key] = Expression(op, args)
+        found = _interned[key] = Expression(op, args)
     return found
 
 
-def forget() -> None:
+def clear_cache() -> None:
     """Let go of all expressions but the plain numbers that others are made with, once a program is written."""
-    _made.clear()
-    _slopes_of_laws.clear()
-    _parts_of_laws.clear()
+    _interned.clear()
+    _partials.clear()
+    _interiors.clear()
     for plain in (ZERO, ONE):
-        _made[plain.op, *plain.args] = plain
+        _interned[plain.op, *plain.args] = plain
 
 
 def constant(x: float) -> Expression:
     """A number that is known; -0 is 0."""
-    return make("constant", float(x) + 0.0)
+    return intern("constant", float(x) + 0.0)
 
 
-def lift(x: Number) -> Expression:
+def as_expression(x: Number) -> Expression:
     """A known number as an expression."""
     if isinstance(x, Expression):
         return x
     if isinstance(x, bool) or not isinstance(x, SupportsFloat):
-        raise _misuse(f"{x!r} beside an expression", "a number or another expression")
+        raise _refuse_evaluation(f"{x!r} beside an expression", "a number or another expression")
     return constant(float(x))
 
 
 def read(array: str, place: int, *further: Expression) -> Expression:
     """The number at a place of an array of the kernel, ``further`` whole numbers behind it."""
-    return make("read", array, place, *further)
+    return intern("read", array, place, *further)
 
 
 def argument(name: str) -> Expression:
     """A number that the kernel is called with."""
-    return make("argument", name)
+    return intern("argument", name)
 
 
-def local(name: str) -> Expression:
+def value_of(name: str) -> Expression:
     """What a statement before has put to a name of the program."""
-    return make("read", "local", name)
+    return intern("read", "local", name)
 
 
 def _value(e: Expression) -> float | None:
@@ -189,22 +189,22 @@ def _add(a: Expression, b: Expression) -> Expression:
         return _subtract(a, b.args[0])
     if a.op == "negative":
         return _subtract(b, a.args[0])
-    return make("add", a, b) if a.order <= b.order else make("add", b, a)
+    return intern("add", a, b) if a.order <= b.order else intern("add", b, a)
 
 
 def _subtract(a: Expression, b: Expression) -> Expression:
     if b is ZERO:
         return a
     if a is ZERO:
-        return _negative(b)
+        return _negate(b)
     if a is b:
         return ZERO
     if b.op == "add" and a in b.args:  # arms: a point less the pivot that it was counted from
-        return _negative(b.args[1] if b.args[0] is a else b.args[0])
+        return _negate(b.args[1] if b.args[0] is a else b.args[0])
     if a.op == "add" and b in a.args:
         return a.args[1] if a.args[0] is b else a.args[0]
     if a.op == "subtract" and a.args[0] is b:
-        return _negative(a.args[1])
+        return _negate(a.args[1])
     if b.op == "subtract" and b.args[0] is a:
         return b.args[1]
     if a.op == b.op == "constant":
@@ -212,18 +212,18 @@ def _subtract(a: Expression, b: Expression) -> Expression:
     if b.op == "negative":
         return _add(a, b.args[0])
     if a.op == "negative":
-        return _negative(_add(a.args[0], b))
-    return make("subtract", a, b)
+        return _negate(_add(a.args[0], b))
+    return intern("subtract", a, b)
 
 
-def _negative(a: Expression) -> Expression:
+def _negate(a: Expression) -> Expression:
     if a.op == "constant":
         return constant(-a.args[0])
     if a.op == "negative":
         return a.args[0]
     if a.op == "subtract":
-        return make("subtract", a.args[1], a.args[0])
-    return make("negative", a)
+        return intern("subtract", a.args[1], a.args[0])
+    return intern("negative", a)
 
 
 def _multiply(a: Expression, b: Expression) -> Expression:
@@ -235,10 +235,10 @@ def _multiply(a: Expression, b: Expression) -> Expression:
         if one is ONE:
             return other
         if _value(one) == -1.0:
-            return _negative(other)
+            return _negate(other)
         if one.op == "negative":
-            return _negative(_multiply(one.args[0], other))
-    return make("multiply", a, b) if a.order <= b.order else make("multiply", b, a)
+            return _negate(_multiply(one.args[0], other))
+    return intern("multiply", a, b) if a.order <= b.order else intern("multiply", b, a)
 
 
 def _divide(a: Expression, b: Expression) -> Expression:
@@ -248,10 +248,10 @@ def _divide(a: Expression, b: Expression) -> Expression:
         return a
     if b.op == "constant" and b.args[0] != 0.0:
         return _multiply(a, constant(1.0 / b.args[0]))
-    return make("inverse", b) if a is ONE else _multiply(a, make("inverse", b))
+    return intern("inverse", b) if a is ONE else _multiply(a, intern("inverse", b))
 
 
-_OF_NUMPY: dict[str, Callable[[Expression, Expression], Expression]] = {
+_NUMPY_OPERATORS: dict[str, Callable[[Expression, Expression], Expression]] = {
     "add": _add,
     "subtract": _subtract,
     "multiply": _multiply,
@@ -268,57 +268,60 @@ ZERO, ONE = constant(0.0), constant(1.0)
 
 def root(a: Expression) -> Expression:
     """Square root."""
-    return make("root", a)
+    return intern("root", a)
 
 
 def exponential(a: Expression) -> Expression:
     """Exponential of a number up to 700 in size."""
-    return make("exponential", a)
+    return intern("exponential", a)
 
 
 def power(a: Expression, exponent: Expression) -> Expression:
     """A number from 0 on to a power, by the C library; there is no rule to differentiate it."""
-    return make("power", a, exponent)
+    return intern("power", a, exponent)
 
 
 def tanh(a: Expression) -> Expression:
     """Hyperbolic tangent."""
-    return make("tanh", a)
+    return intern("tanh", a)
 
 
 def cosine(a: Expression) -> Expression:
     """Cosine."""
-    return make("cosine", a)
+    return intern("cosine", a)
 
 
 def sine(a: Expression) -> Expression:
     """Sine."""
-    return make("sine", a)
+    return intern("sine", a)
 
 
-def largest(*numbers: Number) -> Expression:
+def maximum(*numbers: Number) -> Expression:
     """The largest of some numbers."""
-    first, *others = (lift(x) for x in numbers)
+    first, *others = (as_expression(x) for x in numbers)
     for x in others:
-        first = make("larger", first, x)
+        first = intern("larger", first, x)
     return first
 
 
-def smaller(a: Number, b: Number) -> Expression:
+def minimum(a: Number, b: Number) -> Expression:
     """The smaller of two numbers."""
-    return make("smaller", lift(a), lift(b))
+    return intern("smaller", as_expression(a), as_expression(b))
+
+
+largest, smaller = maximum, minimum  # their former names, for one release
 
 
 def where(condition: Expression, a: Number, b: Number) -> Expression:
     """One of two numbers; both are computed."""
-    a, b = lift(a), lift(b)
-    return a if a is b else make("where", condition, a, b)
+    a, b = as_expression(a), as_expression(b)
+    return a if a is b else intern("where", condition, a, b)
 
 
-def guarded(condition: Expression, a: Number) -> Expression:
+def compute_where(condition: Expression, a: Number) -> Expression:
     """A number that is computed where the condition holds, and 0 elsewhere."""
-    a = lift(a)
-    return ZERO if a is ZERO else make("guarded", condition, a)
+    a = as_expression(a)
+    return ZERO if a is ZERO else intern("guarded", condition, a)
 
 
 def total(terms: Iterable[Expression]) -> Expression:
@@ -326,29 +329,29 @@ def total(terms: Iterable[Expression]) -> Expression:
     return sum(terms, ZERO)
 
 
-def law(function: Callable[..., Any]) -> Callable[..., Any]:
+def differentiate_once(function: Callable[..., Any]) -> Callable[..., Any]:
     """Decorator of a law: its derivatives by its first argument, a tuple, are written once, however deep those lie.
 
     Without it a chain of n coordinates would differentiate the law's inside n times.
     """
 
-    def made(given: tuple[Number, ...], *rest: Any) -> Any:
-        named = tuple(x if x.op == "constant" else make("named", x) for x in map(lift, given))
+    def wrapper(given: tuple[Number, ...], *rest: Any) -> Any:
+        named = tuple(x if x.op == "constant" else intern("named", x) for x in map(as_expression, given))
         by = tuple(x for x in named if x.op == "named")
         out = function(named, *rest)
         if isinstance(out, tuple):
-            return tuple(x if x.op in TRUTHS else _as_law(x, by) for x in out)
-        return _as_law(out, by)
+            return tuple(x if x.op in TRUTHS else _wrap_subgraph(x, by) for x in out)
+        return _wrap_subgraph(out, by)
 
-    made.__doc__ = function.__doc__
-    return made
-
-
-def _as_law(value: Expression, by: tuple[Expression, ...]) -> Expression:
-    return make("law", value, *by) if by and value.op not in ("constant", "named") else value
+    wrapper.__doc__ = function.__doc__
+    return wrapper
 
 
-def parts(wholes: Iterable[Expression], but: Iterable[Expression] = ()) -> set[Expression]:
+def _wrap_subgraph(value: Expression, by: tuple[Expression, ...]) -> Expression:
+    return intern("law", value, *by) if by and value.op not in ("constant", "named") else value
+
+
+def subexpressions(wholes: Iterable[Expression], but: Iterable[Expression] = ()) -> set[Expression]:
     """Expressions, and all that they are made of, ``but`` for some and what is reached through these alone."""
     seen, todo = set(but), list(wholes)
     out = set()
@@ -361,47 +364,49 @@ def parts(wholes: Iterable[Expression], but: Iterable[Expression] = ()) -> set[E
     return out
 
 
-def found_by_newton(unknown: Expression, residual: Expression, start: Number) -> Expression:
+def solve_by_newton(unknown: Expression, residual: Expression, start: Number) -> Expression:
     """The number at which a residual, a function of ``unknown``, vanishes: Newton's iteration from ``start``."""
-    return make("newton", unknown, residual, slopes({unknown: ONE})(residual), lift(start))
+    return intern("newton", unknown, residual, differentiator({unknown: ONE})(residual), as_expression(start))
 
 
-_slopes_of_laws: dict[tuple[Any, ...], Expression] = {}
-_parts_of_laws: dict[Expression, frozenset[Expression]] = {}
+_partials: dict[tuple[Any, ...], Expression] = {}
+_interiors: dict[Expression, frozenset[Expression]] = {}
 
 
-def _inside(law: Expression) -> frozenset[Expression]:
+def _interior_nodes(law: Expression) -> frozenset[Expression]:
     """What a law is made of beside what it is differentiated by."""
-    if law not in _parts_of_laws:
+    if law not in _interiors:
         value, *by = law.args
-        _parts_of_laws[law] = frozenset(parts([value], by))
-    return _parts_of_laws[law]
+        _interiors[law] = frozenset(subexpressions([value], by))
+    return _interiors[law]
 
 
-def _slope_of_law(value: Expression, x: Expression, by: tuple[Expression, ...]) -> Expression:
+def _cached_partial(value: Expression, x: Expression, by: tuple[Expression, ...]) -> Expression:
     key = (value, x, by)
-    if key not in _slopes_of_laws:
-        _slopes_of_laws[key] = slopes({one: ONE if one is x else ZERO for one in by})(value)
-    return _slopes_of_laws[key]
+    if key not in _partials:
+        _partials[key] = differentiator({one: ONE if one is x else ZERO for one in by})(value)
+    return _partials[key]
 
 
-def slopes(along: dict[Expression, Expression]) -> Callable[[Expression], Expression]:
+def differentiator(along: dict[Expression, Expression]) -> Callable[[Expression], Expression]:
     """The function that differentiates along a direction: ``along`` gives what changes, and how fast."""
     known = dict(along)
 
     def slope(e: Expression) -> Expression:
         found = known.get(e)
         if found is None:
-            found = _rule(e, slope)
-            if e.op == "law" and not along.keys().isdisjoint(_inside(e)):  # a law of what changes, by itself too
-                found = found + slopes(along | dict.fromkeys(e.args[1:], ZERO))(e.args[0])
+            found = _apply_chain_rule(e, slope)
+            if e.op == "law" and not along.keys().isdisjoint(
+                _interior_nodes(e)
+            ):  # a law of what changes, by itself too
+                found = found + differentiator(along | dict.fromkeys(e.args[1:], ZERO))(e.args[0])
             known[e] = found
         return found
 
     return slope
 
 
-def replaced(e: Expression, by: dict[Expression, Expression]) -> Expression:
+def substitute(e: Expression, by: dict[Expression, Expression]) -> Expression:
     """The expression with others in place of some of its parts."""
     known = dict(by)
 
@@ -410,14 +415,14 @@ def replaced(e: Expression, by: dict[Expression, Expression]) -> Expression:
             return x
         if x not in known:
             args = tuple(go(a) for a in x.args)
-            known[x] = x if args == x.args else make(x.op, *args)
+            known[x] = x if args == x.args else intern(x.op, *args)
         return known[x]
 
     out: Expression = go(e)
     return out
 
 
-_OF_ONE: dict[str, Callable[[Expression, Expression, Expression], Expression]] = {
+_UNARY_RULES: dict[str, Callable[[Expression, Expression, Expression], Expression]] = {
     "named": lambda e, x, dx: dx,
     "negative": lambda e, x, dx: -dx,
     "inverse": lambda e, x, dx: -(dx * (e * e)),
@@ -429,31 +434,31 @@ _OF_ONE: dict[str, Callable[[Expression, Expression, Expression], Expression]] =
     "abs": lambda e, x, dx: where(x > 0.0, dx, -dx),
 }
 """Slope of an operation e on x, from the slope dx."""
-_OF_MORE: dict[str, Callable[..., Expression]] = {
+_RULES: dict[str, Callable[..., Expression]] = {
     "where": lambda d, truth, x, y: where(truth, d(x), d(y)),
-    "guarded": lambda d, truth, x: guarded(truth, d(x)),
+    "guarded": lambda d, truth, x: compute_where(truth, d(x)),
     "larger": lambda d, x, y: where(x > y, d(x), d(y)),
     "smaller": lambda d, x, y: where(x < y, d(x), d(y)),
     "add": lambda d, x, y: d(x) + d(y),
     "subtract": lambda d, x, y: d(x) - d(y),
     "multiply": lambda d, x, y: d(x) * y + x * d(y),
-    "law": lambda d, value, *by: total(_slope_of_law(value, x, by) * d(x) for x in by if d(x) is not ZERO),
+    "law": lambda d, value, *by: total(_cached_partial(value, x, by) * d(x) for x in by if d(x) is not ZERO),
 }
 """The same of several, from the function d that gives the slope of each."""
 
 
-def _rule(e: Expression, d: Callable[[Expression], Expression]) -> Expression:
+def _apply_chain_rule(e: Expression, d: Callable[[Expression], Expression]) -> Expression:
     op, a = e.op, e.args
     if op in ("constant", "read", "argument", "counter"):
         return ZERO
-    if op in _OF_MORE:
-        return _OF_MORE[op](d, *a)
+    if op in _RULES:
+        return _RULES[op](d, *a)
     if op == "newton":
         unknown, residual, steep, _ = a
-        return -replaced(d(residual), {unknown: e}) / replaced(steep, {unknown: e})
+        return -substitute(d(residual), {unknown: e}) / substitute(steep, {unknown: e})
     slopes_of_parts = [d(x) for x in a if isinstance(x, Expression)]
     if all(dx is ZERO for dx in slopes_of_parts):
         return ZERO
-    if op not in _OF_ONE:
+    if op not in _UNARY_RULES:
         raise TypeError(f"no derivative of {op}")
-    return _OF_ONE[op](e, a[0], slopes_of_parts[0])
+    return _UNARY_RULES[op](e, a[0], slopes_of_parts[0])

@@ -15,8 +15,8 @@ from typing import Any
 from llvmlite import ir
 
 from model.compiler import elementary
-from model.compiler.expressions import Expression, make
-from model.compiler.programs import Add, Anew, For, If, Let, Place, Put, Reconsider, Statement, While
+from model.compiler.expressions import Expression, intern
+from model.compiler.programs import Accumulate, Assign, ClearMask, Compute, For, If, Place, Reload, Statement, While
 
 DOUBLE, TRUTH, INTEGER, SHORT = ir.DoubleType(), ir.IntType(1), ir.IntType(64), ir.IntType(32)
 BUNDLE = 8  # like expressions of one run computed side by side
@@ -28,7 +28,7 @@ INTRINSICS = {"root": "sqrt", "abs": "fabs", "fused": "fmuladd", "with_sign": "c
 COMPARED = {"above": ">", "at_least": ">=", "differs": "!="}
 
 
-def splat(b: ir.IRBuilder, value: Any, width: int) -> Any:
+def broadcast(b: ir.IRBuilder, value: Any, width: int) -> Any:
     """One number in every lane."""
     kind = ir.VectorType(value.type, width)
     if isinstance(value, ir.Constant):
@@ -37,7 +37,7 @@ def splat(b: ir.IRBuilder, value: Any, width: int) -> Any:
     return b.shuffle_vector(first, ir.Constant(kind, ir.Undefined), ir.Constant(ir.VectorType(SHORT, width), None))
 
 
-def called(b: ir.IRBuilder, name: str, *values: Any) -> Any:
+def call_intrinsic(b: ir.IRBuilder, name: str, *values: Any) -> Any:
     """What LLVM computes under a name, of numbers or of rows of them."""
     kind = values[0].type
     full = f"llvm.{name}." + ("f64" if kind == DOUBLE else f"v{kind.count}f64")
@@ -45,43 +45,43 @@ def called(b: ir.IRBuilder, name: str, *values: Any) -> Any:
     return b.call(function, values)
 
 
-class _Known:
+class _ValueScope:
     """Values that expressions have in a block and in those around it."""
 
-    def __init__(self, around: _Known | None = None, changing: set[Any] | None = None) -> None:
+    def __init__(self, around: _ValueScope | None = None, changing: set[Any] | None = None) -> None:
         self.around, self.here = around, {}  # type: ignore[var-annotated]
         self.changing = changing or set()
         self._changes: dict[Expression, bool] = {}
 
     def get(self, e: Expression) -> Any:
         found = self.here.get(e)
-        if found is None and self.around is not None and not (self.changing and self.moves(e)):
+        if found is None and self.around is not None and not (self.changing and self.reads_changing(e)):
             found = self.around.get(e)
         return found
 
-    def moves(self, e: Expression) -> bool:
+    def reads_changing(self, e: Expression) -> bool:
         """Whether the expression reads what changes in a loop."""
         if e not in self._changes:
             read = e.op == "read" and (e.args[0] in self.changing or (e.args[0], e.args[1]) in self.changing)
             parts = [a for a in e.args if isinstance(a, Expression)]
-            self._changes[e] = read or e in self.changing or any(self.moves(a) for a in parts)
+            self._changes[e] = read or e in self.changing or any(self.reads_changing(a) for a in parts)
         return self._changes[e]
 
 
-def _written(statements: list[Statement]) -> set[Any]:
+def _modified_places(statements: list[Statement]) -> set[Any]:
     """What statements change: whole arrays, and names."""
     out: set[Any] = set()
     for s in statements:
-        if isinstance(s, Put | Add):
+        if isinstance(s, Assign | Accumulate):
             out.add(s.place[:2] if s.place[0] == "local" else s.place[0])
         elif isinstance(s, If):
-            out |= _written(s.then) | _written(s.otherwise)
+            out |= _modified_places(s.then) | _modified_places(s.otherwise)
         elif isinstance(s, For | While):
-            out |= _written(s.body)
+            out |= _modified_places(s.body)
     return out
 
 
-class Writer:
+class KernelWriter:
     """One kernel under way.
 
     Parameters
@@ -118,7 +118,7 @@ class Writer:
         self._width = lanes
         self._flags = () if exact else ("contract", "nsz")
         self._names: dict[str, Any] = {}
-        self._known = _Known()
+        self._known = _ValueScope()
         self.mask = self._given.get("mask")
         self.exceeded: Any = None
 
@@ -127,19 +127,19 @@ class Writer:
     def write(self, statements: list[Statement], where: Any = None) -> None:
         """Write statements; ``where``, in lanes, holds in those that take part."""
         for s in statements:
-            if isinstance(s, Put | Add):
-                self._put(s, where)
-            elif isinstance(s, Let):
-                self._side_by_side([e for e in s.values if self._known.get(e) is None], s.alike)
+            if isinstance(s, Assign | Accumulate):
+                self._write_assignment(s, where)
+            elif isinstance(s, Compute):
+                self._compute_values([e for e in s.values if self._known.get(e) is None], s.alike)
             elif isinstance(s, If):
-                self._choose(s, where)
-            elif isinstance(s, Anew):
-                self._known = _Known()
-            elif isinstance(s, Reconsider):
+                self._write_branch(s, where)
+            elif isinstance(s, Reload):
+                self._known = _ValueScope()
+            elif isinstance(s, ClearMask):
                 self.exceeded = self.value(s.condition)
-                self.mask = self.b.select(self._any(self.exceeded), ir.Constant(INTEGER, 0), self.mask)
+                self.mask = self.b.select(self._any_lane(self.exceeded), ir.Constant(INTEGER, 0), self.mask)
             else:
-                self._again(s, where)
+                self._write_loop(s, where)
 
     def bits(self, truth: Any) -> Any:
         """A truth value as 0 or 1; in lanes a bit for each."""
@@ -151,7 +151,7 @@ class Writer:
         """Bit ``k`` where condition ``k`` does not hold, in lanes where it holds in none."""
         out = ir.Constant(INTEGER, 0)
         for k, condition in conditions:
-            fails = self.b.not_(self._any(self.value(condition)))
+            fails = self.b.not_(self._any_lane(self.value(condition)))
             out = self.b.or_(out, self.b.shl(self.b.zext(fails, INTEGER), ir.Constant(INTEGER, k)))
         return out
 
@@ -168,9 +168,9 @@ class Writer:
 
     # statements --------------------------------------------------------------------------------------------------
 
-    def _put(self, s: Put | Add, where: Any) -> None:
+    def _write_assignment(self, s: Assign | Accumulate, where: Any) -> None:
         value, pointer = self.value(s.value), self._pointer(s.place)
-        if isinstance(s, Add):
+        if isinstance(s, Accumulate):
             if where is not None:  # adding -0 changes no bit
                 value = self.b.select(where, value, self._number(-0.0))
             value = self.b.fadd(self.b.load(pointer, align=8), value, flags=self._flags)
@@ -178,7 +178,7 @@ class Writer:
             value = self.b.select(where, value, self.b.load(pointer, align=8))
         self.b.store(value, pointer, align=8)
 
-    def _choose(self, s: If, where: Any) -> None:
+    def _write_branch(self, s: If, where: Any) -> None:
         truth = self.value(s.condition)
         uniform = self.lanes == 1 or truth.type == TRUTH
         if uniform:
@@ -194,15 +194,15 @@ class Writer:
         for mine, statements in ((truth, s.then), (self.b.not_(truth), s.otherwise)):
             if statements:
                 here = mine if where is None else self.b.and_(where, mine)
-                with self.b.if_then(self._any(here)), self._block():
+                with self.b.if_then(self._any_lane(here)), self._block():
                     self.write(statements, here)
 
-    def _again(self, s: For | While, where: Any) -> None:
-        around, changing = self.b.block, _written(s.body)
+    def _write_loop(self, s: For | While, where: Any) -> None:
+        around, changing = self.b.block, _modified_places(s.body)
         head, body, after = (self._function.append_basic_block(n) for n in ("head", "loop", "after"))
         counter: Any = None
         if isinstance(s, For):
-            count = self._whole(s.count)
+            count = self._integer_value(s.count)
             self.b.branch(head)
             self.b.position_at_end(head)
             counter = self.b.phi(INTEGER)
@@ -218,7 +218,7 @@ class Writer:
                 here = truth if self.lanes > 1 else None
                 if here is not None and where is not None:
                     here = self.b.and_(here, where)
-                go_on = self._any(truth if here is None else here)
+                go_on = self._any_lane(truth if here is None else here)
             self.b.cbranch(go_on, body, after)
             self.b.position_at_end(body)
             with self._block():
@@ -231,7 +231,7 @@ class Writer:
     @contextmanager
     def _block(self, changing: set[Any] | None = None) -> Iterator[None]:
         around = self._known
-        self._known = _Known(around, changing)
+        self._known = _ValueScope(around, changing)
         yield
         self._known = around
 
@@ -266,15 +266,15 @@ class Writer:
             return self._number(a[0])
         if op == "argument":
             given = self._given[a[0]]
-            return given if self.lanes == 1 or given.type == INTEGER else splat(self.b, given, self.lanes)
+            return given if self.lanes == 1 or given.type == INTEGER else broadcast(self.b, given, self.lanes)
         if op == "read" and e.args[0] in self._flat:
             index = ir.Constant(INTEGER, e.args[1]) if len(a) < 3 else b.add(ir.Constant(INTEGER, e.args[1]), a[2])
             number = b.load(b.gep(self._given[e.args[0]], [index]), align=8)
-            return number if self.lanes == 1 else splat(self.b, number, self.lanes)
+            return number if self.lanes == 1 else broadcast(self.b, number, self.lanes)
         if op == "read":
             return b.load(self._pointer((e.args[0], e.args[1], e.args[2] if len(e.args) > 2 else None)), align=8)
         if op == "whole":
-            return self._whole(e.args[0])
+            return self._integer_value(e.args[0])
         if op == "whole_add":
             return b.add(*(self._integer(x) for x in a))
         if op == "whole_multiply":
@@ -285,16 +285,16 @@ class Writer:
             held = b.and_(b.lshr(self.mask, ir.Constant(INTEGER, a[0])), ir.Constant(INTEGER, 1))
             return b.icmp_signed("==", held, ir.Constant(INTEGER, 0))
         if op in ("cosine", "sine"):
-            return self._turned([e])[op]
+            return self._lower_rotation([e])[op]
         if op == "guarded":
-            return self._guarded(a[0], lambda: self.value(e.args[1]))
+            return self._lower_conditional(a[0], lambda: self.value(e.args[1]))
         if op == "newton":
-            return self._newton(e)
+            return self._lower_newton(e)
         if op in elementary.WRITTEN:
             return self.value(elementary.WRITTEN[op](*e.args))
-        return self._plain(op, a)
+        return self._lower_arithmetic(op, a)
 
-    def _plain(self, op: str, a: list[Any]) -> Any:
+    def _lower_arithmetic(self, op: str, a: list[Any]) -> Any:
         b = self.b
         if op in ROUNDED:
             return getattr(b, ROUNDED[op])(*a, flags=self._flags)
@@ -311,12 +311,12 @@ class Writer:
             kind = INTEGER if self._width == 1 else ir.VectorType(INTEGER, self._width)
             whole = b.shl(b.bitcast(a[0], kind), self._splat_of(kind, 52))
             return b.bitcast(b.add(whole, self._splat_of(kind, 1023 << 52)), self._kind)
-        return called(self.b, INTRINSICS[op], *a)
+        return call_intrinsic(self.b, INTRINSICS[op], *a)
 
-    def _guarded(self, truth: Any, compute: Any) -> Any:
+    def _lower_conditional(self, truth: Any, compute: Any) -> Any:
         """A value computed where needed, 0 elsewhere."""
         before = self.b.block
-        with self.b.if_then(self._any(truth)):
+        with self.b.if_then(self._any_lane(truth)):
             with self._block():
                 value = compute()
             if value.type != DOUBLE and truth.type != TRUTH:
@@ -327,7 +327,7 @@ class Writer:
         out.add_incoming(value, there)
         return out
 
-    def _newton(self, e: Expression) -> Any:
+    def _lower_newton(self, e: Expression) -> Any:
         unknown, residual, steep, start = e.args
         b, first, around = self.b, self.value(start), self.b.block
         head, after = (self._function.append_basic_block(n) for n in ("newton", "found"))
@@ -343,11 +343,11 @@ class Writer:
             self._known.here[unknown] = f
             step = b.fdiv(self.value(residual), self.value(steep), flags=self._flags)
         better = b.select(looking, b.fsub(f, step, flags=self._flags), f)
-        size, share = called(self.b, "fabs", step), called(self.b, "fabs", better)
+        size, share = call_intrinsic(self.b, "fabs", step), call_intrinsic(self.b, "fabs", better)
         off = b.and_(looking, b.fcmp_ordered(">", size, b.fmul(self._number(NEWTON_SHARE), share)))
         looking.add_incoming(off, b.block)
         more = b.add(n, ir.Constant(INTEGER, 1))
-        go_on = b.and_(self._any(off), b.icmp_signed("<", more, ir.Constant(INTEGER, NEWTON_STEPS)))
+        go_on = b.and_(self._any_lane(off), b.icmp_signed("<", more, ir.Constant(INTEGER, NEWTON_STEPS)))
         f.add_incoming(better, b.block)
         n.add_incoming(more, b.block)
         b.cbranch(go_on, head, after)
@@ -356,19 +356,21 @@ class Writer:
 
     # cosines and what is computed side by side --------------------------------------------------------------------
 
-    def _turned(self, es: list[Expression]) -> dict[str, Any]:
+    def _lower_rotation(self, es: list[Expression]) -> dict[str, Any]:
         """Cosine and sine of an angle, kept for both; beyond 45 degrees the C library's."""
         angle = es[0].args[0]
         out = self._rotation(self.value(angle), *(self.value(f(angle)) for f in (elementary.cosine, elementary.sine)))
         for op, value in out.items():
-            self._known.here[make(op, angle)] = value
+            self._known.here[intern(op, angle)] = value
         return out
 
     def _rotation(self, x: Any, *near: Any) -> dict[str, Any]:
-        far = self.b.fcmp_ordered(">", called(self.b, "fabs", x), self._number(elementary.EIGHTH_TURN))
+        far = self.b.fcmp_ordered(">", call_intrinsic(self.b, "fabs", x), self._number(elementary.EIGHTH_TURN))
         before = self.b.block
-        with self.b.if_then(self._any(far), likely=False):
-            beyond = [self.b.select(far, called(self.b, n, x), v) for n, v in zip(("cos", "sin"), near, strict=True)]
+        with self.b.if_then(self._any_lane(far), likely=False):
+            beyond = [
+                self.b.select(far, call_intrinsic(self.b, n, x), v) for n, v in zip(("cos", "sin"), near, strict=True)
+            ]
             there = self.b.block
         out = {}
         for op, inner, outer in zip(("cosine", "sine"), near, beyond, strict=True):
@@ -377,7 +379,7 @@ class Writer:
             out[op].add_incoming(outer, there)
         return out
 
-    def _side_by_side(self, es: list[Expression], alike: bool) -> None:
+    def _compute_values(self, es: list[Expression], alike: bool) -> None:
         if not alike or not self._bundles or not 2 < len(es) <= BUNDLE or len({e.op for e in es}) > 1:
             for e in es:
                 self.value(e)
@@ -388,11 +390,11 @@ class Writer:
             angles = tuple(e.args[0] for e in padded)
             x = self._row(angles)
             near = [self._row(tuple(f(a) for a in angles)) for f in (elementary.cosine, elementary.sine)]
-            with self._wide():
+            with self._vector_values():
                 rows = self._rotation(x, *near)
             for op, row in rows.items():
                 for k, e in enumerate(es):
-                    self._known.here[make(op, e.args[0])] = self.b.extract_element(row, ir.Constant(SHORT, k))
+                    self._known.here[intern(op, e.args[0])] = self.b.extract_element(row, ir.Constant(SHORT, k))
             return
         row = self._row(padded)
         for k, e in enumerate(es):
@@ -409,7 +411,7 @@ class Writer:
         if all(e is first for e in es):
             if first.op == "constant":
                 return ir.Constant(kind, [first.args[0]] * BUNDLE)
-            return splat(self.b, self.value(first), BUNDLE)
+            return broadcast(self.b, self.value(first), BUNDLE)
         alike = all(e.op == first.op for e in es)
         if alike and first.op == "constant":
             return ir.Constant(kind, [e.args[0] for e in es])
@@ -424,13 +426,13 @@ class Writer:
             return self._row(tuple(elementary.WRITTEN[e.op](*e.args) for e in es))
         if first.op == "guarded":
             truth, kept = self._row(tuple(e.args[0] for e in es)), dict(self._memo)
-            with self._wide():
-                out = self._guarded(truth, lambda: self._narrow_row(tuple(e.args[1] for e in es)))
+            with self._vector_values():
+                out = self._lower_conditional(truth, lambda: self._narrow_row(tuple(e.args[1] for e in es)))
             self._memo = kept
             return out
         parts = [self._row(tuple(e.args[k] for e in es)) for k in range(len(first.args))]
-        with self._wide():
-            return self._plain(first.op, parts)
+        with self._vector_values():
+            return self._lower_arithmetic(first.op, parts)
 
     def _narrow_row(self, es: tuple[Expression, ...]) -> Any:
         width, self._width = self._width, 1
@@ -439,7 +441,7 @@ class Writer:
         return out
 
     @contextmanager
-    def _wide(self) -> Iterator[None]:
+    def _vector_values(self) -> Iterator[None]:
         width, self._width = self._width, BUNDLE
         yield
         self._width = width
@@ -456,7 +458,7 @@ class Writer:
     def _splat_of(self, kind: Any, x: int) -> Any:
         return ir.Constant(kind, x) if kind == INTEGER else ir.Constant(kind, [x] * kind.count)
 
-    def _any(self, truth: Any) -> Any:
+    def _any_lane(self, truth: Any) -> Any:
         if truth.type == TRUTH:
             return truth
         bits = self.b.bitcast(truth, ir.IntType(truth.type.count))
@@ -465,7 +467,7 @@ class Writer:
     def _integer(self, x: Any) -> Any:
         return x if isinstance(x, ir.Value) else ir.Constant(INTEGER, x)
 
-    def _whole(self, e: Expression) -> Any:
+    def _integer_value(self, e: Expression) -> Any:
         """A whole number that lanes share: the first lane's."""
         value = self.value(e)
         if value.type == INTEGER:

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from model.compiler.expressions import Expression, lift, make
+from model.compiler.expressions import Expression, as_expression, intern
 
 Place = tuple[str, int | str, Expression | None]
 """Array, or ``local``; place in it, or a name; a whole number behind that, or None."""
 
 
 @dataclass(frozen=True)
-class Put:
+class Assign:
     """Put a number to a place."""
 
     place: Place
@@ -20,7 +20,7 @@ class Put:
 
 
 @dataclass(frozen=True)
-class Add:
+class Accumulate:
     """Add a number to what is at a place."""
 
     place: Place
@@ -28,7 +28,7 @@ class Add:
 
 
 @dataclass(frozen=True)
-class Let:
+class Compute:
     """Compute numbers here, for all blocks behind; ``alike`` ones side by side in a vector where the processor can."""
 
     values: tuple[Expression, ...]
@@ -62,18 +62,18 @@ class For:
 
 
 @dataclass(frozen=True)
-class Anew:
+class Reload:
     """What follows reads again what was read before: places have changed."""
 
 
 @dataclass(frozen=True)
-class Reconsider:
-    """Where the condition holds, all blocks that a mask would leave out (`within`) are done after all."""
+class ClearMask:
+    """Where the condition holds, all blocks that a mask would leave out (`is_unmasked`) are done after all."""
 
     condition: Expression
 
 
-Statement = Reconsider | Put | Add | Let | If | While | For | Anew
+Statement = ClearMask | Assign | Accumulate | Compute | If | While | For | Reload
 
 
 @dataclass(frozen=True)
@@ -90,68 +90,70 @@ class Program:
     exact: bool = False
 
 
-def at(array: str, place: int, further: Expression | None = None) -> Place:
+def slot(array: str, place: int, further: Expression | None = None) -> Place:
     """A place of an array of the kernel."""
     return array, place, further
 
 
-def name(text: str) -> Place:
+def variable(text: str) -> Place:
     """A name of the program; it holds 0 until something is put to it."""
     return "local", text, None
 
 
-def let(*values: Expression) -> Let:
-    """See `Let`."""
-    return Let(values)
+def compute(*values: Expression) -> Compute:
+    """See `Compute`."""
+    return Compute(values)
 
 
-def alike(*values: Expression) -> Let:
-    """See `Let`."""
-    return Let(values, True)
+def compute_vectorised(*values: Expression) -> Compute:
+    """See `Compute`."""
+    return Compute(values, True)
 
 
-def each(label: str, count: Expression, body: Callable[[Expression], list[Statement]]) -> For:
+def loop_over(label: str, count: Expression, body: Callable[[Expression], list[Statement]]) -> For:
     """A loop; ``label`` tells its counter from those of others."""
-    counter = make("counter", label)
+    counter = intern("counter", label)
     return For(counter, count, body(counter))
 
 
-def within(bit: int) -> Expression:
+def is_unmasked(bit: int) -> Expression:
     """That the bit of the kernel's ``mask`` is not set."""
-    return make("bit", bit)
+    return intern("bit", bit)
 
 
-def whole(e: Expression) -> Expression:
+def as_integer(e: Expression) -> Expression:
     """A number that is whole, as `read` takes it behind a place."""
-    return make("whole", lift(e))
+    return intern("whole", as_expression(e))
 
 
-def mapped(statements: list[Statement], one: Callable[[Put | Add], list[Statement]]) -> list[Statement]:
+def map_assignments(
+    statements: list[Statement], one: Callable[[Assign | Accumulate], list[Statement]]
+) -> list[Statement]:
     """The same blocks with other statements in place of each that puts or adds; what is left empty goes."""
     out: list[Statement] = []
     for s in statements:
-        if isinstance(s, Put | Add):
+        if isinstance(s, Assign | Accumulate):
             out += one(s)
         elif isinstance(s, If):
-            then, otherwise = mapped(s.then, one), mapped(s.otherwise, one)
+            then, otherwise = map_assignments(s.then, one), map_assignments(s.otherwise, one)
             if then or otherwise:
                 out.append(If(s.condition, then, otherwise))
         elif isinstance(s, For):
-            out.append(For(s.counter, s.count, mapped(s.body, one)))
+            out.append(For(s.counter, s.count, map_assignments(s.body, one)))
         elif isinstance(s, While):
-            out.append(While(s.condition, mapped(s.body, one)))
+            out.append(While(s.condition, map_assignments(s.body, one)))
         else:
             out.append(s)
     return out
 
 
-def added(statements: list[Statement]) -> list[Place]:
+def accumulated_places(statements: list[Statement]) -> list[Place]:
     """Places that statements add to."""
     out: list[Place] = []
 
-    def one(s: Put | Add) -> list[Statement]:
-        out.extend([s.place] if isinstance(s, Add) else [])
+    def one(s: Assign | Accumulate) -> list[Statement]:
+        out.extend([s.place] if isinstance(s, Accumulate) else [])
         return [s]
 
-    mapped(statements, one)
+    map_assignments(statements, one)
     return out

@@ -16,22 +16,22 @@ from typing import Any
 import numpy as np
 from llvmlite import binding, ir
 
-from model.compiler.expressions import forget
-from model.compiler.native import Writer
+from model.compiler.expressions import clear_cache
+from model.compiler.native import KernelWriter
 from model.compiler.programs import Program
-from model.derived.inner_forces import Watched
-from model.derived.outside_a_scene import Alone
-from model.derived.slopes import Differentiated
-from model.derived.step import Derived
-from model.derived.stepping import Stepping
+from model.derived.inner_forces import ObservablePrograms
+from model.derived.outside_a_scene import SingleElement
+from model.derived.slopes import ParameterDerivatives
+from model.derived.step import StepPrograms
+from model.derived.stepping import StepUpdate
 from model.elements.laws.felt_law import Law
 from model.elements.structure import Structure
 from model.kernels import compile as _compile
 from model.kernels.disk_cache import read_entry, write_entry
 from model.kernels.kernel_value import Kernel
-from model.kernels.lanes import lanes_pay
+from model.kernels.lanes import has_wide_vectors
 from model.kernels.layout import Tables
-from model.kernels.once import alone
+from model.kernels.once import hold_lock
 from model.kernels.signatures import ALONE, IN_LANES, STEP, StepKernels
 
 Kind = tuple[np.ndarray, ...]
@@ -56,48 +56,48 @@ def _key(tables: Kind) -> bytes:
     return key
 
 
-def kernels_of(tables: Tables) -> StepKernels:
+def load_kernels(tables: Tables) -> StepKernels:
     """Kernels of the structure in ``tables``: from memory, from the disk cache, or compiled (about a second, once)."""
-    found: StepKernels = _kept(tables, "step", lambda: _step_kernels(tables, STEP, 1))
+    found: StepKernels = _get_or_make(tables, "step", lambda: _step_kernels(tables, STEP, 1))
     return found
 
 
-def lane_kernels_of(tables: Tables, lanes: int) -> StepKernels:
+def load_lane_kernels(tables: Tables, lanes: int) -> StepKernels:
     """Kernels of a structure for ``lanes`` members side by side; no coordinate may be prescribed."""
-    found: StepKernels = _kept(tables, f"{lanes} lanes", lambda: _step_kernels(tables, IN_LANES, lanes))
+    found: StepKernels = _get_or_make(tables, f"{lanes} lanes", lambda: _step_kernels(tables, IN_LANES, lanes))
     return found
 
 
-def kernel_of(tables: Kind, what: str) -> Kernel:
+def load_kernel(tables: Kind, what: str) -> Kernel:
     """A kernel of `ALONE` by itself, compiled only when it is asked for; ``tables`` () where it knows of no scene."""
-    found: Kernel = _kept(tables, what, lambda: _compiled(tables, {what: ALONE[what]}, 1)[what])
+    found: Kernel = _get_or_make(tables, what, lambda: _compile_kernels(tables, {what: ALONE[what]}, 1)[what])
     return found
 
 
-def links_of(tables: Tables) -> list[list[int]]:
+def memory_couplings(tables: Tables) -> list[list[int]]:
     """Coordinates on which each memory acts, and those on which the string acts, as the workspace keeps them."""
 
-    def found() -> list[list[int]]:
-        out = Derived(Structure(tables)).links()
-        forget()
+    def find_couplings() -> list[list[int]]:
+        out = StepPrograms(Structure(tables)).links()
+        clear_cache()
         return out
 
-    links: list[list[int]] = _kept(tables, "links", found)
+    links: list[list[int]] = _get_or_make(tables, "links", find_couplings)
     return links
 
 
-def press_of(law: Law, memories: int, numbers: int, power: bool) -> Kernel:
+def load_press_kernel(law: Law, memories: int, numbers: int, power: bool) -> Kernel:
     """Kernel ``press`` of `model.derived.outside_a_scene`, of a law with so many memories and numbers."""
-    return kernel_of((np.array([law.number, memories, numbers, int(power)]),), "press")
+    return load_kernel((np.array([law.number, memories, numbers, int(power)]),), "press")
 
 
-def on_disk(tables: Tables) -> bool:
+def is_cached(tables: Tables) -> bool:
     """Whether the kernels of a structure are in the disk cache."""
     path = _path(tables, STEP, 1)
     return path is not None and path.is_file()
 
 
-def _kept(tables: Kind, what: str, make: Callable[[], Any]) -> Any:
+def _get_or_make(tables: Kind, what: str, make: Callable[[], Any]) -> Any:
     key = _key(tables), what
     if key not in _loaded:
         with _lock:
@@ -107,7 +107,7 @@ def _kept(tables: Kind, what: str, make: Callable[[], Any]) -> Any:
 
 
 def _step_kernels(tables: Tables, functions: dict[str, Any], lanes: int) -> StepKernels:
-    found = _compiled(tables, functions, lanes)
+    found = _compile_kernels(tables, functions, lanes)
     return StepKernels(**found, energy=found["linearise"])
 
 
@@ -118,18 +118,18 @@ def _path(tables: Kind, functions: dict[str, Any], lanes: int) -> Path | None:
     return _compile.FOLDER / f"scene_{digest.hexdigest()[:16]}.o"
 
 
-def _compiled(tables: Kind, functions: dict[str, Any], lanes: int) -> dict[str, Kernel]:
+def _compile_kernels(tables: Kind, functions: dict[str, Any], lanes: int) -> dict[str, Kernel]:
     path = _path(tables, functions, lanes)
     machine = _target_machine()
     code = read_entry(path) if path is not None else None
     made = code is None
     if code is None:
-        with alone(_compile.FOLDER, path.stem if path is not None else "scene"):
+        with hold_lock(_compile.FOLDER, path.stem if path is not None else "scene"):
             if path is not None:
                 code = read_entry(path)  # where another process was first
                 made = code is None
             if code is None:
-                code = bytes(machine.emit_object(linked(tables, functions, lanes, machine)))
+                code = bytes(machine.emit_object(link_kernels(tables, functions, lanes, machine)))
                 if path is not None:
                     write_entry(path, code)
     if "stage" in functions:
@@ -141,9 +141,9 @@ def _compiled(tables: Kind, functions: dict[str, Any], lanes: int) -> dict[str, 
     return {name: Kernel(engine.get_function_address(name), of, engine) for name, of in functions.items()}
 
 
-def written(program: Program, module: ir.Module, name: str, lanes: int = 1) -> None:
+def write_kernel(program: Program, module: ir.Module, name: str, lanes: int = 1) -> None:
     """Write a program as function ``name`` of a module."""
-    writer = Writer(module, name, program.arguments, lanes, lanes_pay(), program.exact)
+    writer = KernelWriter(module, name, program.arguments, lanes, has_wide_vectors(), program.exact)
     writer.write(program.statements)
     result = program.result
     if isinstance(result, list):
@@ -160,30 +160,32 @@ def _module(tables: Kind, functions: dict[str, Any], lanes: int) -> ir.Module:
     module = ir.Module("scene")
     for name in functions:
         source = _source(tables, name, lanes)
-        written(getattr(source, name)(), module, name, lanes)
-        forget()
+        write_kernel(getattr(source, name)(), module, name, lanes)
+        clear_cache()
     return module
 
 
 def _source(kind: Kind, name: str, lanes: int) -> Any:
     """What derives a kernel of that name."""
     if len(kind) < 2:
-        return Alone(*(int(x) for row in kind for x in row))
-    if hasattr(Watched, name):
-        return Watched(Tables(*kind))
+        return SingleElement(*(int(x) for row in kind for x in row))
+    if hasattr(ObservablePrograms, name):
+        return ObservablePrograms(Tables(*kind))
     s = Structure(Tables(*kind))
-    return next((of(s) for of in (Differentiated, Stepping) if hasattr(of, name)), None) or Derived(s, lanes > 1)
+    return next((of(s) for of in (ParameterDerivatives, StepUpdate) if hasattr(of, name)), None) or StepPrograms(
+        s, lanes > 1
+    )
 
 
 def _target_machine() -> Any:
     binding.initialize_native_target()
     binding.initialize_native_asmprinter()
-    name, features = _compile.target()
+    name, features = _compile.target_processor()
     target = binding.Target.from_default_triple()
     return target.create_target_machine(cpu=name, features=features, opt=2, reloc="pic")
 
 
-def linked(tables: Kind, functions: dict[str, Any], lanes: int, machine: Any) -> Any:
+def link_kernels(tables: Kind, functions: dict[str, Any], lanes: int, machine: Any) -> Any:
     """Kernels as one module of LLVM's, of which machine code is made.
 
     Like operations of one run that lie side by side become one of vectors: a blow takes 0.94 of its time. Not in
@@ -192,11 +194,11 @@ def linked(tables: Kind, functions: dict[str, Any], lanes: int, machine: Any) ->
     whole = binding.parse_assembly("")
     for name in functions:
         side_by_side = lanes == 1 and name in STEP and name != "linearise"
-        whole.link_in(optimised(_module(tables, {name: functions[name]}, lanes), machine, side_by_side))
+        whole.link_in(optimise_module(_module(tables, {name: functions[name]}, lanes), machine, side_by_side))
     return whole
 
 
-def optimised(module: ir.Module, machine: Any, side_by_side: bool = False) -> Any:
+def optimise_module(module: ir.Module, machine: Any, side_by_side: bool = False) -> Any:
     """A module after LLVM's passes."""
     parsed = binding.parse_assembly(str(module))
     parsed.verify()

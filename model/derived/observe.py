@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.derived.columns import BODY, CONTACT, TIP
-from model.derived.load import kernel_of
+from model.derived.load import load_kernel
 from model.errors import InputError
 from model.kernels.compile import kernel
 from model.kernels.layout import STRING_STATES, Tables
@@ -18,17 +18,17 @@ Array = NDArray[np.float64]
 
 
 @kernel
-def rows_of(observe, x, u, p, y):  # type: ignore[no-untyped-def]  # compiled
+def evaluate_rows(observe, x, u, p, y):  # type: ignore[no-untyped-def]  # compiled
     """Fill rows ``y`` (m, k) from states ``x`` (m, n) and inputs ``u`` (m, l)."""
     for i in range(x.shape[0]):
         observe(x[i], u[i], p, y[i])
 
 
-def _rows(tables: Tables, what: str, shape: tuple[int, int], given: tuple[Array, Array, Array]) -> Array:
+def _evaluate(tables: Tables, what: str, shape: tuple[int, int], given: tuple[Array, Array, Array]) -> Array:
     x, u, p = given
     y = np.zeros((len(x), *shape))
     if y.size:
-        rows_of(kernel_of(tables, what), x, u, p, y.reshape(len(x), -1))
+        evaluate_rows(load_kernel(tables, what), x, u, p, y.reshape(len(x), -1))
     return y
 
 
@@ -62,13 +62,13 @@ def _state_rows(
 def contacts_at(tables: Tables, p: Array, angle: Array, speed: Array, memory: Array | None = None) -> Array:
     """Columns `NORMAL` to `RATE` of each contact (m, c, 11) at states (m, n); ``memory`` (m, z) as runs keep it."""
     x, u = _state_rows(tables, angle, speed, memory, None, None)
-    return _rows(tables, "contacts", (len(tables.contact), CONTACT), (x, u, p))
+    return _evaluate(tables, "contacts", (len(tables.contact), CONTACT), (x, u, p))
 
 
 def tips_at(tables: Tables, p: Array, angle: Array, speed: Array, memory: Array | None = None) -> Array:
     """Columns `TIP_FORCE` to `TIP_DEPTH` of each tip (m, b, 3)."""
     x, u = _state_rows(tables, angle, speed, memory, None, None)
-    return _rows(tables, "tips", (len(tables.probe), TIP), (x, u, p))
+    return _evaluate(tables, "tips", (len(tables.probe), TIP), (x, u, p))
 
 
 def bodies_at(
@@ -85,4 +85,4 @@ def bodies_at(
     front downwards, m/s^2, of an arm's or finger's angle, rad/s^2.
     """
     x, u = _state_rows(tables, *states, memory, value, prescribed)
-    return _rows(tables, "bodies", (len(tables.parent), BODY), (x, u, p))
+    return _evaluate(tables, "bodies", (len(tables.parent), BODY), (x, u, p))

@@ -5,13 +5,23 @@ they depend on, at the state and accelerations of a workspace; of the modes' rat
 ``normals``: normal force of each contact with its derivatives by coordinates, speeds, memories and numbers.
 ``regime``: bits of contacts and tips that push, touch an arc's tangent, slide forwards, are pressed in, and of joints
 that turn forwards: where one changes the Jacobian jumps or turns.
-``carried``: what free modes become in a time, with their derivatives.
+``propagate_modes``: what free modes become in a time, with their derivatives.
 """
 
 from __future__ import annotations
 
-from model.compiler.expressions import ONE, ZERO, Expression, local, make, parts, read, slopes
-from model.compiler.programs import Add, If, Program, Put, Statement, at, each, mapped, name
+from model.compiler.expressions import ONE, ZERO, Expression, differentiator, intern, read, subexpressions, value_of
+from model.compiler.programs import (
+    Accumulate,
+    Assign,
+    If,
+    Program,
+    Statement,
+    loop_over,
+    map_assignments,
+    slot,
+    variable,
+)
 from model.elements.kinematics import State
 from model.elements.scene import Elements
 from model.elements.strings import Modes
@@ -19,12 +29,14 @@ from model.elements.structure import Structure
 from model.kernels import layout as L
 from model.kernels import workspace as W
 
-CARRIED = 10  # numbers of a mode in `carried`: way and rate, then of each its slopes by way, rate, stiffness, damping
+CARRIED = (
+    10  # numbers of a mode in `propagate_modes`: way and rate, then of each its slopes by way, rate, stiffness, damping
+)
 
 
 def numbers_read(e: Expression) -> list[Expression]:
     """Numbers of the parameter vector that an expression depends on, in their order; not those that a loop finds."""
-    found = [x for x in parts([e]) if x.op == "read" and x.args[0] == "p" and len(x.args) == 2]
+    found = [x for x in subexpressions([e]) if x.op == "read" and x.args[0] == "p" and len(x.args) == 2]
     return sorted(found, key=lambda x: int(x.args[1]))
 
 
@@ -45,7 +57,7 @@ def normal_sizes(s: Structure) -> list[int]:
     return [1 + 2 * s.n + len(s.memories(c)) + len(places) for c, places in enumerate(normal_places(s))]
 
 
-class Differentiated:
+class ParameterDerivatives:
     """Programs of these kernels for a structure.
 
     Parameters
@@ -74,37 +86,37 @@ class Differentiated:
         size = s.free + len(s.memory) + len(s.string)
         acceleration = [read("w", (first if i in s.solved else W.ACC) + i) for i in range(s.n)]
         inertia = dict(enumerate(e.bodies.inertia(acceleration)))
-        lines: list[Statement] = [Add(name(f"f{i}"), -inertia[i]) for i in s.solved]
-        lines += e.smooth_forces()
+        lines: list[Statement] = [Accumulate(variable(f"f{i}"), -inertia[i]) for i in s.solved]
+        lines += e.contactless_forces()
         for contact in e.contacts.values():
             lines += contact.forces()
         for tip in e.tips:
             lines += tip.forces()
         puts: dict[str, set[Expression]] = {}
 
-        def noted(line: Put | Add) -> list[Statement]:
-            if isinstance(line, Put):
+        def with_derivatives(line: Assign | Accumulate) -> list[Statement]:
+            if isinstance(line, Assign):
                 puts.setdefault(str(line.place[1]), set()).update(numbers_read(line.value))
             return [line]
 
-        mapped(lines, noted)
+        map_assignments(lines, with_derivatives)
         touched: set[int] = set()
 
-        def one(line: Put | Add) -> list[Statement]:
+        def one(line: Assign | Accumulate) -> list[Statement]:
             text = str(line.place[1])
             out: list[Statement] = [line] if text == "on the string" else []  # the modes' rates read it
-            numbers = puts[text] if isinstance(line, Put) else numbers_read(line.value)
+            numbers = puts[text] if isinstance(line, Assign) else numbers_read(line.value)
             for number in sorted(numbers, key=lambda x: int(x.args[1])):
-                slope, place = slopes({number: ONE})(line.value), size * number.args[1] + rows[text]
-                if isinstance(line, Put):  # in place of what was put before
-                    out.append(Put(at("y", place), slope))
+                slope, place = differentiator({number: ONE})(line.value), size * number.args[1] + rows[text]
+                if isinstance(line, Assign):  # in place of what was put before
+                    out.append(Assign(slot("y", place), slope))
                 elif slope is not ZERO:
-                    out.append(Add(at("y", place), slope))
+                    out.append(Accumulate(slot("y", place), slope))
                 touched.update([place] if slope is not ZERO else [])
             return out
 
-        added = mapped(lines, one)
-        zeros: list[Statement] = [Put(at("y", k), ZERO) for k in sorted(touched)]
+        added = map_assignments(lines, one)
+        zeros: list[Statement] = [Assign(slot("y", k), ZERO) for k in sorted(touched)]
         return self._program([*self._e.string_seen(), *zeros, *added, *self._modes(size)])
 
     def _modes(self, size: int) -> list[Statement]:
@@ -114,14 +126,17 @@ class Differentiated:
 
             def one(i: Expression, m: Modes = m) -> list[Statement]:
                 numbers = [m.number(k, i) for k in range(3)]
-                rate = m.rate(i, m.state(W.Z, 0, i), m.state(W.Z, 1, i), local("on the string"))
+                rate = m.rate(i, m.state(W.Z, 0, i), m.state(W.Z, 1, i), value_of("on the string"))
                 start = size * (self._s.offset[7] + L.STRING_HEAD)
                 return [
-                    Put(at("y", start, make("whole_multiply", m.half(k, i), size)), slopes({numbers[k]: ONE})(rate))
+                    Assign(
+                        slot("y", start, intern("whole_multiply", m.half(k, i), size)),
+                        differentiator({numbers[k]: ONE})(rate),
+                    )
                     for k in range(3)
                 ]
 
-            out.append(each("numbers of modes", m.count, one))
+            out.append(loop_over("numbers of modes", m.count, one))
         return out
 
     def normals(self) -> Program:
@@ -132,8 +147,11 @@ class Differentiated:
             contact = e.contacts.get(c) or e.contact(c)
             pressing, force = contact.felt
             by = [*e.state.q, *e.state.v, *(e.state.z[m] for m in s.memories(c)), *(read("p", k) for k in places)]
-            row = [Put(at("y", start + k), x) for k, x in enumerate([force, *(slopes({x: ONE})(force) for x in by)])]
-            out += [Put(at("y", start), ZERO), If(contact.touches, [If(pressing, list(row))])]
+            row = [
+                Assign(slot("y", start + k), x)
+                for k, x in enumerate([force, *(differentiator({x: ONE})(force) for x in by)])
+            ]
+            out += [Assign(slot("y", start), ZERO), If(contact.touches, [If(pressing, list(row))])]
             start += size
         return self._program(out)
 
@@ -146,14 +164,14 @@ class Differentiated:
             pushes = contact.touches & contact.felt[0]
             holds.append(pushes)
             if s.contact[c][2] == L.HYBRID:
-                holds.append(pushes & contact.beside_the_arc())
+                holds.append(pushes & contact.is_off_arc())
             if c not in s.string:
-                rubs = make("differs", contact.number(L.MU_A), ZERO)
-                holds.append(pushes & rubs & (contact.closing[1] > 0.0))
+                rubs = intern("differs", contact.number(L.MU_A), ZERO)
+                holds.append(pushes & rubs & (contact.relative_speeds[1] > 0.0))
             if s.memories(c):
-                holds.append(pushes & (contact.closing[0] > 0.0))
+                holds.append(pushes & (contact.relative_speeds[0] > 0.0))
         holds += [(tip.depth > 0.0) & tip.felt[0] for tip in e.tips]
-        holds += [make("differs", s.body(i, L.JF_A), ZERO) & (e.state.v[i] > 0.0) for i in s.bodies]
+        holds += [intern("differs", s.body(i, L.JF_A), ZERO) & (e.state.v[i] > 0.0) for i in s.bodies]
         assert len(holds) <= 64
         for c in s.place:
             if s.law(c).added:  # of what it decides by as much as there are bits for
@@ -161,19 +179,19 @@ class Differentiated:
         holds = holds[:64]
         return Program(dict.fromkeys("wp", "array"), e.string_seen(), [(k, ~one) for k, one in enumerate(holds)])
 
-    def carried(self) -> Program:
+    def propagate_modes(self) -> Program:
         """Of each mode that was left free for the time ``u``, s: `CARRIED` numbers."""
         out: list[Statement] = []
         for m in (contact.modes for contact in self._e.strings):
 
             def one(i: Expression, m: Modes = m) -> list[Statement]:
                 by = [m.state(W.Z, 0, i), m.state(W.Z, 1, i), m.number(1, i), m.number(2, i)]
-                y, u = m.swung(i, read("u", 0))
-                row = [y, u, *(slopes({x: ONE})(y) for x in by), *(slopes({x: ONE})(u) for x in by)]
-                behind = make("whole_multiply", i, CARRIED)
-                return [Put(at("y", k, behind), x) for k, x in enumerate(row)]
+                y, u = m.free_vibration(i, read("u", 0))
+                row = [y, u, *(differentiator({x: ONE})(y) for x in by), *(differentiator({x: ONE})(u) for x in by)]
+                behind = intern("whole_multiply", i, CARRIED)
+                return [Assign(slot("y", k, behind), x) for k, x in enumerate(row)]
 
-            out.append(each("carried", m.count, one))
+            out.append(loop_over("carried", m.count, one))
         return self._program(out)
 
     def _program(self, statements: list[Statement]) -> Program:

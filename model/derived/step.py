@@ -18,36 +18,36 @@ from model.compiler.expressions import (
     Expression,
     argument,
     constant,
-    largest,
-    local,
-    make,
+    differentiator,
+    intern,
+    maximum,
     read,
-    slopes,
     total,
+    value_of,
     where,
 )
 from model.compiler.programs import (
-    Add,
-    Anew,
+    Accumulate,
+    Assign,
+    ClearMask,
     If,
     Place,
     Program,
-    Put,
-    Reconsider,
+    Reload,
     Statement,
-    added,
-    alike,
-    at,
-    each,
-    let,
-    mapped,
-    name,
-    within,
+    accumulated_places,
+    compute,
+    compute_vectorised,
+    is_unmasked,
+    loop_over,
+    map_assignments,
+    slot,
+    variable,
 )
-from model.elements.bodies import solved
-from model.elements.contacts import Contact, change, speeds_up
+from model.elements.bodies import solve_mass_matrix
+from model.elements.contacts import Contact, largest_acceleration, rate_along
 from model.elements.kinematics import State
-from model.elements.prescribed import motion
+from model.elements.prescribed import interpolate_motion
 from model.elements.scene import Elements
 from model.elements.strings import StringContact
 from model.elements.structure import Structure
@@ -72,7 +72,7 @@ Slopes = tuple[list[Callable[[Expression], Expression]], ...]
 ALWAYS = {"energy", "given", "felt", "friction", "joints"}
 
 
-class Derived:
+class StepPrograms:
     """Programs of the kernels of a structure.
 
     Parameters
@@ -90,7 +90,7 @@ class Derived:
 
     # where numbers are --------------------------------------------------------------------------------------------
 
-    def _given(self, text: str) -> Expression:
+    def _condition(self, text: str) -> Expression:
         rows = {"u": W.INPUT, "ft": W.INPUT_RATE, "gh": W.STAGE_STEP, "rate": W.STEP_RATE}
         return read("w", rows[text]) if self._lanes else argument(text)
 
@@ -98,9 +98,9 @@ class Derived:
         return dict.fromkeys(arrays, "array") | ({} if self._lanes else dict.fromkeys(numbers, "number"))
 
     def _entry(self, start: int, i: int, j: int) -> Place:
-        return at("w", start + self._width * i + j)
+        return slot("w", start + self._width * i + j)
 
-    def _kept(self, start: int, i: int, j: int) -> Expression:
+    def _stored_entry(self, start: int, i: int, j: int) -> Expression:
         """Entry of a matrix as it was put."""
         return read("w", start + self._width * i + j)
 
@@ -116,7 +116,7 @@ class Derived:
             [*(read("w", v + i) for i in own), *moved[1], *(read("w", place) for _, place in places.values())],
         )
 
-    def _prescribed(self, moving: Expression) -> tuple[list[Statement], tuple[Row, Row, Row, Row]]:
+    def _prescribed_motion(self, moving: Expression) -> tuple[list[Statement], tuple[Row, Row, Row, Row]]:
         """Angle, speed, acceleration of prescribed coordinates at the time ``u``, as names; still where not moving.
 
         Also the rate of the acceleration, where inertia couples it to what is solved for.
@@ -125,23 +125,23 @@ class Derived:
         before: list[Statement] = []
         rows: tuple[Row, Row, Row, Row] = ([], [], [], [])
         for i in list(s.bodies)[s.own :]:
-            find, values = motion(s.offset[4], self._given("u"), read("w", W.PIECE))
+            find, values = interpolate_motion(s.offset[4], self._condition("u"), read("w", W.PIECE))
             before += find
             for k, (row, value) in enumerate(zip(rows, values, strict=True)):
                 if k < 3 or i in s.led:
-                    before.append(Put(name(f"motion{k}_{i}"), value * (moving if k else ONE)))
-                    row.append(local(f"motion{k}_{i}"))
+                    before.append(Assign(variable(f"motion{k}_{i}"), value * (moving if k else ONE)))
+                    row.append(value_of(f"motion{k}_{i}"))
         return before, rows
 
     def _accelerations(self, e: Elements, prescribed: Row) -> dict[int, Expression]:
         """Accelerations of what is solved for, from forces as names and what is prescribed."""
         s = self._s
-        forces = {i: local(f"f{i}") for i in s.solved}
-        for i, m, k in self._coupled(e):
+        forces = {i: value_of(f"f{i}") for i in s.solved}
+        for i, m, k in self._prescribed_couplings(e):
             forces[i] = forces[i] - m * prescribed[k]
-        return solved(e.bodies.mass, forces)
+        return solve_mass_matrix(e.bodies.mass, forces)
 
-    def _coupled(self, e: Elements) -> list[tuple[int, Expression, int]]:
+    def _prescribed_couplings(self, e: Elements) -> list[tuple[int, Expression, int]]:
         """What is solved for, its entry of the mass matrix with a prescribed coordinate, and which of these."""
         s, prescribed = self._s, list(self._s.bodies)[self._s.own :]
         both = [(i, m, j) for (a, b), m in e.bodies.mass.items() for i, j in ((a, b), (b, a))]
@@ -157,37 +157,38 @@ class Derived:
     def linearise(self) -> Program:
         """See the module."""
         s, moving = self._s, ONE - read("w", W.STATIC)
-        find, (pq, pv, pa, jerk) = self._prescribed(moving)
+        find, (pq, pv, pa, jerk) = self._prescribed_motion(moving)
         z = [read("w", W.Z + m) for m in range(len(s.memory))]
-        e = Elements(s, State(*self._coordinates(W.Z, W.Q, W.V, (pq, pv)), z, self._given("u")))
+        e = Elements(s, State(*self._coordinates(W.Z, W.Q, W.V, (pq, pv)), z, self._condition("u")))
         out: list[Statement] = [*find]
         if pq:
-            out.append(Put(at("w", W.PIECE), local("piece")))
+            out.append(Assign(slot("w", W.PIECE), value_of("piece")))
             for k, i in enumerate(list(s.bodies)[s.own :]):
-                out += [Put(at("w", start + i), row[k]) for start, row in ((W.Q, pq), (W.V, pv), (W.ACC, pa))]
-        by_q = [slopes({x: ONE}) for x in e.state.q]
-        by_v = [slopes({x: ONE}) for x in e.state.v]
+                out += [Assign(slot("w", start + i), row[k]) for start, row in ((W.Q, pq), (W.V, pv), (W.ACC, pa))]
+        by_q = [differentiator({x: ONE}) for x in e.state.q]
+        by_v = [differentiator({x: ONE}) for x in e.state.v]
         mass = e.bodies.mass
         ease = {i: ONE / mass[i, i] for i in s.solved}
         friction = {i: rub for i, rub in e.bodies.joint_friction().items() if i < s.own}
         columns = self._columns(e)
         entries = [(start, i, j) for i, j in sorted(columns) for start in (self._stiff, self._damp)]
-        out += [Put(self._entry(*entry), ZERO) for entry in entries]
+        out += [Assign(self._entry(*entry), ZERO) for entry in entries]
         out += [
-            alike(*e.k.rotations()), alike(*friction.values()), alike(*(by_v[i](x) for i, x in friction.items())),
-            let(e.k.per_slide, *ease.values()),
+            compute_vectorised(*e.k.rotations()), compute_vectorised(*friction.values()),
+            compute_vectorised(*(by_v[i](x) for i, x in friction.items())),
+            compute(e.k.per_slide, *ease.values()),
         ]  # fmt: skip
-        out += e.smooth_forces()
+        out += e.contactless_forces()
         later: list[Statement] = []
         for c, contact in e.contacts.items():
-            out += self._linearised(e, contact, (by_q, by_v), ease)
+            out += self._linearise_contact(e, contact, (by_q, by_v), ease)
             later += self._second_rates(contact, s.place[c], pa)
         for tip in e.tips:
-            out += self._differentiated(tip.forces(), e, (by_q, by_v), list(tip.ways), [])
+            out += self._differentiate_statements(tip.forces(), e, (by_q, by_v), list(tip.ways), [])
         a = self._accelerations(e, pa)
-        out += [Put(at("w", self._acceleration(i)), a[i]) for i in s.solved]
+        out += [Assign(slot("w", self._acceleration(i)), a[i]) for i in s.solved]
         if s.pin:
-            out += [Put(at("w", W.ACC + i), a[i]) for i in range(s.own)]
+            out += [Assign(slot("w", W.ACC + i), a[i]) for i in range(s.own)]
         out += later
         out += self._smooth_slopes(e, (by_q, by_v), moving, pa)
         out += self._input_slopes(e, pv, pa, jerk)
@@ -207,7 +208,7 @@ class Derived:
                 out |= {(i, i - 1), (i - 1, i)}
         return {(i, j) for i, j in out if i in s.solved}
 
-    def _differentiated(
+    def _differentiate_statements(
         self,
         statements: list[Statement],
         e: Elements,
@@ -222,7 +223,7 @@ class Derived:
         rates = {f"fade{m}": m for m in memories}
         forces = {f"f{i}": i for i in self._s.solved}
 
-        def one(s: Put | Add) -> list[Statement]:
+        def one(s: Assign | Accumulate) -> list[Statement]:
             text = str(s.place[1])
             out: list[Statement] = [s]
             if s.place[0] != "local":
@@ -231,23 +232,23 @@ class Derived:
                 i = forces[text]
                 for start, slope in ((self._stiff, by[0]), (self._damp, by[1])):
                     found = [(j, slope[j](s.value)) for j in chain]
-                    out += [Add(self._entry(start, i, j), d) for j, d in found if d is not ZERO]
+                    out += [Accumulate(self._entry(start, i, j), d) for j, d in found if d is not ZERO]
                 for m in memories:
-                    d = slopes({e.state.z[m]: ONE})(s.value)
+                    d = differentiator({e.state.z[m]: ONE})(s.value)
                     if i in chain:
-                        out.append(Add(at("w", W.Z_PUSH + W.LINKS * m + chain.index(i)), d))
+                        out.append(Accumulate(slot("w", W.Z_PUSH + W.LINKS * m + chain.index(i)), d))
             elif text in rates:
                 m = rates[text]
-                out.append(Put(at("w", W.Z_RATE + m), s.value))
-                out.append(Put(at("w", W.Z_FADE + m), slopes({e.state.z[m]: ONE})(s.value)))
+                out.append(Assign(slot("w", W.Z_RATE + m), s.value))
+                out.append(Assign(slot("w", W.Z_FADE + m), differentiator({e.state.z[m]: ONE})(s.value)))
                 for start, slope in ((W.Z_TURN, by[0]), (W.Z_SPEED, by[1])):
-                    places = [at("w", start + W.LINKS * m + k) for k in range(len(chain))]
-                    out += [Put(place, slope[j](s.value)) for place, j in zip(places, chain, strict=True)]
+                    places = [slot("w", start + W.LINKS * m + k) for k in range(len(chain))]
+                    out += [Assign(place, slope[j](s.value)) for place, j in zip(places, chain, strict=True)]
             return out
 
-        return mapped(statements, one)
+        return map_assignments(statements, one)
 
-    def _linearised(
+    def _linearise_contact(
         self,
         e: Elements,
         contact: Contact,
@@ -258,46 +259,49 @@ class Derived:
         s, c = self._s, contact.c
         where_ = s.place[c]
         if isinstance(contact, StringContact):
-            return self._string_linearised(e, contact, by, ease)
+            return self._linearise_string(e, contact, by, ease)
         chain = list(contact.ways)
         memories = contact.memories
-        forces = self._differentiated(contact.forces(), e, by, chain, memories)
+        forces = self._differentiate_statements(contact.forces(), e, by, chain, memories)
         *before, touch = forces
         assert isinstance(touch, If)
         pressing, force = contact.felt
-        grip = contact.number(L.MU_A) * force * speeds_up(contact.slides(), ease)
+        grip = contact.number(L.MU_A) * force * largest_acceleration(contact.slides(), ease)
         turns, slides = contact.turns(), contact.slides()
         inside = [
-            Put(at("w", W.GRIP + where_), ZERO), *touch.then, Add(name("touching"), ONE),
-            Put(at("w", W.ROOM + where_), ZERO), *self._gap(where_, contact.gap[0], contact.closing[0]),
-            Put(at("w", W.SLIDE + where_), contact.closing[1]),
-            If(pressing, [Put(at("w", W.GRIP + where_), grip), *self._weights(e, contact, ease, chain)]),
-            *self._directions(where_, turns, slides), self._kick(contact, contact.closing[0], turns, ease),
+            Assign(slot("w", W.GRIP + where_), ZERO), *touch.then, Accumulate(variable("touching"), ONE),
+            Assign(slot("w", W.ROOM + where_), ZERO), *self._gap(where_, contact.gap[0], contact.relative_speeds[0]),
+            Assign(slot("w", W.SLIDE + where_), contact.relative_speeds[1]),
+            If(pressing, [Assign(slot("w", W.GRIP + where_), grip),
+                          *self._memory_error_weights(e, contact, ease, chain)]),
+            *self._directions(where_, turns, slides),
+            self._touch_limit(contact, contact.relative_speeds[0], turns, ease),
         ]  # fmt: skip
         open_turns = contact.open_turns()
-        rate = change(open_turns, e.state.v)
+        rate = rate_along(open_turns, e.state.v)
         away = [
-            Put(at("w", W.ROOM + where_), contact.room()), Put(at("w", W.GAP + where_), contact.room()),
-            Put(at("w", W.GAP_RATE + where_), rate), *self._directions(where_, open_turns, {}),
-            self._kick(contact, rate, open_turns, ease),
+            Assign(slot("w", W.ROOM + where_), contact.clearance()),
+            Assign(slot("w", W.GAP + where_), contact.clearance()),
+            Assign(slot("w", W.GAP_RATE + where_), rate), *self._directions(where_, open_turns, {}),
+            self._touch_limit(contact, rate, open_turns, ease),
         ]  # fmt: skip
         if contact.law.anew is not None:
-            away += [Put(at("w", W.Z + m), constant(contact.law.anew)) for m in contact.memories]
-        return [*self._memories_begun(contact, ease, chain), *before, If(contact.touches, inside, away)]
+            away += [Assign(slot("w", W.Z + m), constant(contact.law.anew)) for m in contact.memories]
+        return [*self._default_memories(contact, ease, chain), *before, If(contact.touches, inside, away)]
 
     def _gap(self, place: int, depth: Expression, rate: Expression) -> list[Statement]:
-        return [Put(at("w", W.GAP + place), -depth), Put(at("w", W.GAP_RATE + place), -rate)]
+        return [Assign(slot("w", W.GAP + place), -depth), Assign(slot("w", W.GAP_RATE + place), -rate)]
 
-    def _kick(
+    def _touch_limit(
         self, contact: Contact, rate: Expression, turns: dict[int, Expression], ease: dict[int, Expression]
     ) -> Statement:
-        kick = contact.stiffness(rate) * speeds_up(turns, ease)
-        return Put(at("w", W.KICK + self._s.place[contact.c]), kick)
+        kick = contact.stiffness(rate) * largest_acceleration(turns, ease)
+        return Assign(slot("w", W.KICK + self._s.place[contact.c]), kick)
 
     def _directions(self, place: int, turns: dict[int, Expression], slides: dict[int, Expression]) -> list[Statement]:
         """Keep how each coordinate changes the gap and slides, until accelerations are known."""
-        out: list[Statement] = [Put(name(f"turns{place}_{k}"), turn) for k, turn in turns.items()]
-        return out + [Put(name(f"slides{place}_{k}"), slides.get(k, ZERO)) for k in turns]
+        out: list[Statement] = [Assign(variable(f"turns{place}_{k}"), turn) for k, turn in turns.items()]
+        return out + [Assign(variable(f"slides{place}_{k}"), slides.get(k, ZERO)) for k in turns]
 
     def _second_rates(self, contact: Contact, place: int, prescribed: list[Expression]) -> list[Statement]:
         """How fast gap rate and sliding speed change, once the accelerations are known."""
@@ -307,40 +311,43 @@ class Derived:
             return read("w", self._acceleration(k)) if k in s.solved else prescribed[k - s.own]
 
         turn, slide = (
-            total(local(f"{text}{place}_{k}") * acceleration(k) for k in list(contact.ways))
+            total(value_of(f"{text}{place}_{k}") * acceleration(k) for k in list(contact.ways))
             for text in ("turns", "slides")
         )
-        rubs = make("differs", contact.number(L.MU_A), ZERO)
+        rubs = intern("differs", contact.number(L.MU_A), ZERO)
         if isinstance(contact, StringContact):
             slide = ZERO
         return [
-            Put(at("w", W.GAP_ACC + place), turn), Put(at("w", W.SLIDE_RATE + place), where(rubs, slide, 0.0)),
+            Assign(slot("w", W.GAP_ACC + place), turn),
+            Assign(slot("w", W.SLIDE_RATE + place), where(rubs, slide, 0.0)),
         ]  # fmt: skip
 
-    def _memories_begun(self, contact: Contact, ease: dict[int, Expression], chain: list[int]) -> list[Statement]:
+    def _default_memories(self, contact: Contact, ease: dict[int, Expression], chain: list[int]) -> list[Statement]:
         """What holds of a contact's memories until it is known to press."""
         out: list[Statement] = []
-        felt = contact.pressed_by(ZERO, contact.closing[0])
-        for m, z, alone in zip(contact.memories, felt.memory, contact.law.alone(felt), strict=True):
-            out += [Put(at("w", W.Z_PUSH + W.LINKS * m + k), ZERO) for k in range(len(chain))]
+        felt = contact.pressed_by(ZERO, contact.relative_speeds[0])
+        for m, z, alone in zip(contact.memories, felt.memory, contact.law.recovery_rates(felt), strict=True):
+            out += [Assign(slot("w", W.Z_PUSH + W.LINKS * m + k), ZERO) for k in range(len(chain))]
             worth = ZERO
             if contact.law.anew is None:  # of felt that is left alone: as if it were met again at once
-                by_memory = slopes({z: ONE})
-                push = abs(by_memory(contact.law.force(felt)[1])) * speeds_up(contact.open_turns(), ease)
+                by_memory = differentiator({z: ONE})
+                push = abs(by_memory(contact.law.force(felt)[1])) * largest_acceleration(contact.open_turns(), ease)
                 worth = _remembered_error(push, by_memory(alone))
-            out.append(Put(at("w", W.Z_WEIGHT + m), worth))
+            out.append(Assign(slot("w", W.Z_WEIGHT + m), worth))
         return out
 
-    def _weights(self, e: Elements, contact: Contact, ease: dict[int, Expression], chain: list[int]) -> list[Statement]:
+    def _memory_error_weights(
+        self, e: Elements, contact: Contact, ease: dict[int, Expression], chain: list[int]
+    ) -> list[Statement]:
         """What an error of each memory of a contact that presses is worth as one of a speed."""
         out: list[Statement] = []
         for m in contact.memories:
             pushes = [abs(read("w", W.Z_PUSH + W.LINKS * m + k)) * ease[j] for k, j in enumerate(chain) if j in ease]
             if not pushes:  # felt under a prescribed body: what it pushes counts as if that were free
-                turns, by_memory = contact.turns(), slopes({e.state.z[m]: ONE})(contact.felt[1])
+                turns, by_memory = contact.turns(), differentiator({e.state.z[m]: ONE})(contact.felt[1])
                 pushes = [abs(turns[j] * by_memory) / e.bodies.mass[j, j] for j in chain]
-            worth = _remembered_error(largest(*pushes), read("w", W.Z_FADE + m))
-            out.append(Put(at("w", W.Z_WEIGHT + m), worth))
+            worth = _remembered_error(maximum(*pushes), read("w", W.Z_FADE + m))
+            out.append(Assign(slot("w", W.Z_WEIGHT + m), worth))
         return out
 
     def _smooth_slopes(self, e: Elements, by: Slopes, moving: Expression, pa: Row) -> list[Statement]:
@@ -348,8 +355,8 @@ class Derived:
         s = self._s
         out: list[Statement] = []
         forces = [ZERO] * s.n
-        for line in e.smooth_forces():
-            assert isinstance(line, Add)
+        for line in e.contactless_forces():
+            assert isinstance(line, Accumulate)
             i = int(str(line.place[1])[1:])
             forces[i] = forces[i] + line.value
         prescribed = dict(zip(range(s.own, len(s.bodies)), pa, strict=True))
@@ -358,18 +365,18 @@ class Derived:
         for i in s.solved:
             for j in range(s.n):
                 stiff, damp = by[0][j](forces[i]) - moving * by[0][j](inertia[i]), by[1][j](forces[i])
-                out += [] if stiff is ZERO else [Add(self._entry(self._stiff, i, j), stiff)]
-                out += [] if damp is ZERO else [Add(self._entry(self._damp, i, j), damp)]
+                out += [] if stiff is ZERO else [Accumulate(self._entry(self._stiff, i, j), stiff)]
+                out += [] if damp is ZERO else [Accumulate(self._entry(self._damp, i, j), damp)]
             u = e.state.u
-            by_input = slopes({u: ONE})(forces[i]) if s.own == len(s.bodies) else ZERO
-            out.append(Put(name(f"u{i}"), by_input))
+            by_input = differentiator({u: ONE})(forces[i]) if s.own == len(s.bodies) else ZERO
+            out.append(Assign(variable(f"u{i}"), by_input))
         for (i, j), m in e.bodies.mass.items():
             if i in s.solved and j in s.solved and s.pin:
-                out.append(Put(self._entry(W.P_MASS, i, j), m))
+                out.append(Assign(self._entry(W.P_MASS, i, j), m))
             if i < s.own and i == j:
-                out.append(Put(at("w", W.M_DIAG + i), m))
+                out.append(Assign(slot("w", W.M_DIAG + i), m))
             elif i < s.own and j < s.own:
-                out.append(Put(at("w", W.M_UP + max(i, j, key=lambda k: s.parent[k])), m))
+                out.append(Assign(slot("w", W.M_UP + max(i, j, key=lambda k: s.parent[k])), m))
         return out
 
     def _input_slopes(self, e: Elements, pv: Row, pa: Row, jerk: Row) -> list[Statement]:
@@ -379,23 +386,23 @@ class Derived:
         out: list[Statement] = []
         for i in s.solved:
             more = total(
-                self._kept(self._stiff, i, j) * pv[k] + self._kept(self._damp, i, j) * pa[k]
+                self._stored_entry(self._stiff, i, j) * pv[k] + self._stored_entry(self._damp, i, j) * pa[k]
                 for k, j in enumerate(moved)
             )
-            more = more - total(m * jerk[k] for row, m, k in self._coupled(e) if row == i)
-            value = local(f"u{i}") + more
-            out += [Put(at("w", W.F_U + i), value)] if i < s.own else []
-            out += [Put(at("w", W.P_INPUT + i), value)] if s.pin else []
+            more = more - total(m * jerk[k] for row, m, k in self._prescribed_couplings(e) if row == i)
+            value = value_of(f"u{i}") + more
+            out += [Assign(slot("w", W.F_U + i), value)] if i < s.own else []
+            out += [Assign(slot("w", W.P_INPUT + i), value)] if s.pin else []
         for m, c in enumerate(s.memory):
             terms = ZERO
             for k, j in enumerate(list(e.contacts[c].ways)):
                 if j in moved:
                     turn, speed = (read("w", start + W.LINKS * m + k) for start in (W.Z_TURN, W.Z_SPEED))
                     terms = terms + turn * pv[j - s.own] + speed * pa[j - s.own]
-            out.append(Put(at("w", W.Z_INPUT + m), terms))
+            out.append(Assign(slot("w", W.Z_INPUT + m), terms))
         if s.pin:
             for way, speed_place in s.pin_places(W.Z_WEIGHT).values():
-                out += [Put(at("w", way), constant(WORTH_OF_WAY)), Put(at("w", speed_place), ONE)]
+                out += [Assign(slot("w", way), constant(WORTH_OF_WAY)), Assign(slot("w", speed_place), ONE)]
         return out
 
     # the matrix of a step -----------------------------------------------------------------------------------------
@@ -404,7 +411,9 @@ class Derived:
         s = self._s
         spare = [read("w", W.Q + i) for i in range(s.own, len(s.bodies))]
         z = [read("w", W.Z + m) for m in range(len(s.memory))]
-        state = State(*self._coordinates(W.Z, W.Q, W.V, (spare, spare)), z, ZERO if self._lanes else self._given("u"))
+        state = State(
+            *self._coordinates(W.Z, W.Q, W.V, (spare, spare)), z, ZERO if self._lanes else self._condition("u")
+        )
         e = Elements(s, state)
         return e, {(i, j) for i, j in self._columns(e) if j in s.solved}
 
@@ -417,29 +426,29 @@ class Derived:
         """Entry of the mass matrix as ``linearise`` left it."""
         s = self._s
         if s.pin:
-            return self._kept(W.P_MASS, max(i, j), min(i, j))
+            return self._stored_entry(W.P_MASS, max(i, j), min(i, j))
         if i == j:
             return read("w", W.M_DIAG + i)
         return read("w", W.M_UP + (i if s.parent[i] == j else j))
 
     def prepare(self) -> Program:
         """See the module; 0 where factors without exchanges would lose six digits."""
-        s, gh = self._s, self._given("gh")
+        s, gh = self._s, self._condition("gh")
         inverse = 1.0 / gh
         e, pattern = self._pattern()
         masses = self._masses(e)
         m: dict[tuple[int, int], Expression] = {}
         for i, j in pattern:
-            stiff, damp = (self._kept(start, i, j) for start in (self._stiff, self._damp))
+            stiff, damp = (self._stored_entry(start, i, j) for start in (self._stiff, self._damp))
             m[i, j] = (inverse * self._mass(i, j) if (i, j) in masses else ZERO) - damp - gh * stiff
         out: list[Statement] = []
         for g, (_, speed) in s.pin_places(W.Z).items():
             step = LONGEST_OF_STAGE * gh
             way = 1.5 * step * abs(read("w", speed)) + step * step * abs(read("w", W.P_ACC + g)) + 1e-7
-            out.append(Put(at("w", W.P_ALLOWANCE + g), way))
+            out.append(Assign(slot("w", W.P_ALLOWANCE + g), way))
         for n, c in enumerate(s.memory):
             ease = 1.0 / (inverse - read("w", W.Z_FADE + n))
-            out.append(Put(at("w", W.Z_EASE + n), ease))
+            out.append(Assign(slot("w", W.Z_EASE + n), ease))
             chain = list(e.contacts[c].ways)
             for k, j in enumerate(chain):
                 back = ease * (gh * read("w", W.Z_TURN + W.LINKS * n + k) + read("w", W.Z_SPEED + W.LINKS * n + k))
@@ -447,19 +456,19 @@ class Derived:
                     if i in s.solved and j in s.solved:
                         m[i, j] = m.get((i, j), ZERO) - read("w", W.Z_PUSH + W.LINKS * n + other) * back
         for contact in e.strings:
-            out += contact.prepared(inverse, gh)
+            out += contact.prepare_modes(inverse, gh)
             chain = list(contact.ways)
             for k, j in enumerate(chain):
-                back = (1.0 - local("share")) * (gh * read("w", W.S_ANGLES + k) + read("w", W.S_SPEEDS + k))
+                back = (1.0 - value_of("share")) * (gh * read("w", W.S_ANGLES + k) + read("w", W.S_SPEEDS + k))
                 for other, i in enumerate(chain):
                     if i in s.solved and j in s.solved:
                         m[i, j] = m.get((i, j), ZERO) + read("w", W.S_ALONG + other) * back
         inverted, sound = _inverse(m, s.solved)
-        out += [Put(self._entry(self._lu, i, j), x) for (i, j), x in inverted.items()]
+        out += [Assign(self._entry(self._lu, i, j), x) for (i, j), x in inverted.items()]
         self._filled = set(inverted)
         return Program(self._arguments("gh", arrays="w"), out, sound)
 
-    def filled(self) -> set[tuple[int, int]]:
+    def inverse_pattern(self) -> set[tuple[int, int]]:
         """Entries of the inverse that can differ from zero."""
         self.prepare()
         return self._filled
@@ -492,7 +501,7 @@ class Derived:
                 needed = needed + where(near, 1.0, 0.0)
             mask.append((place, near))
         if self._lanes:
-            out.append(Put(at("w", W.NEEDED), needed))
+            out.append(Assign(slot("w", W.NEEDED), needed))
         return Program(self._arguments(), out, mask)
 
     # stages -------------------------------------------------------------------------------------------------------
@@ -500,83 +509,84 @@ class Derived:
     def stage(self) -> Program:
         """See the module."""
         s = self._s
-        rate, k = self._given("rate"), argument("k")
-        find, (pq, pv, pa, _) = self._prescribed(ONE)
-        out, q, v, z = self._summed(k, (pq, pv))
-        out += [*find, let(*(x for x in (*q, *v) if x not in (*pq, *pv)), *z)]
-        moved = [abs(local(f"sq{i}")) > read("w", W.ALLOWANCE + i) for i in range(s.own)]
-        moved += [abs(local(f"sq{g}")) > read("w", W.P_ALLOWANCE + g) for g in s.pin]
+        rate, k = self._condition("rate"), argument("k")
+        find, (pq, pv, pa, _) = self._prescribed_motion(ONE)
+        out, q, v, z = self._stage_state(k, (pq, pv))
+        out += [*find, compute(*(x for x in (*q, *v) if x not in (*pq, *pv)), *z)]
+        moved = [abs(value_of(f"sq{i}")) > read("w", W.ALLOWANCE + i) for i in range(s.own)]
+        moved += [abs(value_of(f"sq{g}")) > read("w", W.P_ALLOWANCE + g) for g in s.pin]
         moved += [abs(pq[i - s.own] - read("w", W.Q + i)) > read("w", W.ALLOWANCE + i) for i in list(s.bodies)[s.own :]]
         far = moved[0]
         for one in moved[1:]:
             far = far | one
-        out.append(Reconsider(far & (read("w", W.IDLE) <= 0.0) if self._lanes else far))
-        e = Elements(s, State(q, v, z, self._given("u")))
+        out.append(ClearMask(far & (read("w", W.IDLE) <= 0.0) if self._lanes else far))
+        e = Elements(s, State(q, v, z, self._condition("u")))
         for contact in e.strings:
-            out += contact.staged(k, rate)
-        out.append(If(make("first"), self._at_start(), self._at_stage(e, pa)))
+            out += contact.stage_modes(k, rate)
+        out.append(If(intern("first"), self._start_statements(), self._stage_statements(e, pa)))
         numbers = {} if self._lanes else dict.fromkeys(("gh", "rate", "u", "ft"), "number")
         given = {"w": "array", "p": "array", "a": "plain", "c": "plain", "k": "whole", **numbers, "mask": "whole"}
-        return Program(given, [*out, *self._solved_for(e, k)], "exceeded")
+        return Program(given, [*out, *self._solve_stage(e, k)], "exceeded")
 
-    def _summed(self, k: Expression, moved: tuple[Row, Row]) -> tuple[list[Statement], Row, Row, Row]:
+    def _stage_state(self, k: Expression, moved: tuple[Row, Row]) -> tuple[list[Statement], Row, Row, Row]:
         """State at the stage, as names: sums over the stages so far, and what is ``moved``."""
         s = self._s
         rows = [(f"{i}", W.Q + i, W.V + i, W.U + i, W.U + W.WIDTH + i, 2 * W.WIDTH) for i in range(s.own)]
         at_z, at_u = s.pin_places(W.Z), s.pin_places(W.Z_U)
         rows += [(f"{g}", *at_z[g], *at_u[g], W.MOST_MEMORIES) for g in s.pin]
 
-        def of_stage(j: Expression) -> list[Statement]:
-            a, c = (read(array, 0, make("whole_add", j, make("whole_multiply", k, W.MAX_STAGES))) for array in "ac")
+        def add_stage(j: Expression) -> list[Statement]:
+            a, c = (read(array, 0, intern("whole_add", j, intern("whole_multiply", k, W.MAX_STAGES))) for array in "ac")
             out: list[Statement] = []
             for text, _, _, uq, uv, stride in rows:
                 for place, sums in ((uq, ("sq", "b")), (uv, ("sv", "l"))):
-                    x = read("w", place, make("whole_multiply", j, stride))
-                    out += [Add(name(sums[0] + text), a * x), Add(name(sums[1] + text), c * x)]
+                    x = read("w", place, intern("whole_multiply", j, stride))
+                    out += [Accumulate(variable(sums[0] + text), a * x), Accumulate(variable(sums[1] + text), c * x)]
             for m in range(len(s.memory)):
-                x = read("w", W.Z_U + m, make("whole_multiply", j, W.MOST_MEMORIES))
-                out += [Add(name(f"sz{m}"), a * x), Add(name(f"kept{m}"), c * x)]
+                x = read("w", W.Z_U + m, intern("whole_multiply", j, W.MOST_MEMORIES))
+                out += [Accumulate(variable(f"sz{m}"), a * x), Accumulate(variable(f"kept{m}"), c * x)]
             return out
 
-        out: list[Statement] = [each("stage", k, of_stage)]
+        out: list[Statement] = [loop_over("stage", k, add_stage)]
         # one number each, so that derivatives and what is read are of the state and not of its sum
-        q = [make("named", read("w", row[1]) + local("sq" + row[0])) for row in rows]
-        v = [make("named", read("w", row[2]) + local("sv" + row[0])) for row in rows]
-        z = [make("named", read("w", W.Z + m) + local(f"sz{m}")) for m in range(len(s.memory))]
+        q = [intern("named", read("w", row[1]) + value_of("sq" + row[0])) for row in rows]
+        v = [intern("named", read("w", row[2]) + value_of("sv" + row[0])) for row in rows]
+        z = [intern("named", read("w", W.Z + m) + value_of(f"sz{m}")) for m in range(len(s.memory))]
         return out, [*q[: s.own], *moved[0], *q[s.own :]], [*v[: s.own], *moved[1], *v[s.own :]], z
 
-    def _at_start(self) -> list[Statement]:
+    def _start_statements(self) -> list[Statement]:
         s = self._s
-        out: list[Statement] = [Put(name(f"a{i}"), read("w", self._acceleration(i))) for i in s.solved]
-        out += [Put(name(f"fade{m}"), read("w", W.Z_RATE + m)) for m in range(len(s.memory))]
-        return out + [Put(name("on the string"), read("w", W.S_FORCE)) for _ in s.string]
+        out: list[Statement] = [Assign(variable(f"a{i}"), read("w", self._acceleration(i))) for i in s.solved]
+        out += [Assign(variable(f"fade{m}"), read("w", W.Z_RATE + m)) for m in range(len(s.memory))]
+        return out + [Assign(variable("on the string"), read("w", W.S_FORCE)) for _ in s.string]
 
-    def _at_stage(self, e: Elements, pa: Row) -> list[Statement]:
+    def _stage_statements(self, e: Elements, pa: Row) -> list[Statement]:
         s = self._s
         friction = [rub for i, rub in e.bodies.joint_friction().items() if i < s.own]
         out: list[Statement] = [
-            alike(*e.k.rotations()), alike(*friction), let(e.k.per_slide), *e.smooth_forces(),
+            compute_vectorised(*e.k.rotations()), compute_vectorised(*friction), compute(e.k.per_slide),
+            *e.contactless_forces(),
         ]  # fmt: skip
         for c, contact in e.contacts.items():
             *before, touch = contact.forces()
-            out += [*before, If(within(s.place[c]), [touch])]
+            out += [*before, If(is_unmasked(s.place[c]), [touch])]
         out += [line for tip in e.tips for line in tip.forces()]
-        return [*out, *(Put(name(f"a{i}"), a) for i, a in self._accelerations(e, pa).items())]
+        return [*out, *(Assign(variable(f"a{i}"), a) for i, a in self._accelerations(e, pa).items())]
 
-    def _solved_for(self, e: Elements, k: Expression) -> list[Statement]:
+    def _solve_stage(self, e: Elements, k: Expression) -> list[Statement]:
         """The stage of each state, once accelerations there are known."""
         s = self._s
-        gh, rate, ft = self._given("gh"), self._given("rate"), self._given("ft")
-        n, filled, masses = s.solved, self.filled(), self._masses(e)
+        gh, rate, ft = self._condition("gh"), self._condition("rate"), self._condition("ft")
+        n, filled, masses = s.solved, self.inverse_pattern(), self._masses(e)
         columns = {(i, j) for i, j in self._columns(e) if j in s.solved}
-        a = {i: local(f"a{i}") + local(f"l{i}") * rate for i in n}
-        b = {i: e.state.v[i] + local(f"b{i}") * rate for i in n}
+        a = {i: value_of(f"a{i}") + value_of(f"l{i}") * rate for i in n}
+        b = {i: e.state.v[i] + value_of(f"b{i}") * rate for i in n}
         g: dict[int, Expression] = {}
         out: list[Statement] = []
         for i in n:
             push = ft * read("w", (W.P_INPUT if s.pin else W.F_U) + i)
             push = push + total(self._mass(i, j) * a[j] for j in n if (i, j) in masses)
-            stiff = total(self._kept(self._stiff, i, j) * b[j] for j in n if (i, j) in columns)
+            stiff = total(self._stored_entry(self._stiff, i, j) * b[j] for j in n if (i, j) in columns)
             g[i] = push + gh * stiff
         kept = []
         for m, c in enumerate(s.memory):
@@ -584,35 +594,38 @@ class Derived:
             turned = total(
                 read("w", W.Z_TURN + W.LINKS * m + at_row) * b[j] for at_row, j in enumerate(chain) if j in b
             )
-            follows = local(f"fade{m}") + local(f"kept{m}") * rate + ft * read("w", W.Z_INPUT + m) + gh * turned
+            follows = value_of(f"fade{m}") + value_of(f"kept{m}") * rate + ft * read("w", W.Z_INPUT + m) + gh * turned
             kept.append(read("w", W.Z_EASE + m) * follows)
             for at_row, j in enumerate(chain):
                 if j in g:
                     g[j] = g[j] + read("w", W.Z_PUSH + W.LINKS * m + at_row) * kept[m]
         for contact in e.strings:
-            out.append(Put(name("given"), ZERO))
+            out.append(Assign(variable("given"), ZERO))
             awake, share = read("w", W.S_AWAKE) > 0.0, read("w", W.S_SHARE)
             out.append(If(awake, contact.known(gh)))
             chain = list(contact.ways)
             turned = gh * total(read("w", W.S_ANGLES + at_row) * b[j] for at_row, j in enumerate(chain) if j in b)
-            less = where(awake, share * local("given") + (1.0 - share) * turned, 0.0)
+            less = where(awake, share * value_of("given") + (1.0 - share) * turned, 0.0)
             for at_row, j in enumerate(chain):
                 if j in g:
                     g[j] = g[j] - read("w", W.S_ALONG + at_row) * less
-        g = {i: total(self._kept(self._lu, i, j) * g[j] for j in n if (i, j) in filled) for i in n}
-        behind = make("whole_multiply", k, 2 * W.WIDTH)
+        g = {i: total(self._stored_entry(self._lu, i, j) * g[j] for j in n if (i, j) in filled) for i in n}
+        behind = intern("whole_multiply", k, 2 * W.WIDTH)
         for i in range(s.own):
-            out += [Put(at("w", W.U + i, behind), gh * (b[i] + g[i])), Put(at("w", W.U + W.WIDTH + i, behind), g[i])]
-        behind = make("whole_multiply", k, W.MOST_MEMORIES)
+            out += [
+                Assign(slot("w", W.U + i, behind), gh * (b[i] + g[i])),
+                Assign(slot("w", W.U + W.WIDTH + i, behind), g[i]),
+            ]
+        behind = intern("whole_multiply", k, W.MOST_MEMORIES)
         for i, (way, speed) in s.pin_places(W.Z_U).items():
-            out += [Put(at("w", way, behind), gh * (b[i] + g[i])), Put(at("w", speed, behind), g[i])]
+            out += [Assign(slot("w", way, behind), gh * (b[i] + g[i])), Assign(slot("w", speed, behind), g[i])]
         for m, c in enumerate(s.memory):
             back = total(
                 (gh * read("w", W.Z_TURN + W.LINKS * m + at_row) + read("w", W.Z_SPEED + W.LINKS * m + at_row)) * g[j]
                 for at_row, j in enumerate(list(e.contacts[c].ways))
                 if j in g
             )
-            out.append(Put(at("w", W.Z_U + m, behind), kept[m] + read("w", W.Z_EASE + m) * back))
+            out.append(Assign(slot("w", W.Z_U + m, behind), kept[m] + read("w", W.Z_EASE + m) * back))
         for contact in e.strings:
             chain = list(contact.ways)
             back = total(
@@ -621,12 +634,12 @@ class Derived:
                 if j in g
             )
             turned = gh * total(read("w", W.S_ANGLES + at_row) * b[j] for at_row, j in enumerate(chain) if j in b)
-            more = read("w", W.S_SHARE) * (turned + back - local("given"))
-            stepped = [Put(name("more"), more), *contact.stepped(k, local("more"), gh)]
+            more = read("w", W.S_SHARE) * (turned + back - value_of("given"))
+            stepped = [Assign(variable("more"), more), *contact.solve_modes(k, value_of("more"), gh)]
             out.append(If(read("w", W.S_AWAKE) > 0.0, stepped))
         return out
 
-    def _string_linearised(
+    def _linearise_string(
         self,
         e: Elements,
         contact: StringContact,
@@ -636,40 +649,41 @@ class Derived:
         s = self._s
         place, chain = s.place[contact.c], list(contact.ways)
         pressing, force = contact.felt
-        x, rate = contact.under
-        along_x, along_rate = slopes({x: ONE, rate: ZERO}), slopes({x: ZERO, rate: ONE})
+        x, rate = contact.depth_and_rate
+        along_x, along_rate = differentiator({x: ONE, rate: ZERO}), differentiator({x: ZERO, rate: ONE})
         turns, open_turns = contact.turns(), contact.open_turns()
         coupled: list[Statement] = []
         for k, j in enumerate(chain):
-            coupled += [Put(at("w", W.S_ALONG + k), turns[j]), Put(at("w", W.S_ANGLES + k), by[0][j](force))]
-            coupled += [Put(at("w", W.S_SPEEDS + k), by[1][j](force))]
-        pushes = [Add(name(f"f{k}"), p) for k, p in contact.push(force, ZERO).items()]
+            coupled += [Assign(slot("w", W.S_ALONG + k), turns[j]), Assign(slot("w", W.S_ANGLES + k), by[0][j](force))]
+            coupled += [Assign(slot("w", W.S_SPEEDS + k), by[1][j](force))]
+        pushes = [Accumulate(variable(f"f{k}"), p) for k, p in contact.push(force, ZERO).items()]
         press = [
-            Put(at("w", W.S_FORCE), force), Put(at("w", W.S_HARD), along_x(force)),
-            Put(at("w", W.S_LOSSY), along_rate(force)),
-            Put(name("worth"), along_x(force) * speeds_up(turns, ease)),
-            *self._differentiated(list(pushes), e, by, chain, []), *coupled,
+            Assign(slot("w", W.S_FORCE), force), Assign(slot("w", W.S_HARD), along_x(force)),
+            Assign(slot("w", W.S_LOSSY), along_rate(force)),
+            Assign(variable("worth"), along_x(force) * largest_acceleration(turns, ease)),
+            *self._differentiate_statements(list(pushes), e, by, chain, []), *coupled,
         ]  # fmt: skip
         stiff = contact.number(L.K_C)
         inside = [
-            If(pressing, press), Add(name("touching"), ONE), Put(at("w", W.ROOM + place), ZERO),
+            If(pressing, press), Accumulate(variable("touching"), ONE), Assign(slot("w", W.ROOM + place), ZERO),
             *self._gap(place, x, rate), *self._directions(place, turns, {}),
-            Put(at("w", W.KICK + place), stiff * speeds_up(turns, ease)),
+            Assign(slot("w", W.KICK + place), stiff * largest_acceleration(turns, ease)),
         ]  # fmt: skip
-        rate_open = change(open_turns, e.state.v) + local("swing")
+        rate_open = rate_along(open_turns, e.state.v) + value_of("swing")
         away = [
-            Put(at("w", W.ROOM + place), largest(-contact.gap[0] - read("w", W.S_REACH), 0.0)),
-            Put(at("w", W.GAP + place), largest(-x, 0.0)), Put(at("w", W.GAP_RATE + place), rate_open),
-            Put(name("worth"), stiff * speeds_up(open_turns, ease)), *self._directions(place, open_turns, {}),
-            Put(at("w", W.KICK + place), stiff * speeds_up(open_turns, ease)),
+            Assign(slot("w", W.ROOM + place), maximum(-contact.gap[0] - read("w", W.S_REACH), 0.0)),
+            Assign(slot("w", W.GAP + place), maximum(-x, 0.0)), Assign(slot("w", W.GAP_RATE + place), rate_open),
+            Assign(variable("worth"), stiff * largest_acceleration(open_turns, ease)),
+            *self._directions(place, open_turns, {}),
+            Assign(slot("w", W.KICK + place), stiff * largest_acceleration(open_turns, ease)),
         ]  # fmt: skip
-        cleared = [Put(at("w", row), ZERO) for row in (W.S_FORCE, W.S_HARD, W.S_LOSSY)]
+        cleared = [Assign(slot("w", row), ZERO) for row in (W.S_FORCE, W.S_HARD, W.S_LOSSY)]
         cleared += [
-            Put(at("w", row + k), ZERO) for row in (W.S_ALONG, W.S_ANGLES, W.S_SPEEDS) for k in range(len(chain))
+            Assign(slot("w", row + k), ZERO) for row in (W.S_ALONG, W.S_ANGLES, W.S_SPEEDS) for k in range(len(chain))
         ]
         return [
-            *contact.woken(), *cleared, Put(name("worth"), ZERO), If(x > 0.0, inside, away),
-            *contact.weighed(local("worth")), Anew(),
+            *contact.begin_step(), *cleared, Assign(variable("worth"), ZERO), If(x > 0.0, inside, away),
+            *contact.set_error_weights(value_of("worth")), Reload(),
         ]  # fmt: skip
 
     # energy -------------------------------------------------------------------------------------------------------
@@ -677,24 +691,24 @@ class Derived:
     def energy(self) -> Program:
         """See the module."""
         s, prescribed = self._s, list(self._s.bodies)[self._s.own :]
-        find, (pq, pv, pa, _) = self._prescribed(ONE)
+        find, (pq, pv, pa, _) = self._prescribed_motion(ONE)
         z = [read("w", W.AUDIT_Z + m) for m in range(len(s.memory))]
         state = State(*self._coordinates(W.AUDIT_Z, W.AUDIT_Q, W.AUDIT_V, (pq, pv)), z)
-        state.u = ZERO if prescribed else self._given("u")
+        state.u = ZERO if prescribed else self._condition("u")
         e = Elements(s.all_solved(), state)
         out = [*find, *e.energy()]
         for i, rate in zip(prescribed, pa, strict=True):
-            out += self._held(e, i, rate)
-        found = {str(place[1]) for place in added(out)} | ALWAYS
-        out += [Put(at("w", place), local(text)) for text, place in LOSSES.items() if text in found]
+            out += self._holding_power(e, i, rate)
+        found = {str(place[1]) for place in accumulated_places(out)} | ALWAYS
+        out += [Assign(slot("w", place), value_of(text)) for text, place in LOSSES.items() if text in found]
         return Program(self._arguments("u"), out)
 
     @staticmethod
-    def _held(e: Elements, i: int, rate: Expression) -> list[Statement]:
+    def _holding_power(e: Elements, i: int, rate: Expression) -> list[Statement]:
         """Power of what holds prescribed coordinate ``i``, W; with what inertia couples it to, by their forces."""
         mass = e.bodies.mass
         rows = {i} | {k for pair in mass if i in pair for k in pair}
-        out = e.smooth_forces()
+        out = e.contactless_forces()
         for contact in map(e.contact, range(len(e.s.contact))):  # also those that push nothing that is solved for
             out += contact.forces() if rows & set(contact.ways) else []
         out += [line for tip in e.tips for line in tip.forces()]
@@ -702,9 +716,9 @@ class Derived:
         def entry(k: int) -> Expression:
             return mass.get((max(i, k), min(i, k)), ZERO)
 
-        found = solved(mass, {k: local(f"f{k}") - entry(k) * rate for k in rows if k != i})
-        holds = total(entry(k) * a for k, a in (found | {i: rate}).items()) - local(f"f{i}")
-        return [*out, Add(name("given"), holds * e.state.v[i])]
+        found = solve_mass_matrix(mass, {k: value_of(f"f{k}") - entry(k) * rate for k in rows if k != i})
+        holds = total(entry(k) * a for k, a in (found | {i: rate}).items()) - value_of(f"f{i}")
+        return [*out, Accumulate(variable("given"), holds * e.state.v[i])]
 
 
 Matrix = dict[tuple[int, int], Expression]
@@ -744,5 +758,5 @@ def _inverse(matrix: Matrix, rows: list[int]) -> tuple[Matrix, Expression]:
 
 def _remembered_error(push: Expression, fade: Expression) -> Expression:
     """Error of a speed that one unit of a memory is worth: acceleration ``push`` while it lasts."""
-    lasts = 1.0 / largest(-fade, 1e-300)
+    lasts = 1.0 / maximum(-fade, 1e-300)
     return push * where(lasts > LONGEST_MEMORY, LONGEST_MEMORY, lasts)

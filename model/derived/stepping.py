@@ -17,15 +17,15 @@ from model.compiler.expressions import (
     Expression,
     argument,
     constant,
-    largest,
-    local,
-    make,
+    intern,
+    maximum,
+    minimum,
     read,
     root,
-    smaller,
+    value_of,
     where,
 )
-from model.compiler.programs import Add, If, Place, Program, Put, Statement, at, each, name
+from model.compiler.programs import Accumulate, Assign, If, Place, Program, Statement, loop_over, slot, variable
 from model.elements.structure import Structure
 from model.kernels import layout as L
 from model.kernels import workspace as W
@@ -39,20 +39,20 @@ INFINITE = constant(float("inf"))
 STAGE = 2 * W.WIDTH
 
 
-def _over(a: Expression, b: Expression) -> Expression:
+def _divide_exactly(a: Expression, b: Expression) -> Expression:
     """A quotient, rounded once."""
-    return make("quotient", a, b)
+    return intern("quotient", a, b)
 
 
-def _times(counter: Expression, count: int) -> Expression:
-    return make("whole_multiply", counter, count)
+def _scale_counter(counter: Expression, count: int) -> Expression:
+    return intern("whole_multiply", counter, count)
 
 
 def _w(row: int, *further: Expression) -> Expression:
     return read("w", row, *further)
 
 
-class Stepping:
+class StepUpdate:
     """Programs of these kernels for a structure; whole numbers that they take are ``stages``, ``rows`` and ``n_z``."""
 
     def __init__(self, s: Structure) -> None:
@@ -72,32 +72,38 @@ class Stepping:
         bound = _w(W.SPEED_LIMIT)
 
         def body(i: Expression) -> list[Statement]:
-            speed, rate, law = _w(W.V, i), _w(W.ACC, i), read("p", L.GLOBALS + L.JF_A, _times(i, L.BODY_SIZE))
-            per, step = read("p", L.OMEGA_T), local("step")
-            turn = _fit_to_turn(step, _over(speed, per), _over(rate, per), _over(law, _w(W.M_DIAG, i)), bound)
-            return [If(make("differs", law, ZERO), [If(speed * rate < 0.0, turn)])]
+            speed, rate, law = _w(W.V, i), _w(W.ACC, i), read("p", L.GLOBALS + L.JF_A, _scale_counter(i, L.BODY_SIZE))
+            per, step = read("p", L.OMEGA_T), value_of("step")
+            turn = _fit_to_turn(
+                step,
+                _divide_exactly(speed, per),
+                _divide_exactly(rate, per),
+                _divide_exactly(law, _w(W.M_DIAG, i)),
+                bound,
+            )
+            return [If(intern("differs", law, ZERO), [If(speed * rate < 0.0, turn)])]
 
         def contact(c: Expression) -> list[Statement]:
-            step, until = local("step"), local("until")
+            step, until = value_of("step"), value_of("until")
             rate, slide = _w(W.GAP_RATE, c), _w(W.SLIDE_RATE, c)
             # the force's slope jumps there by stiffness times speed; the Jacobian at the start does not know it
             jump = _w(W.KICK, c) * abs(rate + until * _w(W.GAP_ACC, c))
             past = step - until
-            shorter = until + root(_over(constant(2.0 * KINK) * bound, jump))
+            shorter = until + root(_divide_exactly(constant(2.0 * KINK) * bound, jump))
             costly = 0.5 * jump * past * past > KINK * bound
-            per, left, grip = read("p", L.V_T), local("left"), _w(W.GRIP, c)
-            turn = _fit_to_turn(left, _over(_w(W.SLIDE, c), per), _over(slide, per), grip, bound)
+            per, left, grip = read("p", L.V_T), value_of("left"), _w(W.GRIP, c)
+            turn = _fit_to_turn(left, _divide_exactly(_w(W.SLIDE, c), per), _divide_exactly(slide, per), grip, bound)
             return [
-                Put(name("left"), step), *_time_to_zero(c, step),
-                If(until < step, [If(costly, [Put(name("left"), shorter)])]),
-                Put(name("step"), left), If((slide * _w(W.SLIDE, c) < 0.0) & (grip > 0.0), turn),
+                Assign(variable("left"), step), *_time_to_zero(c, step),
+                If(until < step, [If(costly, [Assign(variable("left"), shorter)])]),
+                Assign(variable("step"), left), If((slide * _w(W.SLIDE, c) < 0.0) & (grip > 0.0), turn),
             ]  # fmt: skip
 
-        out: list[Statement] = [Put(name("step"), _w(W.FITTED))]
-        out.append(each("body", constant(float(self._s.own)), body))
+        out: list[Statement] = [Assign(variable("step"), _w(W.FITTED))]
+        out.append(loop_over("body", constant(float(self._s.own)), body))
         if self._s.place:
-            out.append(each("contact", constant(float(len(self._s.place))), contact))
-        out.append(Put(at("w", W.FITTED), local("step")))
+            out.append(loop_over("contact", constant(float(len(self._s.place))), contact))
+        out.append(Assign(slot("w", W.FITTED), value_of("step")))
         return Program(dict.fromkeys("wp", "array"), out, exact=True)
 
     # the end of a step, and what is inside ------------------------------------------------------------------------
@@ -106,108 +112,130 @@ class Stepping:
         """See the module; returns whether the estimate is finite."""
         stages = argument("stages")
 
-        def of_stage(m: Expression) -> list[Statement]:
+        def add_stage(m: Expression) -> list[Statement]:
             share = read("b", 0, m)
-            return [Add(name(f"end{u}"), share * _w(W.U + u, _times(m, STAGE))) for _, _, u, _ in self._states]
+            return [
+                Accumulate(variable(f"end{u}"), share * _w(W.U + u, _scale_counter(m, STAGE)))
+                for _, _, u, _ in self._states
+            ]
 
         def memory(i: Expression) -> list[Statement]:
-            ended = each(
-                "stage of a memory", stages, lambda m: [Add(name("kept"), read("b", 0, m) * _w(W.Z_U, _of(m, i)))]
+            ended = loop_over(
+                "stage of a memory",
+                stages,
+                lambda m: [Accumulate(variable("kept"), read("b", 0, m) * _w(W.Z_U, _memory_offset(m, i)))],
             )
-            wrong = _over(abs(_w(W.Z_U, _of(_before(stages), i))) * _w(W.Z_WEIGHT, i), _w(W.SPEED_LIMIT))
-            error = local("error")
+            wrong = _divide_exactly(
+                abs(_w(W.Z_U, _memory_offset(_predecessor(stages), i))) * _w(W.Z_WEIGHT, i), _w(W.SPEED_LIMIT)
+            )
+            error = value_of("error")
             return [
-                Put(name("kept"), _w(W.Z, i)), ended, Put(at("w", W.Z1, i), local("kept")),
-                Put(name("error"), where(wrong <= error, error, wrong)),
+                Assign(variable("kept"), _w(W.Z, i)), ended, Assign(slot("w", W.Z1, i), value_of("kept")),
+                Assign(variable("error"), where(wrong <= error, error, wrong)),
             ]  # fmt: skip
 
-        out: list[Statement] = [Put(name(f"end{u}"), _w(start)) for start, _, u, _ in self._states]
-        out.append(each("stage", stages, of_stage))
-        out += [Put(at("w", end), local(f"end{u}")) for _, end, u, _ in self._states]
-        last = [(u < W.WIDTH, abs(_w(W.U + u, _times(_before(stages), STAGE)))) for _, _, u, _ in self._states]
+        out: list[Statement] = [Assign(variable(f"end{u}"), _w(start)) for start, _, u, _ in self._states]
+        out.append(loop_over("stage", stages, add_stage))
+        out += [Assign(slot("w", end), value_of(f"end{u}")) for _, end, u, _ in self._states]
+        last = [
+            (u < W.WIDTH, abs(_w(W.U + u, _scale_counter(_predecessor(stages), STAGE)))) for _, _, u, _ in self._states
+        ]
         finite = last[0][1] < INFINITE
         for _, size in last[1:]:
             finite = finite & (size < INFINITE)
-        angle, speed = (largest(ZERO, *(size for of, size in last if of == mine)) for mine in (True, False))
-        error = largest(_over(angle, _w(W.ANGLE_LIMIT)), _over(speed, _w(W.SPEED_LIMIT)))
-        out.append(Put(name("error"), error))
+        angle, speed = (maximum(ZERO, *(size for of, size in last if of == mine)) for mine in (True, False))
+        error = maximum(_divide_exactly(angle, _w(W.ANGLE_LIMIT)), _divide_exactly(speed, _w(W.SPEED_LIMIT)))
+        out.append(Assign(variable("error"), error))
         if self._remembers:
-            out.append(each("memory", argument("n_z"), memory))
-        out.append(Put(at("w", W.ERROR), local("error")))
+            out.append(loop_over("memory", argument("n_z"), memory))
+        out.append(Assign(slot("w", W.ERROR), value_of("error")))
         given = {"w": "array", "b": "plain", "stages": "whole", "n_z": "whole"}
-        return Program(given, out, finite & (local("error") < INFINITE), exact=True)
+        return Program(given, out, finite & (value_of("error") < INFINITE), exact=True)
 
     def dense(self) -> Program:
         """See the module."""
         stages = argument("stages")
 
-        def of_row(m: Expression) -> list[Statement]:
-            def of_stage(j: Expression) -> list[Statement]:
-                share = read("dense", 0, make("whole_add", j, make("whole_multiply", m, stages)))
-                return [Add(name(f"sum{u}"), share * _w(W.U + u, _times(j, STAGE))) for _, _, u, _ in self._states]
+        def state_row(m: Expression) -> list[Statement]:
+            def add_stage(j: Expression) -> list[Statement]:
+                share = read("dense", 0, intern("whole_add", j, intern("whole_multiply", m, stages)))
+                return [
+                    Accumulate(variable(f"sum{u}"), share * _w(W.U + u, _scale_counter(j, STAGE)))
+                    for _, _, u, _ in self._states
+                ]
 
             sums = [u for _, _, u, _ in self._states]
             return [
-                *(Put(name(f"sum{u}"), ZERO) for u in sums), each("stage", stages, of_stage),
-                *(Put(at("w", W.DENSE + u, _times(m, STAGE)), local(f"sum{u}")) for u in sums),
+                *(Assign(variable(f"sum{u}"), ZERO) for u in sums), loop_over("stage", stages, add_stage),
+                *(Assign(slot("w", W.DENSE + u, _scale_counter(m, STAGE)), value_of(f"sum{u}")) for u in sums),
             ]  # fmt: skip
 
-        def of_memory(i: Expression) -> list[Statement]:
-            def of_row_of(m: Expression) -> list[Statement]:
-                def of_stage(j: Expression) -> list[Statement]:
-                    share = read("dense", 0, make("whole_add", j, make("whole_multiply", m, stages)))
-                    return [Add(name("part"), share * _w(W.Z_U, _of(j, i)))]
+        def memory_rows(i: Expression) -> list[Statement]:
+            def memory_row(m: Expression) -> list[Statement]:
+                def add_stage(j: Expression) -> list[Statement]:
+                    share = read("dense", 0, intern("whole_add", j, intern("whole_multiply", m, stages)))
+                    return [Accumulate(variable("part"), share * _w(W.Z_U, _memory_offset(j, i)))]
 
-                summed = each("stage of a memory", stages, of_stage)
-                return [Put(name("part"), ZERO), summed, Put(at("w", W.Z_DENSE, _of(m, i)), local("part"))]
+                summed = loop_over("stage of a memory", stages, add_stage)
+                return [
+                    Assign(variable("part"), ZERO),
+                    summed,
+                    Assign(slot("w", W.Z_DENSE, _memory_offset(m, i)), value_of("part")),
+                ]
 
-            return [each("row of a memory", argument("rows"), of_row_of)]
+            return [loop_over("row of a memory", argument("rows"), memory_row)]
 
         given = {"w": "array", "dense": "plain", "rows": "whole", "stages": "whole", "n_z": "whole"}
-        out: list[Statement] = [each("row", argument("rows"), of_row)]
+        out: list[Statement] = [loop_over("row", argument("rows"), state_row)]
         if self._remembers:
-            out.append(each("memory", argument("n_z"), of_memory))
+            out.append(loop_over("memory", argument("n_z"), memory_rows))
         return Program(given, out, exact=True)
 
-    def inside(self) -> Program:
+    def interpolate(self) -> Program:
         """See the module."""
         x, rows = _w(W.FRACTION), argument("rows")
 
-        def back(m: Expression) -> Expression:
-            return make("whole_add", _before(rows), _times(m, -1))
+        def reversed_row(m: Expression) -> Expression:
+            return intern("whole_add", _predecessor(rows), _scale_counter(m, -1))
 
-        def of_row(m: Expression) -> list[Statement]:
-            at_row = _times(back(m), STAGE)
-            return [Put(name(f"sum{u}"), _w(W.DENSE + u, at_row) + x * local(f"sum{u}")) for _, _, u, _ in self._states]
+        def state_row(m: Expression) -> list[Statement]:
+            at_row = _scale_counter(reversed_row(m), STAGE)
+            return [
+                Assign(variable(f"sum{u}"), _w(W.DENSE + u, at_row) + x * value_of(f"sum{u}"))
+                for _, _, u, _ in self._states
+            ]
 
         def memory(i: Expression) -> list[Statement]:
-            def of_row_of(m: Expression) -> list[Statement]:
-                return [Put(name("inner"), _w(W.Z_DENSE, _of(back(m), i)) + x * local("inner"))]
+            def memory_row(m: Expression) -> list[Statement]:
+                return [
+                    Assign(variable("inner"), _w(W.Z_DENSE, _memory_offset(reversed_row(m), i)) + x * value_of("inner"))
+                ]
 
-            between = _between(x, _w(W.Z, i), _w(W.Z1, i), local("inner"))
+            between = _interpolate(x, _w(W.Z, i), _w(W.Z1, i), value_of("inner"))
             return [
-                Put(name("inner"), ZERO), each("row of a memory", rows, of_row_of), Put(at("w", W.AUDIT_Z, i), between),
+                Assign(variable("inner"), ZERO), loop_over("row of a memory", rows, memory_row),
+                Assign(slot("w", W.AUDIT_Z, i), between),
             ]  # fmt: skip
 
-        out: list[Statement] = [Put(name(f"sum{u}"), ZERO) for _, _, u, _ in self._states]
-        out.append(each("row", rows, of_row))
+        out: list[Statement] = [Assign(variable(f"sum{u}"), ZERO) for _, _, u, _ in self._states]
+        out.append(loop_over("row", rows, state_row))
         for start, end, u, to in self._states:
-            out.append(Put(at("w", to), _between(x, _w(start), _w(end), local(f"sum{u}"))))
+            out.append(Assign(slot("w", to), _interpolate(x, _w(start), _w(end), value_of(f"sum{u}"))))
         if self._remembers:
-            out.append(each("memory", argument("n_z"), memory))
+            out.append(loop_over("memory", argument("n_z"), memory))
         return Program({"w": "array", "rows": "whole", "n_z": "whole"}, out, exact=True)
 
 
-def _before(count: Expression) -> Expression:
-    return make("whole_add", count, -1)
+def _predecessor(count: Expression) -> Expression:
+    return intern("whole_add", count, -1)
 
 
-def _of(row: Expression, memory: Expression) -> Expression:
+def _memory_offset(row: Expression, memory: Expression) -> Expression:
     """Where a stage, or a row of sums over them, of a memory is behind the first of the first."""
-    return make("whole_add", memory, _times(row, W.MOST_MEMORIES))
+    return intern("whole_add", memory, _scale_counter(row, W.MOST_MEMORIES))
 
 
-def _between(x: Expression, start: Expression, end: Expression, inner: Expression) -> Expression:
+def _interpolate(x: Expression, start: Expression, end: Expression, inner: Expression) -> Expression:
     y = ONE - x
     return y * start + x * (end + y * inner)
 
@@ -217,11 +245,11 @@ def _time_to_zero(c: Expression, most: Expression) -> list[Statement]:
     gap = _w(W.GAP, c)
     below = gap < 0.0
     x, rate, acc = (where(below, -y, y) for y in (gap, _w(W.GAP_RATE, c), _w(W.GAP_ACC, c)))
-    clear = x + most * (smaller(rate, 0.0) + 0.5 * most * smaller(acc, 0.0)) > 0.0
+    clear = x + most * (minimum(rate, 0.0) + 0.5 * most * minimum(acc, 0.0)) > 0.0
     square = rate * rate - 2.0 * acc * x
     down = root(square) - rate
-    found = [Put(name("until"), smaller(most, _over(2.0 * x, down)))]
-    return [Put(name("until"), most), If(~clear, [If(square > 0.0, [If(down > 0.0, list(found))])])]
+    found = [Assign(variable("until"), minimum(most, _divide_exactly(2.0 * x, down)))]
+    return [Assign(variable("until"), most), If(~clear, [If(square > 0.0, [If(down > 0.0, list(found))])])]
 
 
 def _fit_to_turn(
@@ -232,9 +260,9 @@ def _fit_to_turn(
     Outside the layer |z| < LAYER the step ends at its edge; inside, a step turns z by no more than the ``bound`` of a
     speed's error bears: ``strength`` is the acceleration that friction gives (rad/s^2).
     """
-    to: Place = name("step")
+    to: Place = variable("step")
     pace, left = abs(rate), abs(z) - LAYER
-    edge = _over(left, pace)
-    slow = _over(largest(LEAST_TURN, TURN * root(root(_over(bound * pace, strength)))), pace)
-    ends = If((left < step * pace) & (strength * (step - edge) > bound), [Put(to, edge)])
-    return [If(left > 0.01, [ends], [Put(to, smaller(step, slow))])]
+    edge = _divide_exactly(left, pace)
+    slow = _divide_exactly(maximum(LEAST_TURN, TURN * root(root(_divide_exactly(bound * pace, strength)))), pace)
+    ends = If((left < step * pace) & (strength * (step - edge) > bound), [Assign(to, edge)])
+    return [If(left > 0.01, [ends], [Assign(to, minimum(step, slow))])]

@@ -146,7 +146,7 @@ def identify_drive(log: DriveLog, options: DriveOptions | None = None) -> DriveI
         why = "" if fit.determined[k] else NOT_MET.get(name, NOT_SHOWN)
         shown.append(_estimate(name, fit.value[k], u[k], unit, why))
     arm = tuple(_arm(name, value, u_value) for name, (value, u_value) in fit.arm.items())
-    return DriveIdentified(options.mode, _physical(fit, options), tuple(shown), arm, fit.rms_nm)
+    return DriveIdentified(options.mode, _physical_parameters(fit, options), tuple(shown), arm, fit.rms_nm)
 
 
 def _estimate(name: str, value: float, relative: float, unit: str, why: str) -> Estimate:
@@ -161,7 +161,7 @@ def _arm(name: str, value: float, u: float) -> Estimate:
     return Estimate(name, value, u, ARM_UNITS[name])
 
 
-def _physical(fit: LumpFit, options: DriveOptions) -> tuple[Estimate, ...]:
+def _physical_parameters(fit: LumpFit, options: DriveOptions) -> tuple[Estimate, ...]:
     """Numbers of the drive: logarithms of the combinations are sums of theirs."""
     voltage, gain = options.mode == "voltage", GAIN[options.mode]
     unknown = ["torque_constant", gain, "total", "inductance", "current_limit", "supply", "share"]
@@ -182,7 +182,7 @@ def _physical(fit: LumpFit, options: DriveOptions) -> tuple[Estimate, ...]:
         if name == "loop_gain":  # of the sum of both: the resistance is some hundredths of it
             known.append(({"total": 1.0}, float(np.log(value)), float(np.hypot(u / value, 0.05))))
             continue
-        known.append((_sum_of(name), float(np.log(value)), u / value))
+        known.append((_log_coefficients(name), float(np.log(value)), u / value))
     covariance = np.zeros((len(rows) + len(known),) * 2)
     covariance[: len(rows), : len(rows)] = fit.covariance[np.ix_(seen, seen)]
     for k, (row, value, relative) in enumerate(known, start=len(rows)):
@@ -190,7 +190,7 @@ def _physical(fit: LumpFit, options: DriveOptions) -> tuple[Estimate, ...]:
         values.append(value)
         covariance[k, k] = relative**2
     others = (*GAIN.values(), "loop_gain", "resistance_and_loop_gain")
-    wanted = {name: _sum_of(name) for name in UNITS if name not in others}
+    wanted = {name: _log_coefficients(name) for name in UNITS if name not in others}
     wanted[gain] = {gain: 1.0}
     if not voltage:
         wanted |= {"loop_gain": {"total": 1.0}, "resistance_and_loop_gain": {"total": 1.0}}
@@ -205,7 +205,7 @@ def _physical(fit: LumpFit, options: DriveOptions) -> tuple[Estimate, ...]:
     out = []
     for name in (n for n in UNITS if n in wanted):
         along = np.array([wanted[name].get(k, 0.0) for k in unknown])
-        why = _open(name, fit, options) if np.linalg.norm(free @ along) > OPEN else ""
+        why = _explain_undetermined(name, fit, options) if np.linalg.norm(free @ along) > OPEN else ""
         value, relative = float(np.exp(along @ logs)), float(np.sqrt(along @ spread @ along))
         if name == "loop_gain" and not why:
             why, value, relative = _loop_gain(value, relative, logs, spread, unknown, free)
@@ -221,7 +221,7 @@ def _physical(fit: LumpFit, options: DriveOptions) -> tuple[Estimate, ...]:
     return tuple(out)
 
 
-def _sum_of(name: str) -> dict[str, float]:
+def _log_coefficients(name: str) -> dict[str, float]:
     """The number's logarithm as a sum of unknowns."""
     return {"total": 1.0, "share": 1.0} if name == "resistance" else {name: 1.0}
 
@@ -239,7 +239,7 @@ def _loop_gain(
     return "", total * (1.0 - share), float(np.sqrt(slope @ spread @ slope))
 
 
-def _open(name: str, fit: LumpFit, options: DriveOptions) -> str:
+def _explain_undetermined(name: str, fit: LumpFit, options: DriveOptions) -> str:
     """Why a number is open: what was not met, or what would have to be known."""
     for lump in NEEDED.get(name, ()):
         if not fit.determined[fit.names.index(lump)]:

@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.optimize import least_squares
 
-from model.derived.load import kernel_of
+from model.derived.load import load_kernel
 from model.drive.log import DriveLog, DriveOptions
 from model.errors import InputError
-from model.kernels.drive_torque import SUBSTEPS, torque_along
+from model.kernels.drive_torque import SUBSTEPS, integrate_torque
 
 Array = NDArray[np.float64]
 LUMPS = ("torque_per_volt", "delay", "damping", "ceiling", "supply", "share", "firmness")
@@ -58,14 +58,14 @@ def motor_torque(
     rows = np.ascontiguousarray(lumps, dtype=float)
     largest = rows[:, 3] if mode == "torque" else SATURATED * rows[:, 4]
     out = np.empty((len(rows), (len(command_v) - 1) * SUBSTEPS + 1))
-    turned = _between(arm_rad, SUBSTEPS)
-    torque_along(
-        kernel_of((), "amplifier"), rows, np.ascontiguousarray(largest), command_v, turned, interval_s, softness, out
+    turned = _interpolate(arm_rad, SUBSTEPS)
+    integrate_torque(
+        load_kernel((), "amplifier"), rows, np.ascontiguousarray(largest), command_v, turned, interval_s, softness, out
     )
     return out
 
 
-def _between(x: Array, parts: int) -> Array:
+def _interpolate(x: Array, parts: int) -> Array:
     """``x`` (n,) and ``parts`` - 1 values between each two samples, by cubics through four of them."""
     slope = 0.5 * np.diff(np.concatenate([[2.0 * x[0] - x[1]], x, [2.0 * x[-1] - x[-2]]]))
     slope = slope[:-1] + slope[1:]
@@ -179,25 +179,25 @@ def fit_lumps(log: DriveLog, options: DriveOptions) -> LumpFit:
     InputError : force and motion are not those of an arm that this command drives
     """
     problem = _Problem(log, options)
-    starts = _starts(problem)
-    x, prior = _search(problem, starts[0], starts[0], SHORT)[0], starts[0]
-    _scatter(problem, x)
-    found = [_search(problem, start, start, ROUNDS) for start in starts]
+    starts = _initial_guesses(problem)
+    x, prior = _fit_least_squares(problem, starts[0], starts[0], SHORT)[0], starts[0]
+    _set_residual_scale(problem, x)
+    found = [_fit_least_squares(problem, start, start, ROUNDS) for start in starts]
     best = min(range(len(found)), key=lambda k: found[k][1] + WORTH * (k > 0))
     x, prior = found[best][0], starts[best]
     for _ in range(2):  # scatter and numbers in turn
-        _scatter(problem, x)
-        x, _ = _search(problem, x, prior, ROUNDS)
+        _set_residual_scale(problem, x)
+        x, _ = _fit_least_squares(problem, x, prior, ROUNDS)
     left = float(problem.scale[0] / np.sqrt(np.mean(problem.tip**2)))
     if left > UNEXPLAINED:
         raise InputError(
             f"log: command and motion leave {100 * left:.0f} % of the tip's torque unexplained, allowed "
             f"{100 * UNEXPLAINED:.0f} %; check clocks, signs, units and the mode of the amplifier"
         )
-    return _result(problem, x)
+    return _lump_fit(problem, x)
 
 
-def _scatter(problem: _Problem, x: Array) -> None:
+def _set_residual_scale(problem: _Problem, x: Array) -> None:
     """Set the scatter of both kinds of residual to what it is at ``x``."""
     rest, m = problem.rest(x), problem.arm.shape[1]
     for k, part in enumerate((rest[:m], rest[m:])):
@@ -205,7 +205,7 @@ def _scatter(problem: _Problem, x: Array) -> None:
             problem.scale[k] = max(problem.scale[k] * float(np.sqrt(np.mean(part**2))), 1e-12)
 
 
-def _starts(problem: _Problem) -> list[Array]:
+def _initial_guesses(problem: _Problem) -> list[Array]:
     """Where the search begins: from a straight line through small commands, with limits met and not."""
     log, mode = problem.log, problem.options.mode
     small = np.abs(problem.asked) <= 0.4 * np.abs(log.command_v).max()
@@ -239,35 +239,35 @@ def _prior(problem: _Problem) -> Array:
     return np.array([*logs, *(1.0 / wide for wide in WIDE)])
 
 
-def _moving(problem: _Problem) -> NDArray[np.int64]:
+def _free_indices(problem: _Problem) -> NDArray[np.int64]:
     """Places of what is searched for."""
     return np.flatnonzero(np.concatenate([problem.free, np.ones(len(ARM), dtype=bool)]))
 
 
-def _search(problem: _Problem, x: Array, prior: Array, rounds: int) -> tuple[Array, float]:
+def _fit_least_squares(problem: _Problem, x: Array, prior: Array, rounds: int) -> tuple[Array, float]:
     """Least squares from ``x``, held near ``prior`` by its weights; what they find and the sum of squares there."""
-    weight, moving = _prior(problem), _moving(problem)
+    weight, moving = _prior(problem), _free_indices(problem)
     hold = np.diag(weight)[:, moving]
 
-    def whole(moved: Array) -> Array:
+    def full_vector(moved: Array) -> Array:
         out = x.copy()
         out[moving] = moved
         return out
 
     found = least_squares(
-        lambda y: np.concatenate([problem.rest(whole(y)), weight * (whole(y) - prior)]), x[moving],
-        jac=lambda y: np.concatenate([problem.jacobian(whole(y))[:, moving], hold]),
+        lambda y: np.concatenate([problem.rest(full_vector(y)), weight * (full_vector(y) - prior)]), x[moving],
+        jac=lambda y: np.concatenate([problem.jacobian(full_vector(y))[:, moving], hold]),
         x_scale="jac", ftol=1e-9, max_nfev=rounds,
     )  # fmt: skip
-    return whole(found.x), 2.0 * float(found.cost)
+    return full_vector(found.x), 2.0 * float(found.cost)
 
 
-def _result(problem: _Problem, x: Array) -> LumpFit:
+def _lump_fit(problem: _Problem, x: Array) -> LumpFit:
     """Numbers with their covariance, from the residuals and from what all samples share."""
     p, m = len(problem.free), problem.arm.shape[1]
     rest, jacobian = problem.rest(x), problem.jacobian(x)
     weight = _prior(problem) ** 2
-    moving = _moving(problem)
+    moving = _free_indices(problem)
     inverse = np.linalg.pinv((jacobian.T @ jacobian + np.diag(weight))[np.ix_(moving, moving)], rcond=1e-15)
     jacobian = jacobian[:, moving]
     scatter = np.diag(weight)[np.ix_(moving, moving)]
@@ -278,7 +278,7 @@ def _result(problem: _Problem, x: Array) -> LumpFit:
             cross = part[lag:].T @ part[:-lag]
             scatter = scatter + (1.0 - lag / (LAG + 1.0)) * (cross + cross.T)
     covariance = inverse @ scatter @ inverse
-    for wrong in _shared(problem, x):
+    for wrong in _common_errors(problem, x):
         shift = inverse @ (jacobian.T @ wrong)
         covariance = covariance + np.outer(shift, shift)
     whole = np.zeros((len(x), len(x)))
@@ -295,7 +295,7 @@ def _result(problem: _Problem, x: Array) -> LumpFit:
     return LumpFit(names, np.exp(x[:p]), whole[:p, :p], determined, arm, asked, rms)
 
 
-def _shared(problem: _Problem, x: Array) -> list[Array]:
+def _common_errors(problem: _Problem, x: Array) -> list[Array]:
     """Errors of the residuals by one standard uncertainty of each thing that all samples share."""
     o, p = problem.options, len(problem.free)
     torque = problem.torque(x[None, :p])[0]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from model.compiler.expressions import ZERO, Expression, total
-from model.compiler.programs import Add, Statement, name
+from model.compiler.programs import Accumulate, Statement, variable
 from model.elements.kinematics import Kinematics, Vector, dot
 from model.elements.structure import Structure
 from model.kernels import layout as L
@@ -92,7 +92,9 @@ class Bodies:
         taken = {i: e for i, e in rubs.items() if i not in self._s.led}
         for i in self._s.led:  # also resists what raises it
             taken |= {k: taken.get(k, ZERO) + rate * rubs[i] for k, rate in self._k.turns(i).items()}
-        return [Add(name(f"f{i}"), e - taken.get(i, ZERO)) for i, e in self._force.items() if i in self._s.solved]
+        return [
+            Accumulate(variable(f"f{i}"), e - taken.get(i, ZERO)) for i, e in self._force.items() if i in self._s.solved
+        ]
 
     def inertia(self, acceleration: list[Expression]) -> list[Expression]:
         """M a, row by row of the coordinates that are solved for; ``acceleration`` is of all."""
@@ -118,11 +120,14 @@ class Bodies:
         rubs = self.joint_friction()
         turning = total(e * self._joint_speed(i) for i, e in rubs.items() if i not in s.guided)
         lifting = total(e * v[i] for i, e in rubs.items() if i in s.guided)
-        out: list[Statement] = [Add(name("energy"), moving + heights), Add(name("joints"), turning)]
-        return out + ([Add(name("rail"), lifting)] if s.guided else [])
+        out: list[Statement] = [
+            Accumulate(variable("energy"), moving + heights),
+            Accumulate(variable("joints"), turning),
+        ]
+        return out + ([Accumulate(variable("rail"), lifting)] if s.guided else [])
 
 
-def solved(mass: Masses, forces: dict[int, Expression]) -> dict[int, Expression]:
+def solve_mass_matrix(mass: Masses, forces: dict[int, Expression]) -> dict[int, Expression]:
     """Accelerations a with M a = f of the coordinates whose ``forces`` are given: those with the fewest links first."""
     m = {pair: e for (i, j), e in mass.items() for pair in ((i, j), (j, i)) if i in forces and j in forces}
     f, left, done = dict(forces), list(forces), []

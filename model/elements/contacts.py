@@ -11,21 +11,33 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from model.compiler.expressions import ZERO, Expression, Given, largest, law, make, parts, root, smaller, total, where
-from model.compiler.programs import Add, If, Put, Statement, name
-from model.elements.kinematics import Kinematics, Vector, apart, dot
+from model.compiler.expressions import (
+    ZERO,
+    Arguments,
+    Expression,
+    differentiate_once,
+    intern,
+    maximum,
+    minimum,
+    root,
+    subexpressions,
+    total,
+    where,
+)
+from model.compiler.programs import Accumulate, Assign, If, Statement, variable
+from model.elements.kinematics import Kinematics, Vector, dot, relative_velocities
 from model.elements.laws.curve import Curve
-from model.elements.laws.felt_law import Felt, Law, asked, pushing
+from model.elements.laws.felt_law import Felt, Law, checked_force, evaluate_law
 from model.elements.structure import Structure
 from model.kernels import layout as L
 
 
-def _chosen(on_start: Expression, on_end: Expression, start: Any, end: Any, arc: Any) -> Expression:
+def _select_by_side(on_start: Expression, on_end: Expression, start: Any, end: Any, arc: Any) -> Expression:
     return where(on_start, start, where(on_end, end, arc))
 
 
-@law
-def circle_gap(given: Given, reach: Expression) -> tuple[Expression, ...]:
+@differentiate_once
+def circle_gap(given: Arguments, reach: Expression) -> tuple[Expression, ...]:
     """Depth (m) and normal of two circles; (ux, uy) between centres, radii add up to ``reach``."""
     ux, uy = given
     distance = root(ux * ux + uy * uy)
@@ -33,7 +45,7 @@ def circle_gap(given: Given, reach: Expression) -> tuple[Expression, ...]:
     return reach - distance, ux * inverse, uy * inverse
 
 
-def _sides(given: Given) -> tuple[Expression, ...]:
+def _nearest_tangent(given: Arguments) -> tuple[Expression, ...]:
     """Whether the tangent at an arc's start, or at its end, is the nearest; the distances from both."""
     ux, uy, sx, sy, ex, ey = given
     before, behind = ux * sy - uy * sx > 0.0, ex * uy - ey * ux > 0.0
@@ -42,14 +54,14 @@ def _sides(given: Given) -> tuple[Expression, ...]:
     return on_start, behind & ~on_start, from_start, from_end
 
 
-@law
-def hybrid_gap(given: Given, reach: Expression) -> tuple[Expression, ...]:
+@differentiate_once
+def hybrid_gap(given: Arguments, reach: Expression) -> tuple[Expression, ...]:
     """The same against an arc from direction s to e whose tangents run on at both ends."""
     ux, uy, sx, sy, ex, ey = given
-    on_start, on_end, from_start, from_end = _sides(given)
+    on_start, on_end, from_start, from_end = _nearest_tangent(given)
     x, nx, ny = circle_gap((ux, uy), reach)
     ends = ((reach - from_start, reach - from_end, x), (sx, ex, nx), (sy, ey, ny))
-    return tuple(_chosen(on_start, on_end, *row) for row in ends)
+    return tuple(_select_by_side(on_start, on_end, *row) for row in ends)
 
 
 @dataclass
@@ -70,7 +82,7 @@ class Contact:
         return self.number(L.K_A), self.number(L.K_B), self.number(L.K_C)
 
     @cached_property
-    def _between(self) -> tuple[Vector, Given, Expression]:
+    def _relative_geometry(self) -> tuple[Vector, Arguments, Expression]:
         """Centre of A; way from B's centre, then the directions of B's surface; the reach."""
         a, b, _, _ = self.s.contact[self.c]
         n = self.number
@@ -83,7 +95,7 @@ class Contact:
     def gap(self) -> tuple[Expression, Vector]:
         """Depth, m, negative where open, and the normal."""
         shape = self.s.contact[self.c][2]
-        _, given, reach = self._between
+        _, given, reach = self._relative_geometry
         if shape == L.LINE:
             ux, uy, nx, ny, *_ = given
             return self.number(L.A_R) - (ux * nx + uy * ny), (nx, ny)
@@ -94,54 +106,54 @@ class Contact:
     def touches(self) -> Expression:
         """Whether the surfaces meet, with no root where they do not."""
         shape = self.s.contact[self.c][2]
-        _, given, reach = self._between
+        _, given, reach = self._relative_geometry
         near = given[0] * given[0] + given[1] * given[1] < reach * reach
         if shape == L.LINE:
             return self.gap[0] > 0.0
         if shape == L.CIRCLE:
             return near
-        on_start, on_end, from_start, from_end = _sides(given)
+        on_start, on_end, from_start, from_end = _nearest_tangent(given)
         on_arc = ~(on_start | on_end) & near
         return (on_start & (from_start < reach)) | (on_end & (from_end < reach)) | on_arc
 
-    def beside_the_arc(self) -> Expression:
+    def is_off_arc(self) -> Expression:
         """Whether a tangent of a hybrid surface is nearer than its arc."""
-        on_start, on_end, *_ = _sides(self._between[1])
+        on_start, on_end, *_ = _nearest_tangent(self._relative_geometry[1])
         return on_start | on_end
 
-    def room(self) -> Expression:
+    def clearance(self) -> Expression:
         """How far the surfaces can come closer before they may touch, m; 0 where they do.
 
         Behind an arc's centre the rule that picks arc or tangent jumps across the extensions of its end radii.
         """
         x, _ = self.gap
         if self.s.contact[self.c][2] != L.HYBRID:
-            return largest(-x, 0.0)
-        ux, uy, sx, sy, ex, ey = self._between[1]
+            return maximum(-x, 0.0)
+        ux, uy, sx, sy, ex, ey = self._relative_geometry[1]
         distance = root(ux * ux + uy * uy)
         jumps = [
             where(out < 0.0, abs(across), distance)
             for out, across in ((ux * sx + uy * sy, uy * sx - ux * sy), (ux * ex + uy * ey, ex * uy - ey * ux))
         ]
-        return largest(smaller(-x, smaller(*jumps)), 0.0)
+        return maximum(minimum(-x, minimum(*jumps)), 0.0)
 
     def point(self, depth: Expression) -> Vector:
         """World position at which the force acts."""
-        centre, (_, (nx, ny)) = self._between[0], self.gap
+        centre, (_, (nx, ny)) = self._relative_geometry[0], self.gap
         r = self.number(L.A_R) - 0.5 * depth
         return centre[0] - r * nx, centre[1] - r * ny
 
-    def _apart(self, x: Expression, y: Expression) -> dict[int, Vector]:
+    def _point_velocity(self, x: Expression, y: Expression) -> dict[int, Vector]:
         a, b, _, _ = self.s.contact[self.c]
-        return apart(self.k.ways(a, x, y), self.k.ways(b, x, y))
+        return relative_velocities(self.k.ways(a, x, y), self.k.ways(b, x, y))
 
     @cached_property
     def ways(self) -> dict[int, Vector]:
         """Velocity of A against B at mid-penetration per unit speed of each coordinate that changes it."""
-        return self._apart(*self.point(self.gap[0]))
+        return self._point_velocity(*self.point(self.gap[0]))
 
     @cached_property
-    def closing(self) -> tuple[Expression, Expression]:
+    def relative_speeds(self) -> tuple[Expression, Expression]:
         """Rate of the depth and sliding speed, m/s."""
         (vx, vy), (_, (nx, ny)) = self.k.velocity(self.ways), self.gap
         return -(vx * nx + vy * ny), vy * nx - vx * ny
@@ -157,12 +169,12 @@ class Contact:
 
     def open_turns(self) -> dict[int, Expression]:
         """Change of an open gap per unit speed of each coordinate."""
-        return {k: dot(way, self.gap[1]) for k, way in self._apart(*self._between[0]).items()}
+        return {k: dot(way, self.gap[1]) for k, way in self._point_velocity(*self._relative_geometry[0]).items()}
 
     def coefficient(self) -> Expression:
         """Friction coefficient at the sliding speed."""
         laws = (self.number(k) for k in (L.MU_A, L.MU_B1, L.MU_B2))
-        out: Expression = self.k.friction((self.closing[1],), self.k.per_slide, *laws)
+        out: Expression = self.k.friction((self.relative_speeds[1],), self.k.per_slide, *laws)
         return out
 
     # the felt ------------------------------------------------------------------------------------------------------
@@ -185,20 +197,24 @@ class Contact:
     @cached_property
     def felt(self) -> tuple[Expression, Expression]:
         """Whether the felt presses where the surfaces meet, and its force, N."""
-        return pushing(self.law, self.pressed_by(self.gap[0], self.closing[0]))
+        return checked_force(self.law, self.pressed_by(self.gap[0], self.relative_speeds[0]))
 
     def _rates(self, of: Callable[[Felt], Sequence[Expression]]) -> list[Statement]:
         """Rates of its memories, as the law says of felt that presses or of felt that does not."""
         if not self.memories:
             return []
-        rates = asked(of, self.pressed_by(self.gap[0], self.closing[0]))
-        return [Put(name(f"fade{m}"), rate) for m, rate in zip(self.memories, rates, strict=True)]
+        rates = evaluate_law(of, self.pressed_by(self.gap[0], self.relative_speeds[0]))
+        return [Assign(variable(f"fade{m}"), rate) for m, rate in zip(self.memories, rates, strict=True)]
 
     def branch_conditions(self) -> list[Expression]:
         """Conditions by which the law of its felt takes one of two numbers."""
-        felt = self.pressed_by(self.gap[0], self.closing[0])
-        said = [*asked(self.law.force, felt), *asked(self.law.rates, felt), *asked(self.law.alone, felt)]
-        found = {one.args[0] for one in parts(said, [felt.depth, felt.rate]) if one.op == "where"}
+        felt = self.pressed_by(self.gap[0], self.relative_speeds[0])
+        said = [
+            *evaluate_law(self.law.force, felt),
+            *evaluate_law(self.law.rates, felt),
+            *evaluate_law(self.law.recovery_rates, felt),
+        ]
+        found = {one.args[0] for one in subexpressions(said, [felt.depth, felt.rate]) if one.op == "where"}
         return sorted(found, key=lambda one: one.order)
 
     def world(self, force: Expression, coefficient: Expression) -> Vector:
@@ -212,19 +228,20 @@ class Contact:
         world = self.world(force, coefficient)
         return {k: dot(way, world) for k, way in self.ways.items() if k in self.s.solved}
 
-    def pressed(self) -> list[Statement]:
+    def contact_statements(self) -> list[Statement]:
         """What happens where the surfaces meet: forces, and rates of memories."""
         pressing, force = self.felt
         rubbing, smooth = (
-            [Add(name(f"f{k}"), e) for k, e in self.push(force, mu).items()] for mu in (self.coefficient(), ZERO)
+            [Accumulate(variable(f"f{k}"), e) for k, e in self.push(force, mu).items()]
+            for mu in (self.coefficient(), ZERO)
         )
-        rubs = make("differs", self.number(L.MU_A), ZERO)  # most contacts have no friction
+        rubs = intern("differs", self.number(L.MU_A), ZERO)  # most contacts have no friction
         pushed: list[Statement] = list(rubbing) if self.k.everywhere else [If(rubs, list(rubbing), list(smooth))]
         return [If(pressing, [*self._rates(self.law.rates), *pushed])]
 
     def forces(self) -> list[Statement]:
         """Generalised forces, and the rate of each memory as ``fade``."""
-        return [*self._rates(self.law.alone), If(self.touches, self.pressed())]
+        return [*self._rates(self.law.recovery_rates), If(self.touches, self.contact_statements())]
 
     def stiffness(self, rate: Expression) -> Expression:
         """Force per depth that a first touch at a rate (m/s) brings at once, N/m."""
@@ -233,22 +250,22 @@ class Contact:
     def energy(self, label: str = "") -> list[Statement]:
         """What the felt stores, J; what felt and friction lose, W; to names that end with ``label``."""
         lasting = bool(self.memories) and self.law.anew is None
-        x, (rate, slide) = self.gap[0], self.closing
+        x, (rate, slide) = self.gap[0], self.relative_speeds
         felt = self.pressed_by(where(self.touches, x, 0.0) if lasting else x, rate)
         before, stored, lost = self.law.energy(felt, f"{self.c}{label}")
-        loss = name(("rail" if self.c in self.s.rail else "felt") + label)
-        own = [*before, Add(name("energy" + label), stored), Add(loss, lost)]
+        loss = variable(("rail" if self.c in self.s.rail else "felt") + label)
+        own = [*before, Accumulate(variable("energy" + label), stored), Accumulate(loss, lost)]
         pressing, force = self.felt
-        rub = If(pressing, [Add(name("friction" + label), self.coefficient() * force * slide)])
+        rub = If(pressing, [Accumulate(variable("friction" + label), self.coefficient() * force * slide)])
         return [*own, If(self.touches, [rub])] if lasting else [If(self.touches, [*own, rub])]
 
 
-def speeds_up(turns: dict[int, Expression], ease: dict[int, Expression]) -> Expression:
+def largest_acceleration(turns: dict[int, Expression], ease: dict[int, Expression]) -> Expression:
     """The largest acceleration of one coordinate that a unit force along a direction gives."""
     found = [abs(turn) * ease[k] for k, turn in turns.items() if k in ease]
-    return largest(*found) if found else ZERO
+    return maximum(*found) if found else ZERO
 
 
-def change(turns: dict[int, Expression], rates: list[Expression]) -> Expression:
+def rate_along(turns: dict[int, Expression], rates: list[Expression]) -> Expression:
     """What goes along with speeds or accelerations of all coordinates."""
     return total(turn * rates[k] for k, turn in turns.items())

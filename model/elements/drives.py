@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from model.compiler.expressions import ZERO, Expression, Given, law, root, where
-from model.compiler.programs import Add, Statement, name
+from model.compiler.expressions import ZERO, Arguments, Expression, differentiate_once, root, where
+from model.compiler.programs import Accumulate, Statement, variable
 from model.elements.kinematics import Kinematics
 from model.elements.structure import Structure
 from model.kernels import layout as L
@@ -17,9 +17,9 @@ def soft_limit(x: Expression, limit: Expression, share: Expression) -> Expressio
     return where(abs(x) > limit - width, where(x > 0.0, held, -held), x)
 
 
-@law
+@differentiate_once
 def amplifier(
-    given: Given, loop: Expression, supply: Expression, limit: Expression, hold: Expression, share: Expression
+    given: Arguments, loop: Expression, supply: Expression, limit: Expression, hold: Expression, share: Expression
 ) -> Expression:
     """Voltage (V) at a source voltage and a current: less what its current loop takes, within its supply.
 
@@ -72,7 +72,9 @@ class Drives:
 
     def forces(self) -> list[Statement]:
         """Forces N, torques N m, voltages V."""
-        return [Add(name(f"f{i}"), e) for push in self.pushes for i, e in push.items() if i in self._s.solved]
+        return [
+            Accumulate(variable(f"f{i}"), e) for push in self.pushes for i, e in push.items() if i in self._s.solved
+        ]
 
     def energy(self) -> list[Statement]:
         """Power put in, W, and lost in a winding."""
@@ -80,8 +82,8 @@ class Drives:
         for kind, i, numbers in self._rows:
             v = self._k.state.v
             if kind == L.AMPLIFIER:
-                out += [Add(name("given"), self._volts(i, numbers) * v[i])]
-                out += [Add(name("drive"), numbers[L.WINDING_R] * v[i] * v[i])]
+                out += [Accumulate(variable("given"), self._volts(i, numbers) * v[i])]
+                out += [Accumulate(variable("drive"), numbers[L.WINDING_R] * v[i] * v[i])]
                 continue
-            out += [Add(name("given"), e * v[k]) for k, e in self._push(kind, i, numbers).items()]
+            out += [Accumulate(variable("given"), e * v[k]) for k, e in self._push(kind, i, numbers).items()]
         return out

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from model.compiler.expressions import ZERO, Expression, Given, guarded, law, make, tanh
+from model.compiler.expressions import ZERO, Arguments, Expression, compute_where, differentiate_once, intern, tanh
 
 
 def friction(everywhere: bool) -> Callable[..., Expression]:
@@ -11,11 +11,11 @@ def friction(everywhere: bool) -> Callable[..., Expression]:
     ``everywhere``: it is also to be differentiable by a B1 that is 0.
     """
 
-    @law
-    def at_speed(given: Given, per: Expression, a: Expression, b1: Expression, b2: Expression) -> Expression:
+    @differentiate_once
+    def coefficient(given: Arguments, per: Expression, a: Expression, b1: Expression, b2: Expression) -> Expression:
         z = given[0] * per
         square = z * z
         hump = b1 * z / (1.0 + b2 * (square * square))
-        return a * (tanh(z) + (hump if everywhere else guarded(make("differs", b1, ZERO), hump)))
+        return a * (tanh(z) + (hump if everywhere else compute_where(intern("differs", b1, ZERO), hump)))
 
-    return at_speed
+    return coefficient

@@ -65,9 +65,9 @@ class Kinematics:
         self.per_slide, self.per_turn = (ONE / read("p", k) for k in (L.V_T, L.OMEGA_T))
         self.pose: dict[int, _Pose] = {}
         for i in s.order():
-            self.pose[i] = self._placed(i)
+            self.pose[i] = self._body_pose(i)
 
-    def _placed(self, i: int) -> _Pose:
+    def _body_pose(self, i: int) -> _Pose:
         s, q, v = self.s, self.state.q, self.state.v
         w, at = s.parent[i], (s.body(i, L.PIVOT_X), s.body(i, L.PIVOT_Y))
         if i in s.guided:
@@ -88,10 +88,10 @@ class Kinematics:
         pivot = (pivot[0] + moved[0], pivot[1] + moved[1])
         ways |= {g: None for g, body in s.pin.items() if body == i} | {i: pivot}
         if i in s.led:
-            return self._led(i, pivot, ways)
+            return self._lifted_key_pose(i, pivot, ways)
         return _Pose(pivot, cosine(angle), sine(angle), speed, ways)
 
-    def _led(self, i: int, pivot: Vector, ways: dict[int, Vector | None]) -> _Pose:
+    def _lifted_key_pose(self, i: int, pivot: Vector, ways: dict[int, Vector | None]) -> _Pose:
         """Pose of a key whose front is where it would be if the key turned by its coordinate and did not rise.
 
         The front is ``wanted`` above the pivot's place, ``up`` above the pivot, ``across`` beside it: with the rise r
@@ -147,7 +147,7 @@ class Kinematics:
         return total(way[0] * v[k] for k, way in ways.items()), total(way[1] * v[k] for k, way in ways.items())
 
 
-def apart(a: dict[int, Vector], b: dict[int, Vector]) -> dict[int, Vector]:
+def relative_velocities(a: dict[int, Vector], b: dict[int, Vector]) -> dict[int, Vector]:
     """Ways of one point against another's, of the coordinates that move them apart."""
     nothing = (ZERO, ZERO)
     out = {}

@@ -7,27 +7,27 @@ time since the row's break. Outside the breaks the first or last polynomial goes
 
 from __future__ import annotations
 
-from model.compiler.expressions import Expression, largest, local, make, read, smaller
-from model.compiler.programs import Put, Statement, While, name, whole
+from model.compiler.expressions import Expression, intern, maximum, minimum, read, value_of
+from model.compiler.programs import Assign, Statement, While, as_integer, variable
 
 ORDER = 6  # coefficients of a piece: a quintic
 Motion = tuple[Expression, Expression, Expression, Expression]
 
 
-def motion(o: int, t: Expression, piece: Expression) -> tuple[list[Statement], Motion]:
+def interpolate_motion(o: int, t: Expression, piece: Expression) -> tuple[list[Statement], Motion]:
     """Statements that find the piece that holds the time, from ``piece`` on; angle, speed, acceleration, jerk there."""
     count = read("p", o)
-    k = local("piece")
+    k = value_of("piece")
 
     def start(behind: int) -> Expression:
-        return read("p", o + 1 + behind, whole(k))
+        return read("p", o + 1 + behind, as_integer(k))
 
     find: list[Statement] = [
-        Put(name("piece"), smaller(largest(piece, 0.0), count - 1.0)),
-        While((k < count - 1.0) & (t >= start(1)), [Put(name("piece"), k + 1.0)]),
-        While((k > 0.0) & (t < start(0)), [Put(name("piece"), k - 1.0)]),
+        Assign(variable("piece"), minimum(maximum(piece, 0.0), count - 1.0)),
+        While((k < count - 1.0) & (t >= start(1)), [Assign(variable("piece"), k + 1.0)]),
+        While((k > 0.0) & (t < start(0)), [Assign(variable("piece"), k - 1.0)]),
     ]
-    behind = make("whole_add", whole(count), make("whole_multiply", whole(k), ORDER))
+    behind = intern("whole_add", as_integer(count), intern("whole_multiply", as_integer(k), ORDER))
     row = [read("p", o + 2 + i, behind) for i in range(ORDER)]
     x = t - start(0)
     out = []

@@ -62,9 +62,9 @@ class Elements:
         strings = [self.contact(c) for c in self.s.string]
         return [line for one in strings if isinstance(one, StringContact) for line in one.seen()]
 
-    def damped(self, i: int) -> Expression:
+    def damping_power(self, i: int) -> Expression:
         """Power that dampers and bushings of a joint take, W."""
-        return total(e.lost for e in dampers(self.s, self.state) if self.s.pin.get(e.i, e.i) == i)
+        return total(e.dissipated_power for e in dampers(self.s, self.state) if self.s.pin.get(e.i, e.i) == i)
 
     @cached_property
     def tips(self) -> list[Tip]:
@@ -72,17 +72,17 @@ class Elements:
         return [Tip(self.s, self.k, which) for which in range(len(self.s.probe))]
 
     @cached_property
-    def smooth(self) -> list[Spring | Drives]:
+    def contactless_elements(self) -> list[Spring | Drives]:
         """What acts on coordinates without contacts."""
         s = self.s
         return [*springs(s, self.state), Drives(s, self.k), *dampers(s, self.state)]
 
-    def smooth_forces(self) -> list[Statement]:
+    def contactless_forces(self) -> list[Statement]:
         """Forces of all but contacts and tips."""
-        return self.bodies.forces() + [line for e in self.smooth for line in e.forces()]
+        return self.bodies.forces() + [line for e in self.contactless_elements for line in e.forces()]
 
     def energy(self) -> list[Statement]:
         """Energies stored, powers put in and lost, of everything."""
         contacts = [self.contact(c) for c in range(len(self.s.contact))]
-        every = [self.bodies, *self.smooth, *contacts, *self.tips]
+        every = [self.bodies, *self.contactless_elements, *contacts, *self.tips]
         return [line for e in every for line in e.energy()]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from model.compiler.expressions import ZERO, Expression
-from model.compiler.programs import Add, Statement, name
+from model.compiler.programs import Accumulate, Statement, variable
 from model.elements.kinematics import State
 from model.elements.structure import Structure
 from model.kernels import layout as L
@@ -25,16 +25,15 @@ class Spring:
 
     def forces(self) -> list[Statement]:
         """Its force, N, or torque, N m."""
-        return [Add(name(f"f{self.i}"), self.load - self.stiffness * self.way - self.damping * self.rate)]
+        return [Accumulate(variable(f"f{self.i}"), self.load - self.stiffness * self.way - self.damping * self.rate)]
 
     def energy(self) -> list[Statement]:
         """What it stores, J, and loses, W."""
-        kept, lost = (0.5 * self.stiffness * self.way - self.load) * self.way, self.lost
-        return [Add(name(text), e) for text, e in (("energy", kept), (self.loss, lost)) if e is not ZERO]
+        kept, lost = (0.5 * self.stiffness * self.way - self.load) * self.way, self.dissipated_power
+        return [Accumulate(variable(text), e) for text, e in (("energy", kept), (self.loss, lost)) if e is not ZERO]
 
     @property
-    def lost(self) -> Expression:
-        """What it loses, W."""
+    def dissipated_power(self) -> Expression:
         return self.damping * self.rate * self.rate
 
 

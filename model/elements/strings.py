@@ -16,24 +16,36 @@ from typing import Any
 from model.compiler.expressions import (
     ONE,
     ZERO,
+    Arguments,
     Expression,
-    Given,
     constant,
     cosine,
+    differentiate_once,
     exponential,
-    found_by_newton,
-    largest,
-    law,
-    local,
-    make,
+    intern,
+    maximum,
     read,
     root,
     sine,
+    solve_by_newton,
+    value_of,
     where,
 )
-from model.compiler.programs import Add, Anew, For, If, Place, Put, Statement, at, each, name, whole
+from model.compiler.programs import (
+    Accumulate,
+    Assign,
+    For,
+    If,
+    Place,
+    Reload,
+    Statement,
+    as_integer,
+    loop_over,
+    slot,
+    variable,
+)
 from model.elements.contacts import Contact
-from model.elements.laws.curve import Curve, loading, stored
+from model.elements.laws.curve import Curve, curve_energy, loading_force
 from model.elements.structure import Structure
 from model.kernels import layout as L
 from model.kernels import workspace as W
@@ -51,7 +63,7 @@ class Modes:
         self.array, self.row = array, row
         self._numbers, self.first = s.offset[7], s.first_of_string()
         self._count = read("p", self._numbers)
-        self.count = whole(self._count)
+        self.count = as_integer(self._count)
 
     def number(self, which: int, i: Expression) -> Expression:
         """Gain 1/kg, stiffness 1/s^2 or damping 1/s of mode ``i``."""
@@ -64,7 +76,7 @@ class Modes:
 
     def half(self, halves: int, i: Expression) -> Expression:
         """How far behind the first mode's way the way of mode ``i`` is, or, one half on, its rate."""
-        return make("whole_add", i, make("whole_multiply", self.count, halves)) if halves else i
+        return intern("whole_add", i, intern("whole_multiply", self.count, halves)) if halves else i
 
     def state(self, row: int, half: int, i: Expression) -> Expression:
         """Way (0) or rate (1) of mode ``i`` in a row of memories."""
@@ -72,66 +84,73 @@ class Modes:
 
     def place(self, row: int, half: int, i: Expression) -> Place:
         """Where it is."""
-        return at("w", row + self.first + L.STRING_STATES, self.half(half, i))
+        return slot("w", row + self.first + L.STRING_STATES, self.half(half, i))
 
     def head(self, row: int, k: int) -> Place:
         """Where one of the two numbers before the states is."""
-        return at("w", row + self.first + k)
+        return slot("w", row + self.first + k)
 
     def sums(self, row: int) -> list[Statement]:
         """The string's way as ``sway`` and its rate as ``swing``."""
         return [
-            Put(name("sway"), ZERO), Put(name("swing"), ZERO),
-            each(f"sum {row}", self.count, lambda i: [
-                Add(name("sway"), self.state(row, 0, i)), Add(name("swing"), self.state(row, 1, i)),
+            Assign(variable("sway"), ZERO), Assign(variable("swing"), ZERO),
+            loop_over(f"sum {row}", self.count, lambda i: [
+                Accumulate(variable("sway"), self.state(row, 0, i)),
+                Accumulate(variable("swing"), self.state(row, 1, i)),
             ]),
         ]  # fmt: skip
 
-    def stored(self, row: int, to: Place, sign: float = 1.0) -> For:
+    def add_stored_energy(self, row: int, to: Place, sign: float = 1.0) -> For:
         """Add their energy, J, to a name."""
 
         def one(i: Expression) -> list[Statement]:
             y, u = self.state(row, 0, i), self.state(row, 1, i)
             energy = (u * u + self.number(1, i) * y * y) / (2.0 * self.number(0, i))
-            return [Add(to, sign * energy)]
+            return [Accumulate(to, sign * energy)]
 
-        return each(f"energy {row} {sign}", self.count, one)
+        return loop_over(f"energy {row} {sign}", self.count, one)
 
     def reach(self) -> list[Statement]:
         """How far the free string can get in the hammer's way, m."""
-        found = name("reach")
+        found = variable("reach")
 
         def one(i: Expression) -> list[Statement]:
-            return [Add(found, abs(self.state(W.Z, 0, i)) + abs(self.state(W.Z, 1, i)) / root(self.number(1, i)))]
+            return [
+                Accumulate(found, abs(self.state(W.Z, 0, i)) + abs(self.state(W.Z, 1, i)) / root(self.number(1, i)))
+            ]
 
-        return [Put(found, ZERO), each("reach", self.count, one), Put(at("w", W.S_REACH), 1.1 * local("reach"))]
+        return [
+            Assign(found, ZERO),
+            loop_over("reach", self.count, one),
+            Assign(slot("w", W.S_REACH), 1.1 * value_of("reach")),
+        ]
 
     def rate(self, i: Expression, y: Expression, u: Expression, force: Expression) -> Expression:
         """Rate of the rate ``u`` of mode ``i`` at the way ``y`` under a force, m/s^2."""
         g, k, c = (self.number(n, i) for n in range(3))
         return g * force - c * u - k * y
 
-    def swung(self, i: Expression, time: Expression) -> tuple[Expression, Expression]:
+    def free_vibration(self, i: Expression, time: Expression) -> tuple[Expression, Expression]:
         """Way and rate of a free mode after a time, s, in closed form."""
         k, sigma = self.number(1, i), 0.5 * self.number(2, i)
         omega = root(k - sigma * sigma)
-        turned = exponential(largest(-(sigma * time), -700.0)), cosine(omega * time), sine(omega * time) / omega
-        return free_swing(self.state(W.Z, 0, i), self.state(W.Z, 1, i), k, sigma, turned)
+        turned = exponential(maximum(-(sigma * time), -700.0)), cosine(omega * time), sine(omega * time) / omega
+        return free_vibration(self.state(W.Z, 0, i), self.state(W.Z, 1, i), k, sigma, turned)
 
-    def carried_on(self, time: Expression) -> For:
+    def propagate(self, time: Expression) -> For:
         """Let free modes swing for a time, s."""
 
         def one(i: Expression) -> list[Statement]:
-            y, u = self.swung(i, time)
+            y, u = self.free_vibration(i, time)
             return [
-                Put(name("y"), y), Put(name("u"), u),
-                Put(self.place(W.Z, 0, i), local("y")), Put(self.place(W.Z, 1, i), local("u")),
+                Assign(variable("y"), y), Assign(variable("u"), u),
+                Assign(self.place(W.Z, 0, i), value_of("y")), Assign(self.place(W.Z, 1, i), value_of("u")),
             ]  # fmt: skip
 
-        return each("carried on", self.count, one)
+        return loop_over("carried on", self.count, one)
 
 
-def free_swing(y: Any, u: Any, stiffness: Any, sigma: Any, turned: tuple[Any, Any, Any]) -> tuple[Any, Any]:
+def free_vibration(y: Any, u: Any, stiffness: Any, sigma: Any, turned: tuple[Any, Any, Any]) -> tuple[Any, Any]:
     """Way and rate of a free mode from ``y`` and ``u``; of expressions, or of arrays.
 
     ``turned``: what is left of 1 at half the damping ``sigma``, cosine, sine over the angular frequency.
@@ -140,15 +159,17 @@ def free_swing(y: Any, u: Any, stiffness: Any, sigma: Any, turned: tuple[Any, An
     return fade * (y * c + (u + sigma * y) * s), fade * (u * c - (sigma * u + stiffness * y) * s)
 
 
-@law
-def on_string(given: Given, give: Expression, curve: Curve, damping: Expression) -> tuple[Expression, ...]:
+@differentiate_once
+def string_contact_force(
+    given: Arguments, give: Expression, curve: Curve, damping: Expression
+) -> tuple[Expression, ...]:
     """Whether felt presses on a string, the force (N), and its part that a slow press takes (N).
 
     Felt and the modes left out, which give way by ``give`` (m/N) times the slow force, are springs in a row.
     """
     x, rate = given
-    f = make("argument", "slow force")
-    slow = found_by_newton(f, f - largest(loading(largest(x - give * f, 0.0), curve), 0.0), 0.0)
+    f = intern("argument", "slow force")
+    slow = solve_by_newton(f, f - maximum(loading_force(maximum(x - give * f, 0.0), curve), 0.0), 0.0)
     factor = 1.0 + damping * rate
     return (slow > 0.0) & (factor > 0.0), slow * factor, slow
 
@@ -166,14 +187,14 @@ class StringContact(Contact):
         return Modes(self.s, *self.states)
 
     @cached_property
-    def under(self) -> tuple[Expression, Expression]:
+    def depth_and_rate(self) -> tuple[Expression, Expression]:
         """Depth of the hammer in the string and its rate; m, m/s."""
-        return self.gap[0] - local("sway"), self.closing[0] - local("swing")
+        return self.gap[0] - value_of("sway"), self.relative_speeds[0] - value_of("swing")
 
     @cached_property
     def touches(self) -> Expression:
         """Whether the hammer meets a string that is awake."""
-        return (local("awake") > 0.0) & (self.under[0] > 0.0)
+        return (value_of("awake") > 0.0) & (self.depth_and_rate[0] > 0.0)
 
     @property
     def awake(self) -> Expression:
@@ -183,30 +204,33 @@ class StringContact(Contact):
     def seen(self) -> list[Statement]:
         """Way and rate of the string at a single state, where it is awake: sets ``sway``, ``swing``, ``awake``."""
         sums = self.modes.sums(self.modes.row)
-        return [Put(name("awake"), where(self.awake, 1.0, 0.0)), If(self.awake, sums)]
+        return [Assign(variable("awake"), where(self.awake, 1.0, 0.0)), If(self.awake, sums)]
 
     @cached_property
     def felt(self) -> tuple[Expression, Expression]:
         """Whether the felt presses, and its force, N."""
-        pressing, force, _ = self._on_string
+        pressing, force, _ = self._string_force
         return pressing, force
 
     @cached_property
-    def _on_string(self) -> tuple[Expression, Expression, Expression]:
-        pressing, force, slow = on_string(self.under, self.modes.give, self.curve, self.number(L.DAMP))
+    def _string_force(self) -> tuple[Expression, Expression, Expression]:
+        pressing, force, slow = string_contact_force(
+            self.depth_and_rate, self.modes.give, self.curve, self.number(L.DAMP)
+        )
         return pressing, force, slow
 
     def forces(self) -> list[Statement]:
         """Generalised forces without friction; the force on the string as ``on the string``."""
         pressing, force = self.felt
         # modes that wait know of no contact: a step that comes upon it is tried again, shorter
-        force = where(local("awake") > 0.0, force, NOT_A_NUMBER)
+        force = where(value_of("awake") > 0.0, force, NOT_A_NUMBER)
         pushes = self.push(force, ZERO)
         return [
-            Put(name("on the string"), ZERO),
-            If(self.under[0] > 0.0, [
-                If(pressing | (local("awake") <= 0.0), [
-                    Put(name("on the string"), force), *(Add(name(f"f{k}"), e) for k, e in pushes.items()),
+            Assign(variable("on the string"), ZERO),
+            If(self.depth_and_rate[0] > 0.0, [
+                If(pressing | (value_of("awake") <= 0.0), [
+                    Assign(variable("on the string"), force),
+                    *(Accumulate(variable(f"f{k}"), e) for k, e in pushes.items()),
                 ]),
             ]),
         ]  # fmt: skip
@@ -214,126 +238,134 @@ class StringContact(Contact):
     def energy(self, label: str = "") -> list[Statement]:
         """What modes, felt and what gives way store, J, and lose, W; to names that end with ``label``."""
         modes, row = self.modes, self.modes.row
-        pressing, force, slow = self._on_string
-        x = self.under[0] - modes.give * slow
-        kept = 0.5 * modes.give * slow * slow + stored(x, self.curve)
+        pressing, force, slow = self._string_force
+        x = self.depth_and_rate[0] - modes.give * slow
+        kept = 0.5 * modes.give * slow * slow + curve_energy(x, self.curve)
 
-        def lost(i: Expression) -> list[Statement]:
+        def mode_loss(i: Expression) -> list[Statement]:
             u = modes.state(row, 1, i)
-            return [Add(name("string" + label), modes.number(2, i) * u * u / modes.number(0, i))]
+            return [Accumulate(variable("string" + label), modes.number(2, i) * u * u / modes.number(0, i))]
 
         touch: list[Statement] = [
-            Add(name("energy" + label), kept),
-            Add(name("felt" + label), (where(pressing, force, 0.0) - slow) * self.under[1]),
+            Accumulate(variable("energy" + label), kept),
+            Accumulate(variable("felt" + label), (where(pressing, force, 0.0) - slow) * self.depth_and_rate[1]),
         ]
-        inside = [each("lost", modes.count, lost), *modes.sums(row), If(self.under[0] > 0.0, touch)]
-        return [modes.stored(row, name("energy" + label)), If(self.awake, inside)]
+        inside = [loop_over("lost", modes.count, mode_loss), *modes.sums(row), If(self.depth_and_rate[0] > 0.0, touch)]
+        return [modes.add_stored_energy(row, variable("energy" + label)), If(self.awake, inside)]
 
     # what a step does with the modes ------------------------------------------------------------------------------
 
-    def woken(self) -> list[Statement]:
+    def begin_step(self) -> list[Statement]:
         """Wake or rest the modes at the start of a step: sets ``sway``, ``swing``, ``awake``."""
         m, x = self.modes, self.gap[0]
         since, first_time = read("w", W.Z + m.first + L.SINCE), read("w", W.S_COUNT) <= 0.0
         reach, now = read("w", W.S_REACH), read("w", W.NOW)
 
-        def copied(i: Expression) -> list[Statement]:
-            return [Put(at("w", W.S_NUMBERS + W.MOST_MODES * k, i), m.number(k, i)) for k in range(3)]
+        def copy_mode(i: Expression) -> list[Statement]:
+            return [Assign(slot("w", W.S_NUMBERS + W.MOST_MODES * k, i), m.number(k, i)) for k in range(3)]
 
         rows = [W.Z_WEIGHT, *(W.Z_U + W.MOST_MEMORIES * k for k in range(W.MAX_STAGES))]
 
-        def left(i: Expression) -> list[Statement]:
-            return [Put(m.place(row, half, i), ZERO) for row in rows for half in (0, 1)]
+        def leave_mode(i: Expression) -> list[Statement]:
+            return [Assign(m.place(row, half, i), ZERO) for row in rows for half in (0, 1)]
 
         released = m.head(W.Z, L.RELEASED)
         return [
-            Put(name("bar"), x), If((since < 0.5 * AWAKE) | first_time, m.reach()), Anew(),
-            If(first_time, [each("copied", m.count, copied), Put(at("w", W.S_COUNT), read("p", self.s.offset[7]))]),
-            If((since < 0.5 * AWAKE) & (-local("bar") - reach > FAR), [
-                Put(m.head(W.Z, L.SINCE), now), each("left", m.count, left),
-                *(Put(m.head(row, k), ZERO) for row in rows for k in range(L.STRING_STATES)),
-            ]), Anew(),
-            If((since >= 0.5 * AWAKE) & (-local("bar") - reach <= NEAR), [
-                Put(name("before"), ZERO), m.stored(W.Z, name("before")), m.carried_on(now - since),
-                Put(name("after"), ZERO), m.stored(W.Z, name("after"), -1.0),
-                Add(released, local("before") + local("after")),
-                Put(m.head(W.Z, L.SINCE), constant(AWAKE)), *m.reach(),
-            ]), Anew(),
-            Put(name("awake"), where(since < 0.5 * AWAKE, 1.0, 0.0)), Put(name("sway"), -reach),
-            Put(name("swing"), ZERO),
-            If(since < 0.5 * AWAKE, m.sums(W.Z)), Put(at("w", W.S_AWAKE), local("awake")), Anew(),
+            Assign(variable("bar"), x), If((since < 0.5 * AWAKE) | first_time, m.reach()), Reload(),
+            If(first_time, [loop_over("copied", m.count, copy_mode),
+                            Assign(slot("w", W.S_COUNT), read("p", self.s.offset[7]))]),
+            If((since < 0.5 * AWAKE) & (-value_of("bar") - reach > FAR), [
+                Assign(m.head(W.Z, L.SINCE), now), loop_over("left", m.count, leave_mode),
+                *(Assign(m.head(row, k), ZERO) for row in rows for k in range(L.STRING_STATES)),
+            ]), Reload(),
+            If((since >= 0.5 * AWAKE) & (-value_of("bar") - reach <= NEAR), [
+                Assign(variable("before"), ZERO), m.add_stored_energy(W.Z, variable("before")),
+                m.propagate(now - since),
+                Assign(variable("after"), ZERO), m.add_stored_energy(W.Z, variable("after"), -1.0),
+                Accumulate(released, value_of("before") + value_of("after")),
+                Assign(m.head(W.Z, L.SINCE), constant(AWAKE)), *m.reach(),
+            ]), Reload(),
+            Assign(variable("awake"), where(since < 0.5 * AWAKE, 1.0, 0.0)), Assign(variable("sway"), -reach),
+            Assign(variable("swing"), ZERO),
+            If(since < 0.5 * AWAKE, m.sums(W.Z)), Assign(slot("w", W.S_AWAKE), value_of("awake")), Reload(),
         ]  # fmt: skip
 
-    def weighed(self, worth: Expression) -> list[Statement]:
+    def set_error_weights(self, worth: Expression) -> list[Statement]:
         """Note what errors of the modes are worth as errors of a speed; ``worth``: acceleration per m of the string."""
         m = self.modes
 
         def one(i: Expression) -> list[Statement]:
             return [
-                Put(m.place(W.Z_WEIGHT, 0, i), worth * LASTING),
-                Put(m.place(W.Z_WEIGHT, 1, i), worth * LASTING / root(m.number(1, i))),
+                Assign(m.place(W.Z_WEIGHT, 0, i), worth * LASTING),
+                Assign(m.place(W.Z_WEIGHT, 1, i), worth * LASTING / root(m.number(1, i))),
             ]
 
-        return [If(local("awake") > 0.0, [each("weighed", m.count, one)])]
+        return [If(value_of("awake") > 0.0, [loop_over("weighed", m.count, one)])]
 
-    def prepared(self, inverse: Expression, gh: Expression) -> list[Statement]:
+    def prepare_modes(self, inverse: Expression, gh: Expression) -> list[Statement]:
         """What ``prepare`` does with the modes: the share of a change of force that is left after they gave way."""
 
         def one(i: Expression) -> list[Statement]:
             k, c = (read("w", W.S_NUMBERS + W.MOST_MODES * n, i) for n in (1, 2))
             ease = 1.0 / (inverse + c + gh * k)
             gain = read("w", W.S_NUMBERS, i)
-            return [Put(at("w", W.S_EASE, i), ease), Add(name("give"), ease * gain)]
+            return [Assign(slot("w", W.S_EASE, i), ease), Accumulate(variable("give"), ease * gain)]
 
         steep = gh * read("w", W.S_HARD) + read("w", W.S_LOSSY)
-        share = ONE / (1.0 + steep * local("give"))
+        share = ONE / (1.0 + steep * value_of("give"))
         return [
-            Put(name("share"), ONE),
+            Assign(variable("share"), ONE),
             If(read("w", W.S_AWAKE) > 0.0, [
-                Put(name("give"), ZERO), each("eased", whole(read("w", W.S_COUNT)), one), Put(name("share"), share),
-                Put(at("w", W.S_SHARE), local("share")),
+                Assign(variable("give"), ZERO), loop_over("eased", as_integer(read("w", W.S_COUNT)), one),
+                Assign(variable("share"), share),
+                Assign(slot("w", W.S_SHARE), value_of("share")),
             ]),
         ]  # fmt: skip
 
-    def staged(self, stage: Expression, rate: Expression) -> list[Statement]:
+    def stage_modes(self, stage: Expression, rate: Expression) -> list[Statement]:
         """Modes at a stage, in rows of their own: sets ``sway``, ``swing``, ``awake``."""
         m = self.modes
 
-        def begun(i: Expression) -> list[Statement]:
+        def start_mode(i: Expression) -> list[Statement]:
             return [
                 statement
                 for half in (0, 1)
                 for statement in (
-                    Put(at("w", W.S_TURN, m.half(half, i)), m.state(W.Z, half, i)),
-                    Put(at("w", W.S_COUPLED, m.half(half, i)), ZERO),
+                    Assign(slot("w", W.S_TURN, m.half(half, i)), m.state(W.Z, half, i)),
+                    Assign(slot("w", W.S_COUPLED, m.half(half, i)), ZERO),
                 )
             ]
 
-        def of_stage(j: Expression) -> list[Statement]:
-            a, c = (read(array, 0, make("whole_add", j, make("whole_multiply", stage, W.MAX_STAGES))) for array in "ac")
+        def add_stage(j: Expression) -> list[Statement]:
+            a, c = (
+                read(array, 0, intern("whole_add", j, intern("whole_multiply", stage, W.MAX_STAGES))) for array in "ac"
+            )
 
-            def of_mode(i: Expression) -> list[Statement]:
+            def add_mode(i: Expression) -> list[Statement]:
                 out: list[Statement] = []
                 for half in (0, 1):
-                    behind = make("whole_add", m.half(half, i), make("whole_multiply", j, W.MOST_MEMORIES))
+                    behind = intern("whole_add", m.half(half, i), intern("whole_multiply", j, W.MOST_MEMORIES))
                     x = read("w", W.Z_U + m.first + L.STRING_STATES, behind)
-                    out += [Add(at("w", W.S_TURN, m.half(half, i)), a * x)]
-                    out += [Add(at("w", W.S_COUPLED, m.half(half, i)), c * rate * x)]
+                    out += [Accumulate(slot("w", W.S_TURN, m.half(half, i)), a * x)]
+                    out += [Accumulate(slot("w", W.S_COUPLED, m.half(half, i)), c * rate * x)]
                 return out
 
-            return [each("modes of a stage", m.count, of_mode)]
+            return [loop_over("modes of a stage", m.count, add_mode)]
 
-        def summed(i: Expression) -> list[Statement]:
+        def finish_mode(i: Expression) -> list[Statement]:
             return [
-                Add(name("sway"), read("w", W.S_TURN, i)), Add(name("swing"), read("w", W.S_TURN, m.half(1, i)))
+                Accumulate(variable("sway"), read("w", W.S_TURN, i)),
+                Accumulate(variable("swing"), read("w", W.S_TURN, m.half(1, i)))
             ]  # fmt: skip
 
         awake = read("w", W.S_AWAKE)
         return [
-            Put(name("awake"), awake), Put(name("sway"), -read("w", W.S_REACH)), Put(name("swing"), ZERO),
+            Assign(variable("awake"), awake), Assign(variable("sway"), -read("w", W.S_REACH)),
+            Assign(variable("swing"), ZERO),
             If(awake > 0.0, [
-                each("begun", m.count, begun), each("stages", stage, of_stage), Put(name("sway"), ZERO),
-                each("summed", m.count, summed),
+                loop_over("begun", m.count, start_mode), loop_over("stages", stage, add_stage),
+                Assign(variable("sway"), ZERO),
+                loop_over("summed", m.count, finish_mode),
             ]),
         ]  # fmt: skip
 
@@ -344,31 +376,33 @@ class StringContact(Contact):
         def one(i: Expression) -> list[Statement]:
             y, u = read("w", W.S_TURN, i), read("w", W.S_TURN, m.half(1, i))
             coupled, driven = read("w", W.S_COUPLED, i), read("w", W.S_COUPLED, m.half(1, i))
-            way, rate = u + coupled, m.rate(i, y, u, local("on the string"))
+            way, rate = u + coupled, m.rate(i, y, u, value_of("on the string"))
             known = read("w", W.S_EASE, i) * (rate + driven - gh * m.number(1, i) * way)
             return [
-                Put(name("way"), way), Put(name("known"), known), Put(at("w", W.S_COUPLED, i), local("way")),
-                Put(at("w", W.S_BACK, i), local("known")), Add(name("ways"), local("way")),
-                Add(name("rates"), local("known")),
+                Assign(variable("way"), way), Assign(variable("known"), known),
+                Assign(slot("w", W.S_COUPLED, i), value_of("way")),
+                Assign(slot("w", W.S_BACK, i), value_of("known")), Accumulate(variable("ways"), value_of("way")),
+                Accumulate(variable("rates"), value_of("known")),
             ]  # fmt: skip
 
         hard, lossy = read("w", W.S_HARD), read("w", W.S_LOSSY)
-        given = gh * hard * (local("ways") + local("rates")) + lossy * local("rates")
+        given = gh * hard * (value_of("ways") + value_of("rates")) + lossy * value_of("rates")
         return [
-            Put(name("ways"), ZERO), Put(name("rates"), ZERO), each("known", m.count, one), Put(name("given"), given),
+            Assign(variable("ways"), ZERO), Assign(variable("rates"), ZERO), loop_over("known", m.count, one),
+            Assign(variable("given"), given),
         ]  # fmt: skip
 
-    def stepped(self, stage: Expression, more: Expression, gh: Expression) -> list[Statement]:
+    def solve_modes(self, stage: Expression, more: Expression, gh: Expression) -> list[Statement]:
         """Stages of the modes, once the change of the contact's force is known."""
-        m, behind = self.modes, make("whole_multiply", stage, W.MOST_MEMORIES)
+        m, behind = self.modes, intern("whole_multiply", stage, W.MOST_MEMORIES)
 
         def one(i: Expression) -> list[Statement]:
             u = read("w", W.S_BACK, i) + read("w", W.S_EASE, i) * m.number(0, i) * more
             way = gh * (read("w", W.S_COUPLED, i) + u)
             start = W.Z_U + m.first + L.STRING_STATES
             return [
-                Put(at("w", start, make("whole_add", m.half(1, i), behind)), u),
-                Put(at("w", start, make("whole_add", i, behind)), way),
+                Assign(slot("w", start, intern("whole_add", m.half(1, i), behind)), u),
+                Assign(slot("w", start, intern("whole_add", i, behind)), way),
             ]
 
-        return [each("stepped", m.count, one)]
+        return [loop_over("stepped", m.count, one)]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import cached_property
 
 from model.compiler.expressions import Expression
-from model.compiler.programs import Add, If, Statement, name
-from model.elements.kinematics import Kinematics, Vector, apart
-from model.elements.laws.felt_law import Felt, asked
+from model.compiler.programs import Accumulate, If, Statement, variable
+from model.elements.kinematics import Kinematics, Vector, relative_velocities
+from model.elements.laws.felt_law import Felt, evaluate_law
 from model.elements.laws.hunt_crossley import HuntCrossley
 from model.elements.structure import Structure
 from model.kernels import layout as L
@@ -23,25 +23,30 @@ class Tip:
         a, b = s.probe[which]
         n = [s.number(3, L.PROBE_SIZE, which, i) for i in range(L.PROBE_SIZE)]
         above, below = k.at(a, n[0], n[1]), k.at(b, n[2], n[3])
-        self.ways: dict[int, Vector] = apart(k.ways(a, *above), k.ways(b, *below))
+        self.ways: dict[int, Vector] = relative_velocities(k.ways(a, *above), k.ways(b, *below))
         self.depth = below[1] - above[1]
         self._felt = Felt(self.depth, -k.velocity(self.ways)[1], (), (n[4], n[5], n[6]), n[7], ())
 
     @cached_property
     def felt(self) -> tuple[Expression, Expression]:
         """Whether it presses where it touches, and its force, N."""
-        pressing, force = asked(LAW.force, self._felt)
+        pressing, force = evaluate_law(LAW.force, self._felt)
         return pressing, force
 
     def forces(self) -> list[Statement]:
         """Generalised forces: up on A, down on B."""
         pressing, force = self.felt
         pushes: list[Statement] = [
-            Add(name(f"f{k}"), force * way[1]) for k, way in self.ways.items() if k in self._s.solved
+            Accumulate(variable(f"f{k}"), force * way[1]) for k, way in self.ways.items() if k in self._s.solved
         ]
         return [If((self.depth > 0.0) & pressing, pushes)]
 
     def energy(self, label: str = "") -> list[Statement]:
         """What its felt stores, J, and loses, W; to names that end with ``label``."""
         _, stored, lost = LAW.energy(self._felt, label)
-        return [If(self.depth > 0.0, [Add(name("energy" + label), stored), Add(name("felt" + label), lost)])]
+        return [
+            If(
+                self.depth > 0.0,
+                [Accumulate(variable("energy" + label), stored), Accumulate(variable("felt" + label), lost)],
+            )
+        ]

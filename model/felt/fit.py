@@ -72,7 +72,7 @@ class LawFit(ArrayRecord):
         return float(np.exp(np.mean(np.log(self.held_out))))
 
 
-def shares(law: FeltLaw, press: Pressing) -> Array:
+def relative_residuals(law: FeltLaw, press: Pressing) -> Array:
     """Residuals (n,) of a law on a press: modelled minus measured force, as a share of the peak force."""
     return (law.response(press.time_s, press.depth_m).force_n - press.force_n) / press.peak_n
 
@@ -88,7 +88,8 @@ def _cubic(s: Array, depth: float, force: float) -> tuple[float, float, float]:
     return a, s[1] * force / depth**2 - float(np.sqrt(3.0 * a * c)), c
 
 
-def _search(kind: str, presses: Sequence[Pressing]) -> Search:
+def law_search(kind: str, presses: Sequence[Pressing]) -> Search:
+    """Box, starts and scales of the least-squares search for a law's parameters."""
     depth, force = max(p.deepest_m for p in presses), max(p.peak_n for p in presses)
     speed = float(np.nanmedian([p.speed_m_per_s for p in presses]))
     if kind == "hunt-crossley":
@@ -103,10 +104,10 @@ def _search(kind: str, presses: Sequence[Pressing]) -> Search:
             (20.0, 20.0, 20.0, 1.0, LONGEST_REACH),
             lambda s: Hysteresis(*_cubic(s, depth, force), (s[3],), (s[4],)), ("a", "b", "c", "beta", "eta"),
             (*CUBIC_UNITS, "1", "1"),
-            lambda law: (*law._pressed()[2], law.beta[0], law.eta[0]),  # type: ignore[attr-defined]
+            lambda law: (*law._kernel_arguments()[2], law.beta[0], law.eta[0]),  # type: ignore[attr-defined]
         )  # fmt: skip
     if kind != "stulov":
-        return _search_of(kind, depth, force, speed)
+        return cubic_law_search(kind, depth, force, speed)
     # slow presses know Q0 = F0 (1 - eps) and alpha = tau0 eps / (1 - eps) better than F0, eps and tau0 apart
     lasts = float(np.median([p.time_s[-1] - p.time_s[0] for p in presses]))
 
@@ -127,13 +128,13 @@ def _search(kind: str, presses: Sequence[Pressing]) -> Search:
     )  # fmt: skip
 
 
-def _search_of(kind: str, depth: float, force: float, speed: float) -> Search:
+def cubic_law_search(kind: str, depth: float, force: float, speed: float) -> Search:
     """Of any law on a cubic: its numbers from lowest to highest, by their logarithm where that spans decades."""
     numbers = KNOWN[kind].numbers
     far = {name for name, n in numbers.items() if n.low > 0.0 and n.high > DECADES * n.low}
     damped = KNOWN[kind].damped
 
-    def put(name: str, x: float) -> float:
+    def to_coordinate(name: str, x: float) -> float:
         return math.log(x) if name in far else x
 
     def law(s: Array) -> NamedLaw:
@@ -141,15 +142,16 @@ def _search_of(kind: str, depth: float, force: float, speed: float) -> Search:
         values = {name: min(max(x, numbers[name].low), numbers[name].high) for name, x in own.items()}
         return NamedLaw(kind, *_cubic(s, depth, force), s[3] / speed if damped else 0.0, values)
 
-    def found(felt: FeltLaw) -> tuple[float, ...]:
+    def to_law_coordinates(felt: FeltLaw) -> tuple[float, ...]:
         assert isinstance(felt, NamedLaw)
         return felt.a, felt.b, felt.c, *[felt.d] * damped, *felt.values.values()
 
-    low, high = ([put(k, getattr(n, at)) for k, n in numbers.items()] for at in ("low", "high"))
+    low, high = ([to_coordinate(k, getattr(n, at)) for k, n in numbers.items()] for at in ("low", "high"))
     # where a number spans decades its usual value may be far from this felt's
     starts = [
         (*SHAPES[k % len(SHAPES)], *[0.1] * damped, *(
-            min(put(name, n.value) + k * math.log(10.0), put(name, n.high)) if name in far else n.value
+            min(to_coordinate(name, n.value) + k * math.log(10.0), to_coordinate(name, n.high)) if name in far
+            else n.value
             for name, n in numbers.items()
         ))
         for k in range(DECADES_TRIED)
@@ -157,7 +159,7 @@ def _search_of(kind: str, depth: float, force: float, speed: float) -> Search:
     return Search(
         tuple(dict.fromkeys(starts)), (0.0, 0.0, 0.0, *[0.0] * damped, *low),
         (20.0, 20.0, 20.0, *[50.0] * damped, *high), law, ("a", "b", "c", *["D"] * damped, *numbers),
-        (*CUBIC_UNITS, *["s/m"] * damped, *(n.unit for n in numbers.values())), found,
+        (*CUBIC_UNITS, *["s/m"] * damped, *(n.unit for n in numbers.values())), to_law_coordinates,
     )  # fmt: skip
 
 
@@ -166,7 +168,7 @@ def _fit(search: Search, presses: Sequence[Pressing], starts: Sequence[ArrayLike
 
     def residual(s: Array) -> Array:
         law = search.law(s)
-        return np.concatenate([shares(law, press) / np.sqrt(len(press.force_n)) for press in presses])
+        return np.concatenate([relative_residuals(law, press) / np.sqrt(len(press.force_n)) for press in presses])
 
     found = [
         least_squares(residual, start, bounds=(search.low, search.high), x_scale="jac", max_nfev=MOST_EVALUATIONS)
@@ -209,7 +211,7 @@ def fit_law(kind: str, presses: Sequence[Pressing]) -> LawFit:
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise InputError(f"felt law {kind}: {twice} is given twice; give each press once")
-    search = _search(kind, presses)
+    search = law_search(kind, presses)
     best = _fit(search, presses, search.starts)
     law = search.law(best)
     # the others differ little from all: one start, at the best of all
@@ -223,6 +225,6 @@ def fit_law(kind: str, presses: Sequence[Pressing]) -> LawFit:
     u = spread if n > 2 else np.full(len(search.names), np.nan)
     return LawFit(
         kind, law, search.names, search.units, search.values(law), tuple(u.tolist()),
-        np.array([root_mean_square(shares(law, press)) for press in presses]),
-        np.array([root_mean_square(shares(one, press)) for one, press in zip(without, presses, strict=True)]),
+        np.array([root_mean_square(relative_residuals(law, press)) for press in presses]),
+        np.array([root_mean_square(relative_residuals(a, b)) for a, b in zip(without, presses, strict=True)]),
     )  # fmt: skip

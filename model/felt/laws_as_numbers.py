@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import as_numbers
-from model.derived.load import press_of
-from model.derived.observe import rows_of
+from model.derived.load import load_press_kernel
+from model.derived.observe import evaluate_rows
 from model.elements.laws.hysteresis import LONGEST_REACH as LONGEST_REACH
 from model.elements.laws.known import LAWS as KNOWN
 from model.errors import InputError
@@ -45,7 +45,7 @@ Pressed = tuple[str, int, tuple[float, ...], float, Sequence[float]]
 class FeltLaw:
     """A law of felt with its numbers."""
 
-    def _pressed(self) -> Pressed:
+    def _kernel_arguments(self) -> Pressed:
         """What its kernel takes."""
         raise NotImplementedError
 
@@ -82,11 +82,11 @@ class FeltLaw:
         [0.0, 12.0, 4.125]
         """
         t, x = _path(time_s, depth_m)
-        law, memories, curve, damping, numbers = self._pressed()
-        kernel = press_of(KNOWN[law], memories, len(numbers), len(curve) < 3)
+        law, memories, curve, damping, numbers = self._kernel_arguments()
+        kernel = load_press_kernel(KNOWN[law], memories, len(numbers), len(curve) < 3)
         samples, found = np.column_stack([t, x, np.gradient(x, t)]).reshape(1, -1), np.empty((1, 2 * len(t)))
         given = np.array([len(t), *curve, *[0.0] * (3 - len(curve)), damping, *numbers], dtype=float)
-        rows_of(kernel, samples, samples, given, found)
+        evaluate_rows(kernel, samples, samples, given, found)
         force, stored = found.reshape(-1, 2).T.copy()
         return Response(force, stored)
 
@@ -130,7 +130,7 @@ class HuntCrossley(FeltLaw):
         _check_cubic("hunt-crossley", self.a, self.b, self.c)
         check_numbers("felt law hunt-crossley", D=(self.d, 0.0, math.inf))
 
-    def _pressed(self) -> Pressed:
+    def _kernel_arguments(self) -> Pressed:
         return "hunt-crossley", 0, (self.a, self.b, self.c), self.d, ()
 
 
@@ -162,7 +162,7 @@ class Stulov(FeltLaw):
         )
         check_numbers("felt law stulov", tau0=(self.tau_s, 1e-12, math.inf))
 
-    def _pressed(self) -> Pressed:
+    def _kernel_arguments(self) -> Pressed:
         return "stulov", 1, (self.f0 * (1.0 - self.epsilon), self.p), 0.0, (self.epsilon, self.tau_s)
 
 
@@ -199,7 +199,7 @@ class Hysteresis(FeltLaw):
             check_numbers("felt law hysteresis", beta=(beta, 0.0, 1.0), eta=(eta, 1e-3, LONGEST_REACH))
         check_numbers("felt law hysteresis", **{"sum of beta": (sum(self.beta), 0.0, 1.0)})
 
-    def _pressed(self) -> Pressed:
+    def _kernel_arguments(self) -> Pressed:
         a, b, c = (x * (1.0 + sum(self.beta)) for x in (self.a, self.b, self.c))
         pairs = [x for pair in zip(self.beta, self.eta, strict=True) for x in pair]
         return "hysteresis", len(self.beta), (a, b, c), 0.0, pairs
@@ -235,7 +235,7 @@ class NamedLaw(FeltLaw):
         _check_cubic(self.law, self.a, self.b, self.c)
         check_numbers(label, D=(self.d, 0.0, math.inf), **{k: (whole[k], n.low, n.high) for k, n in numbers.items()})
 
-    def _pressed(self) -> Pressed:
+    def _kernel_arguments(self) -> Pressed:
         curve = (self.a, self.b, self.c)
-        memories, numbers = KNOWN[self.law].packed(f"felt law {self.law}", self.values, curve)
+        memories, numbers = KNOWN[self.law].pack_numbers(f"felt law {self.law}", self.values, curve)
         return self.law, memories, curve, self.d, numbers

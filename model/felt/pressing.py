@@ -63,12 +63,12 @@ class Pressing(ArrayRecord):
         return float((self.depth_m[top] - self.depth_m[begin]) / (self.time_s[top] - self.time_s[begin]))
 
 
-def _noise(values: Array) -> float:
+def _estimate_noise(values: Array) -> float:
     """Standard deviation of white noise on a smooth signal (n,): from third differences, which leave the signal out."""
     return 1.4826 * float(np.median(np.abs(np.diff(values, 3)))) / float(np.sqrt(1.0 + 9.0 + 9.0 + 1.0))
 
 
-def _smoothed(depth_m: Array) -> Array:
+def _smooth_depth(depth_m: Array) -> Array:
     """Depth (n,) in local parabolas just wide enough for the speed; as it is where its noise does not matter."""
     # start-up: scipy.signal costs 0.4 s, and only measured presses need it
     from scipy.signal import savgol_filter
@@ -77,14 +77,14 @@ def _smoothed(depth_m: Array) -> Array:
     if step <= 0.0:
         return depth_m
     # the slope of a parabola over w samples of noise s scatters by s sqrt(12 / w^3)
-    width = (12.0 * (_noise(depth_m) / (NOISE_OF_SPEED * step)) ** 2) ** (1.0 / 3.0)
+    width = (12.0 * (_estimate_noise(depth_m) / (NOISE_OF_SPEED * step)) ** 2) ** (1.0 / 3.0)
     if width < 3.0:
         return depth_m
     window = 2 * int(max(2.0, min(0.5 * width, 0.5 * WIDEST_SHARE * len(depth_m)))) + 1
     return np.asarray(savgol_filter(depth_m, window, 2), dtype=float)
 
 
-def as_pressing(name: str, time_s: ArrayLike, displacement_m: ArrayLike, force_n: ArrayLike) -> Pressing:
+def check_pressing(name: str, time_s: ArrayLike, displacement_m: ArrayLike, force_n: ArrayLike) -> Pressing:
     """Check and smooth what was measured.
 
     Parameters
@@ -105,14 +105,14 @@ def as_pressing(name: str, time_s: ArrayLike, displacement_m: ArrayLike, force_n
     steps = np.diff(t)
     if (steps <= 0.0).any() or np.ptp(steps) > UNEVEN * float(np.median(steps)) * 2.0:
         raise InputError(f"{name}: time_s is not evenly spaced within {UNEVEN:.0%}; resample it, the laws need speeds")
-    depth = _smoothed(x)
+    depth = _smooth_depth(x)
     top = int(np.argmax(depth))
     if not depth[top] > 0.0 or not f.max() > 0.0:
         raise InputError(f"{name}: never pressed: depth at most {depth[top]:g} m, force {f.max():g} N; check the signs")
     if top == 0 or depth[-1] > 0.5 * depth[top]:
         raise InputError(f"{name}: found one way only, allowed a press and its release down to half of its depth")
     kept = slice(None, None, -(-len(t) // MOST_SAMPLES))
-    return Pressing(name, t[kept], depth[kept], f[kept], _noise(f))
+    return Pressing(name, t[kept], depth[kept], f[kept], _estimate_noise(f))
 
 
 def read_pressing(path: str | Path) -> Pressing:
@@ -139,4 +139,4 @@ def read_pressing(path: str | Path) -> Pressing:
     True
     """
     table = read_columns(path, ("time_s", "displacement_m", "force_n"))
-    return as_pressing(table.where, *(table.numbers(name) for name in ("time_s", "displacement_m", "force_n")))
+    return check_pressing(table.where, *(table.numbers(name) for name in ("time_s", "displacement_m", "force_n")))

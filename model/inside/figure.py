@@ -145,14 +145,14 @@ def _draw_rail(axes: Axes, inside: Inside, ends: tuple[float, float] | None) -> 
     gaps = inside.key_lifts()
     for lift in gaps:
         axes.axvspan(lift.start_s, lift.end_s, color=TENSE, alpha=0.3, linewidth=0)
-    for lift in _labelled(gaps, [g.largest_m for g in gaps], ends):
+    for lift in _intervals_to_label(gaps, [g.largest_m for g in gaps], ends):
         axes.annotate(
             f"off {lift.start_s:.4f} s,\n{1e3 * (lift.end_s - lift.start_s):.1f} ms, {1e3 * lift.largest_m:.2f} mm",
             (lift.start_s, 0.0), xytext=(2, 12), textcoords="offset points", fontsize="x-small", color=TENSE,
         )  # fmt: skip
     axes.axhline(0.0, color="black", linewidth=0.6)
     pulls = inside.key_tensions()
-    for one in _labelled(pulls, [p.largest_n for p in pulls], ends):
+    for one in _intervals_to_label(pulls, [p.largest_n for p in pulls], ends):
         axes.annotate(
             f"would lift {one.start_s:.4f} s,\n{1e3 * (one.end_s - one.start_s):.1f} ms, {one.largest_n:.1f} N",
             (one.largest_at_s, -one.largest_n), xytext=(8, 2), textcoords="offset points",
@@ -170,7 +170,7 @@ def _draw_rail(axes: Axes, inside: Inside, ends: tuple[float, float] | None) -> 
         )
 
 
-def _labelled(found: Sequence[Any], size: Sequence[float], ends: tuple[float, float] | None) -> list[Any]:
+def _intervals_to_label(found: Sequence[Any], size: Sequence[float], ends: tuple[float, float] | None) -> list[Any]:
     """Intervals to annotate: the largest in the whole view, those of its order in the close-up."""
     limit = max(size, default=0.0) * (1.0 if ends is None else WORTH_A_LABEL)
     return [

@@ -41,7 +41,7 @@ class SeenMotion:
         return self.scene.bodies
 
 
-def see_motion(
+def observe_poses(
     scene: Scene,
     time_s: Array,
     angle_rad: Array,

@@ -50,7 +50,7 @@ def side_view(inside: Inside | SeenMotion) -> SideView:
     for c, name in enumerate(inside.contacts):
         for k, surface in enumerate(_surfaces(scene, c)):
             body = bodies[int(scene.tables.contact[c, k])]  # -1, the ground, is the last
-            met = _in_frame(inside, body, inside.point_m[:, c])[_near_rows(inside, c)]
+            met = _to_body_frame(inside, body, inside.point_m[:, c])[_rows_near_contact(inside, c)]
             curve = surface.curve(met)
             surfaces[body].append(Shape(curve, name))
             if body != GROUND:
@@ -69,17 +69,17 @@ def side_view(inside: Inside | SeenMotion) -> SideView:
         marks[inside.bodies[upper]].append(scene.vector[o : o + 2])
         marks[inside.bodies[lower]].append(scene.vector[o + 2 : o + 4])
         o += L.PROBE_SIZE
-    return SideView(surfaces, {body: _tree(np.array(points)) for body, points in marks.items()})
+    return SideView(surfaces, {body: _shortest_tree(np.array(points)) for body, points in marks.items()})
 
 
-def _near_rows(inside: Inside | SeenMotion, c: int) -> NDArray[np.bool_]:
+def _rows_near_contact(inside: Inside | SeenMotion, c: int) -> NDArray[np.bool_]:
     """Rows in which the surfaces of a contact are near each other, or else the row in which they are nearest."""
     depth = inside.penetration_m[:, c]
     near = depth > -NEAR_M
     return near if near.any() else depth == depth.max()
 
 
-def _in_frame(inside: Inside | SeenMotion, body: str, point: Array) -> Array:
+def _to_body_frame(inside: Inside | SeenMotion, body: str, point: Array) -> Array:
     """World points (m, 2) in the frame of a body."""
     if body == GROUND:
         return point
@@ -137,7 +137,7 @@ def _surfaces(scene: Scene, c: int) -> tuple[_Surface, _Surface]:
     return first, _Surface(base, radius)
 
 
-def _tree(points: Array) -> Array:
+def _shortest_tree(points: Array) -> Array:
     """Shortest tree through points (k, 2) as pairs (k - 1, 2, 2), grown from the first."""
     joined, left = [0], list(range(1, len(points)))
     pairs: list[Sequence[Array]] = []

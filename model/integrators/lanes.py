@@ -22,14 +22,14 @@ from model.integrators.step_control import (
     SMALLEST_STEP,
     STEP_TOO_SMALL,
     TOO_MANY_STEPS,
-    at_rest,
-    ending_at,
-    grown,
+    fit_to_stop,
     inverse_power,
-    shortened,
+    is_at_rest,
+    next_step_size,
+    rejected_step_size,
 )
 from model.kernels.compile import inlined_uncounted, uncounted, uncounted_loop
-from model.kernels.inputs import JUMP, constant_until, fit_to_kinks, input_between, input_gain
+from model.kernels.inputs import JUMP, constant_until, fit_to_kinks, input_gain, interpolate_input
 from model.kernels.kernel_value import pointer_at
 from model.kernels.layout import N_CONTACT, N_JACOBIAN, N_REJECTED, N_RESTS, N_RHS, N_SKIPPED, N_STEPS
 from model.kernels.signatures import INTEGRATE_LANES, InputTable
@@ -91,7 +91,7 @@ def write_row(lane, width, starts, members, space):
 
 
 @uncounted
-def fill_still(lane, width, until, members, space):
+def fill_lane_outputs(lane, width, until, members, space):
     """Fill the outputs wanted up to ``until`` with the state of a lane as it is."""
     at = space.whole[N_WHOLE * lane : N_WHOLE * lane + N_WHOLE]
     while at[ROWS_DONE] < at[N_OUT] and members.wanted[at[FIRST_WANTED] + at[ROWS_DONE]] <= until:
@@ -99,7 +99,7 @@ def fill_still(lane, width, until, members, space):
 
 
 @uncounted
-def sit_down(lane, width, m, members, space):
+def load_lane(lane, width, m, members, space):
     """Put member ``m`` into a lane."""
     memory, numbers, number, whole, _, _ = space
     n_z = members.memory.shape[1]
@@ -127,11 +127,11 @@ def sit_down(lane, width, m, members, space):
     at[N_OUT] = place[3]
     at[MOST] = place[4]
     at[ROWS_DONE] = 0
-    fill_still(lane, width, members.start[m, 0], members, space)
+    fill_lane_outputs(lane, width, members.start[m, 0], members, space)
 
 
 @inlined_uncounted
-def leave(lane, width, memory, number):
+def clear_lane(lane, width, memory, number):
     """Leave a lane without a member: its numbers are computed with the others, and used by nobody."""
     memory[IDLE * width + lane] = 1.0
     memory[ANGLE_LIMIT * width + lane] = memory[SPEED_LIMIT * width + lane] = 1.0
@@ -141,7 +141,7 @@ def leave(lane, width, memory, number):
 
 
 @uncounted
-def get_up(lane, width, status, members, space):
+def retire_lane(lane, width, status, members, space):
     """Take the member out of a lane and leave the lane idle."""
     memory, _, number, whole, _, _ = space
     m = whole[N_WHOLE * lane + MEMBER]
@@ -154,7 +154,7 @@ def get_up(lane, width, status, members, space):
     members.reached[m, 1] = number[WANTED * width + lane]
     members.reached[m, 2] = number[AT_REST * width + lane]
     members.status[m] = status
-    leave(lane, width, memory, number)
+    clear_lane(lane, width, memory, number)
 
 
 @inlined_uncounted
@@ -162,19 +162,19 @@ def fill_lanes(busy, following, width, members, space):
     """Give each lane that is not ``busy`` the next member with something to do; which lanes are, who is next."""
     for lane in range(width):
         while not busy >> lane & 1 and following < members.angle.shape[0]:
-            sit_down(lane, width, following, members, space)
+            load_lane(lane, width, following, members, space)
             following += 1
             if space.number[TIME * width + lane] < space.number[END * width + lane]:
                 busy |= 1 << lane
             else:
-                get_up(lane, width, DONE, members, space)
+                retire_lane(lane, width, DONE, members, space)
         if not busy >> lane & 1:
-            leave(lane, width, space.step, space.number)
+            clear_lane(lane, width, space.step, space.number)
     return busy, following
 
 
 @inlined_uncounted
-def nearly_still(lane, width, n, memory, number):
+def is_nearly_at_rest(lane, width, n, memory, number):
     """Whether a lane moves so little, under an input that does not change, that it may be at rest."""
     if number[SLOPE * width + lane] != 0.0:
         return False
@@ -185,14 +185,14 @@ def nearly_still(lane, width, n, memory, number):
 
 
 @inlined_uncounted
-def rest(bits, width, parent, members, space):
+def skip_resting_lanes(bits, width, parent, members, space):
     """Let members of the lanes of ``bits`` that are at rest stay until their input changes; which ones did."""
     number, whole, memory, single = space.number, space.whole, space.step, space.single
     n = parent.shape[0]
     drive = InputTable(members.time, members.value, False)
     rested = 0
     for lane in range(width):
-        if bits >> lane & 1 and nearly_still(lane, width, n, memory, number):
+        if bits >> lane & 1 and is_nearly_at_rest(lane, width, n, memory, number):
             at = N_WHOLE * lane
             t, end = number[TIME * width + lane], number[END * width + lane]
             quiet = number[QUIET * width + lane]
@@ -205,10 +205,10 @@ def rest(bits, width, parent, members, space):
                 for j in range(n):
                     k = STIFF + WIDTH * i + j
                     single[k] = memory[k * width + lane]
-            if quiet > t and at_rest(single, parent, space.parts, number[REST * width + lane]):
+            if quiet > t and is_at_rest(single, parent, space.parts, number[REST * width + lane]):
                 for i in range(n):
                     memory[(V + i) * width + lane] = 0.0
-                fill_still(lane, width, quiet, members, space)
+                fill_lane_outputs(lane, width, quiet, members, space)
                 number[AT_REST * width + lane] += quiet - t
                 number[TIME * width + lane] = quiet
                 number[WANTED * width + lane] = WAKING_STEP
@@ -221,14 +221,14 @@ def rest(bits, width, parent, members, space):
 
 
 @inlined_uncounted
-def read_start(bits, width, n_contacts, members, space):
+def read_start_input(bits, width, n_contacts, members, space):
     """Input at the start of the step of all lanes, read in those of ``bits``, whose forces will be linearised there."""
     number, whole, counters, memory = space.number, space.whole, members.counters, space.step
     drive = InputTable(members.time, members.value, False)
     for lane in range(width):
         if bits >> lane & 1:
             at, t = N_WHOLE * lane, number[TIME * width + lane]
-            u, slope, k = input_between(t, whole[at + POINT], whole[at + FIRST], whole[at + LAST], drive)
+            u, slope, k = interpolate_input(t, whole[at + POINT], whole[at + FIRST], whole[at + LAST], drive)
             whole[at + POINT] = k
             number[BASE_TIME * width + lane], number[BASE * width + lane] = drive.time[k], drive.value[k]
             number[KINK * width + lane] = drive.time[k + 1] - JUMP if drive.time[k] <= t else t
@@ -244,7 +244,7 @@ def read_start(bits, width, n_contacts, members, space):
 
 
 @inlined_uncounted
-def read_inputs(bits, width, node, members, space):
+def read_stage_input(bits, width, node, members, space):
     """Read the input at the times of a stage, at the fraction ``node`` of the steps."""
     number, whole, memory = space.number, space.whole, space.step
     late = 0
@@ -260,7 +260,7 @@ def read_inputs(bits, width, node, members, space):
             t = number[TIME * width + lane] + node * number[STEP * width + lane]
             at = N_WHOLE * lane
             k, first, last = whole[at + POINT], whole[at + FIRST], whole[at + LAST]
-            memory[INPUT * width + lane], _, whole[at + POINT] = input_between(t, k, first, last, drive)
+            memory[INPUT * width + lane], _, whole[at + POINT] = interpolate_input(t, k, first, last, drive)
 
 
 @inlined_uncounted
@@ -271,7 +271,7 @@ def choose_steps(bits, width, gamma, members, space):
     drive = InputTable(members.time, members.value, False)
     for lane in range(width):
         t = number[TIME * width + lane]
-        step = ending_at(number[END * width + lane], t, memory[FITTED * width + lane])
+        step = fit_to_stop(number[END * width + lane], t, memory[FITTED * width + lane])
         k, last = whole[N_WHOLE * lane + POINT], whole[N_WHOLE * lane + LAST]
         if bits >> lane & 1 and k + 1 < last and members.time[k + 1] < t + step:
             bounds = memory[ANGLE_LIMIT * width + lane], memory[SPEED_LIMIT * width + lane]
@@ -291,7 +291,7 @@ def choose_steps(bits, width, gamma, members, space):
 
 
 @inlined_uncounted
-def judge(trying, sound, rejected, exponent, width, space):
+def accept_or_reject(trying, sound, rejected, exponent, width, space):
     """Steps to want next; the lanes whose error is within its limits."""
     number, memory = space.number, space.step
     within = 0
@@ -305,21 +305,21 @@ def judge(trying, sound, rejected, exponent, width, space):
                 within |= 1 << lane
                 before = rejected >> lane & 1 == 1
                 h, fitted = number[WANTED * width + lane], memory[FITTED * width + lane]
-                number[WANTED * width + lane] = grown(step, power, before, fitted, h)
+                number[WANTED * width + lane] = next_step_size(step, power, before, fitted, h)
             else:
-                number[WANTED * width + lane] = shortened(step, power)
+                number[WANTED * width + lane] = rejected_step_size(step, power)
     return within
 
 
 @inlined_uncounted
-def end_of_step(lane, width, number):
+def step_end_time(lane, width, number):
     """Time at which the step of a lane ends."""
     t, step, end = number[TIME * width + lane], number[STEP * width + lane], number[END * width + lane]
     return end if step == end - t else t + step
 
 
 @inlined_uncounted
-def ask(bits, width, members, space):
+def find_next_output(bits, width, members, space):
     """Of the lanes of ``bits`` those with another output within their steps; sets its fraction of the step."""
     number, whole = space.number, space.whole
     asking = 0
@@ -328,7 +328,7 @@ def ask(bits, width, members, space):
         k = whole[at + ROWS_DONE]
         if bits >> lane & 1 and k < whole[at + N_OUT]:
             when = members.wanted[whole[at + FIRST_WANTED] + k]
-            if when <= end_of_step(lane, width, number):
+            if when <= step_end_time(lane, width, number):
                 t, step = number[TIME * width + lane], number[STEP * width + lane]
                 space.step[FRACTION * width + lane] = (when - t) / step
                 asking |= 1 << lane
@@ -344,7 +344,7 @@ def write_rows(bits, width, members, space):
 
 
 @inlined_uncounted
-def commit(within, width, members, space):
+def store_accepted(within, width, members, space):
     """State and time of the lanes that were accepted."""
     memory = space.step
     for start, end, n in (
@@ -358,11 +358,11 @@ def commit(within, width, members, space):
                 memory[(start + i) * width + lane] = new if within >> lane & 1 else old
     for lane in range(width):
         if within >> lane & 1:
-            space.number[TIME * width + lane] = end_of_step(lane, width, space.number)
+            space.number[TIME * width + lane] = step_end_time(lane, width, space.number)
 
 
 @inlined_uncounted
-def count(trying, within, prepared, shape, width, members, space):
+def count_attempt(trying, within, prepared, shape, width, members, space):
     """Count an attempt: steps, rejections, evaluations; ``shape`` are numbers of stages and of contacts."""
     n_stages, n_contacts = shape
     for lane in range(width):
@@ -378,7 +378,7 @@ def count(trying, within, prepared, shape, width, members, space):
 
 
 @inlined_uncounted
-def settle(busy, rejected, sound, width, members, space):
+def retire_finished_lanes(busy, rejected, sound, width, members, space):
     """Take members that are done, or cannot go on, out of their lanes; which lanes stay busy."""
     number, whole = space.number, space.whole
     for lane in range(width):
@@ -393,13 +393,13 @@ def settle(busy, rejected, sound, width, members, space):
             elif whole[at + TRIED] >= whole[at + MOST]:
                 status = TOO_MANY_STEPS
             if status >= 0:
-                get_up(lane, width, status, members, space)
+                retire_lane(lane, width, status, members, space)
                 busy &= ~(1 << lane)
     return busy
 
 
 @cache
-def loop_in_lanes(width: int) -> Any:
+def compile_lane_loop(width: int) -> Any:
     """The step loop for ``width`` lanes."""
 
     @uncounted_loop(INTEGRATE_LANES)
@@ -417,10 +417,10 @@ def loop_in_lanes(width: int) -> Any:
             fresh = (fresh & stayed) | (busy & ~stayed)
             rejected &= stayed
             attempts += 1
-            read_start(fresh, width, n_contacts, members, space)
+            read_start_input(fresh, width, n_contacts, members, space)
             kernels.linearise(memory, numbers)
             # felt that remembers may still creep: what it will do, the bound on rest does not know
-            rested = rest(fresh if n_z == 0 else 0, width, parent, members, space)
+            rested = skip_resting_lanes(fresh if n_z == 0 else 0, width, parent, members, space)
             for lane in range(width):  # the steps wanted, before they are fitted to events
                 h = min(number[WANTED * width + lane], number[LONGEST * width + lane])
                 number[WANTED * width + lane] = memory[FITTED * width + lane] = h
@@ -432,7 +432,7 @@ def loop_in_lanes(width: int) -> Any:
             mask = kernels.skip(memory, numbers)
             for m in range(n_stages):
                 if m > 0 and (m == 1 or node[m] != node[m - 1]):
-                    read_inputs(trying, width, node[m], members, space)
+                    read_stage_input(trying, width, node[m], members, space)
                 for lane in range(width):  # what the change of the input adds to a stage
                     weight = number[STEP * width + lane] * d[m] * number[SLOPE * width + lane]
                     memory[INPUT_RATE * width + lane] = weight
@@ -442,18 +442,18 @@ def loop_in_lanes(width: int) -> Any:
                         if exceeded >> lane & 1:
                             number[EXCEEDED * width + lane] += n_contacts - memory[NEEDED * width + lane]
             sound = prepared & trying & kernels.end(memory, b, n_stages, n_z)
-            within = judge(trying, sound, rejected, exponent, width, space)
-            asking = ask(within, width, members, space)
+            within = accept_or_reject(trying, sound, rejected, exponent, width, space)
+            asking = find_next_output(within, width, members, space)
             if asking:
                 kernels.dense(memory, dense, n_dense, n_stages, n_z)
             while asking:
-                kernels.inside(memory, n_dense, n_z)
+                kernels.interpolate(memory, n_dense, n_z)
                 write_rows(asking, width, members, space)
-                asking = ask(asking, width, members, space)
-            commit(within, width, members, space)
-            count(trying, within, prepared, (n_stages, n_contacts), width, members, space)
+                asking = find_next_output(asking, width, members, space)
+            store_accepted(within, width, members, space)
+            count_attempt(trying, within, prepared, (n_stages, n_contacts), width, members, space)
             rejected = trying & ~within
             fresh = within | rested
-            busy = settle(busy, rejected, sound, width, members, space)
+            busy = retire_finished_lanes(busy, rejected, sound, width, members, space)
 
     return integrate

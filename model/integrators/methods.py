@@ -50,7 +50,7 @@ class RosenbrockTableau:
     def coefficients(self) -> Coefficients:
         """The numbers as the step loop and the scene's kernels read them."""
         exponent = 1.0 / (self.embedded_order + 1)
-        a, c = padded(self.a), padded(self.c_coupling)
+        a, c = pad_rows(self.a), pad_rows(self.c_coupling)
         return Coefficients(a, c, self.b, self.c, self.d, self.dense, self.gamma, exponent)
 
     @property
@@ -59,14 +59,14 @@ class RosenbrockTableau:
         return len(self.b)
 
 
-def padded(square: NDArray[np.float64]) -> NDArray[np.float64]:
+def pad_rows(square: NDArray[np.float64]) -> NDArray[np.float64]:
     """``square`` row by row with ``MAX_STAGES`` numbers a row, as the stage kernel reads it."""
     out = np.zeros((MAX_STAGES, MAX_STAGES))
     out[: len(square), : len(square)] = square
     return out.ravel()
 
 
-def lower(rows: list[list[float]], size: int) -> NDArray[np.float64]:
+def strictly_lower(rows: list[list[float]], size: int) -> NDArray[np.float64]:
     """Strictly lower triangular (size, size) from ragged rows that start with the second stage."""
     out = np.zeros((size, size))
     for i, row in enumerate(rows, start=1):
@@ -86,7 +86,7 @@ RODAS4P = RosenbrockTableau(
     stability="L-stable, stiffly accurate",
     source="Steinebach 1995",
     gamma=0.25,
-    a=lower(
+    a=strictly_lower(
         [
             [3.0],
             [1.831036793486759, 0.4955183967433795],
@@ -96,7 +96,7 @@ RODAS4P = RosenbrockTableau(
         ],
         6,
     ),
-    c_coupling=lower(
+    c_coupling=strictly_lower(
         [
             [-12.0],
             [-8.791795173947035, -2.207865586973518],
@@ -130,7 +130,7 @@ RODAS5P = RosenbrockTableau(
     stability="L-stable, stiffly accurate",
     source="Steinebach 2023",
     gamma=0.21193756319429014,
-    a=lower(
+    a=strictly_lower(
         [
             [3.0],
             [2.849394379747939, 0.45842242204463923],
@@ -142,7 +142,7 @@ RODAS5P = RosenbrockTableau(
         ],
         8,
     ),
-    c_coupling=lower(
+    c_coupling=strictly_lower(
         [
             [-14.155112264123755],
             [-17.97296035885952, -2.859693295451294],

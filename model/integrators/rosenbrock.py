@@ -17,17 +17,17 @@ from model.integrators.step_control import (
     SMALLEST_STEP,
     STEP_TOO_SMALL,
     TOO_MANY_STEPS,
-    allow,
-    at_rest,
-    begin,
-    ending_at,
-    grown,
+    fit_to_stop,
     inverse_power,
+    is_at_rest,
+    load_start,
+    next_step_size,
     next_stop,
-    shortened,
+    rejected_step_size,
+    set_motion_bounds,
 )
 from model.kernels.compile import inlined, step_loop, uncounted
-from model.kernels.inputs import constant_until, fit_to_input, input_at
+from model.kernels.inputs import constant_until, fit_to_input, interpolate_own_input
 from model.kernels.layout import N_CONTACT, N_JACOBIAN, N_REJECTED, N_RESTS, N_RHS, N_SKIPPED, N_STEPS
 from model.kernels.signatures import INTEGRATE
 from model.kernels.workspace import (
@@ -61,7 +61,7 @@ GAUSS, WEIGHT = (-0.3872983346207417, 0.0, 0.3872983346207417), (5.0 / 18.0, 4.0
 
 
 @inlined
-def stay(until, k_out, out, w, n):
+def fill_rest_outputs(until, k_out, out, w, n):
     """Stop all motion and fill the outputs wanted up to ``until``; returns how many are filled."""
     for i in range(n):
         w[V + i] = 0.0
@@ -74,7 +74,7 @@ def stay(until, k_out, out, w, n):
 
 
 @inlined
-def bits_of(mask):
+def count_bits(mask):
     """How many bits of ``mask`` are set."""
     count = 0
     while mask:
@@ -84,7 +84,7 @@ def bits_of(mask):
 
 
 @uncounted
-def keep_step(w, n_dense, n, n_z, row):
+def record_step(w, n_dense, n, n_z, row):
     """Copy the ends of a step and what its dense output is made of: angles, speeds, memories."""
     size = 2 * n + n_z
     for i in range(n):
@@ -123,7 +123,7 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
     n_dense = dense.shape[0]
     w[ANGLE_LIMIT], w[SPEED_LIMIT] = limits.angle, limits.speed
     k_in = int64(0)  # a plain 0 would be a type of its own, for which what takes it is compiled once more
-    k_out = begin(span, out, w)
+    k_out = load_start(span, out, w)
     kept = int64(0)
     recorded = steps.shape[0] > 0
     status = TOO_MANY_STEPS
@@ -139,7 +139,7 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
             status = FULL
             break
         if fresh:
-            u0, slope, k_in = input_at(t, k_in, drive)
+            u0, slope, k_in = interpolate_own_input(t, k_in, drive)
             if n_z > 0:
                 w[NOW] = t
             linearise(w, p, u0)
@@ -155,8 +155,8 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
                 last = drive.time.shape[0] - 1
                 if quiet <= t:
                     quiet = constant_until(t, k_in, t_end, 0, last, drive)
-                if quiet > t and at_rest(w, parent, parts, limits.rest):
-                    k_out = stay(quiet, k_out, out, w, n)
+                if quiet > t and is_at_rest(w, parent, parts, limits.rest):
+                    k_out = fill_rest_outputs(quiet, k_out, out, w, n)
                     times[0] += quiet - t
                     counters[N_RESTS] += 1
                     t = quiet
@@ -168,7 +168,7 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
         w[FITTED] = h
         fit(w, p)
         fitted = w[FITTED]
-        step = ending_at(stop, t, fitted)
+        step = fit_to_stop(stop, t, fitted)
         if not drive.held:
             step = fit_to_input(t, step, u0, k_in, drive, w, n, limits)
         gh = gamma * step
@@ -176,14 +176,14 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
         ok = prepare(w, gh) == 1
         if ok:
             # contacts are left out only while every stage stays within these allowances: the answer is the same
-            allow(w, step)
+            set_motion_bounds(w, step)
             mask = skip(w, p)
-            evaluated = n_contacts - bits_of(mask)
+            evaluated = n_contacts - count_bits(mask)
             rate = 1.0 / step
             u = u0
             for m in range(s):
                 if m > 0 and not drive.held and (m == 1 or node[m] != node[m - 1]):
-                    u, _, k_in = input_at(t + node[m] * step, k_in, drive)
+                    u, _, k_in = interpolate_own_input(t + node[m] * step, k_in, drive)
                 exceeded = stage(w, p, a, c, m, gh, rate, u, step * d[m] * slope, mask) == 1
                 if m > 0:
                     counters[N_CONTACT] += n_contacts if exceeded else evaluated
@@ -195,7 +195,7 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
         if not ok or error > 1.0:
             counters[N_REJECTED] += 1
             rejected = True
-            h = shortened(step, power) if ok else 0.2 * step
+            h = rejected_step_size(step, power) if ok else 0.2 * step
             if h < SMALLEST_STEP:
                 status = STEP_TOO_SMALL if ok else NOT_FINITE
                 break
@@ -207,7 +207,7 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
             dense_sums(w, dense, n_dense, s, n_z)
         if recorded:
             steps[kept, 0], steps[kept, 1] = t, step
-            keep_step(w, n_dense, n, n_z, steps[kept, 2:])
+            record_step(w, n_dense, n, n_z, steps[kept, 2:])
             kept += 1
         while k_out < out_t.shape[0] and out_t[k_out] <= t1:
             w[FRACTION] = (out_t[k_out] - t) / step
@@ -222,11 +222,11 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
             for g in range(3):
                 w[FRACTION] = 0.5 + GAUSS[g]
                 inside(w, n_dense, n_z)
-                u, _, k_in = input_at(t + w[FRACTION] * step, k_in, drive)
+                u, _, k_in = interpolate_own_input(t + w[FRACTION] * step, k_in, drive)
                 energy(w, p, u0 if drive.held else u)
                 for j in range(energies.shape[0]):
                     energies[j] += step * WEIGHT[g] * w[POWER_IN + j]
-        h = grown(step, power, rejected, fitted, h)
+        h = next_step_size(step, power, rejected, fitted, h)
         rejected = False
         for i in range(STAGE):
             w[Q + i] = w[Q1 + i]

@@ -19,7 +19,7 @@ SMALLEST_STEP = 1e-12
 
 
 @inlined
-def begin(span, out, w):
+def load_start(span, out, w):
     """Put the state into ``w`` and fill the outputs wanted up to the start; returns how many."""
     for i in range(span.angle.shape[0]):
         w[Q + i] = span.angle[i]
@@ -44,7 +44,7 @@ def next_stop(t, end, k_in, drive):
 
 
 @inlined
-def ending_at(stop, t, step):
+def fit_to_stop(stop, t, step):
     """A ``step`` that takes what is left before ``stop`` whole, or half of it, rather than leave a sliver."""
     if t + 1.01 * step >= stop:
         return stop - t
@@ -54,7 +54,7 @@ def ending_at(stop, t, step):
 
 
 @inlined
-def allow(w, step):
+def set_motion_bounds(w, step):
     """How far each coordinate may move within the step before a contact that was left out must be evaluated."""
     for i in range(WIDTH):  # prescribed coordinates too
         w[ALLOWANCE + i] = 1.5 * step * abs(w[V + i]) + step * step * abs(w[ACC + i]) + 1e-7
@@ -67,13 +67,13 @@ def inverse_power(error, exponent):
 
 
 @inlined
-def shortened(step, power):
+def rejected_step_size(step, power):
     """The step to try again with after an error (of the tolerance) above 1, to minus the exponent ``power``."""
     return step * max(SHRINK, SAFETY * power)
 
 
 @inlined
-def grown(step, power, rejected, fitted, h):
+def next_step_size(step, power, rejected, fitted, h):
     """The step to want next, where the estimated error to minus the exponent is ``power``; infinite for none."""
     factor = min(GROW, max(SHRINK, SAFETY * power))
     if rejected:
@@ -83,7 +83,7 @@ def grown(step, power, rejected, fitted, h):
 
 
 @uncounted
-def at_rest(w, parent, parts, limit):
+def is_at_rest(w, parent, parts, limit):
     """True where no coordinate can ever move by more than ``limit`` (rad) while the input stays as it is.
 
     Near a balance the energy E = v M v / 2 + d S d / 2 cannot grow: S is the stiffness, d = S^-1 f the way left to the

@@ -10,7 +10,7 @@ from model.kernels.compile import kernel
 
 
 @kernel
-def add_rows(matrix, first, rows, weight):
+def add_outer_products(matrix, first, rows, weight):
     """Add sum_r weight_r row_r row_r^T."""
     b = matrix.shape[0] - 1
     for r in range(rows.shape[0]):
@@ -19,13 +19,13 @@ def add_rows(matrix, first, rows, weight):
                 matrix[b + k - m, first[r] + m] += weight[r] * rows[r, k] * rows[r, m]
 
 
-def add_to(vector, first, rows, weight):
+def add_weighted_rows(vector, first, rows, weight):
     """Add sum_r weight_r row_r."""
     at = first[:, None] + np.arange(rows.shape[1])
     vector += np.bincount(at.ravel(), (weight[:, None] * rows).ravel(), len(vector))
 
 
-def times(vector, first, rows):
+def multiply_rows(vector, first, rows):
     """Product of each row with ``vector``, (r,)."""
     return np.sum(rows * vector[first[:, None] + np.arange(rows.shape[1])], axis=1)
 
@@ -48,7 +48,7 @@ def inverse_band(factor):
 
 
 @kernel
-def variances(inverse, first, rows):
+def row_variances(inverse, first, rows):
     """row (matrix) row^T of each row, (r,), from the band of the matrix."""
     b = inverse.shape[0] - 1
     out = np.zeros(rows.shape[0])

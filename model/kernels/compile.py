@@ -29,10 +29,10 @@ from numba.np import linalg
 
 from model.kernels.disk_cache import verify_cache
 from model.kernels.machine_code import make_machine_code_when_called
-from model.kernels.once import alone
+from model.kernels.once import hold_lock
 
 
-def ask_for_blas_later() -> None:
+def defer_blas_import() -> None:
     """Keep numba from importing SciPy's linear algebra, a sixth of a start, before something is compiled that needs it.
 
     Numba asks at import whether there is BLAS, and again wherever it is used; there is, since the model needs SciPy.
@@ -50,7 +50,7 @@ def ask_for_blas_later() -> None:
 numba_config: Any = _config  # set at run time by numba; its names are unknown to type checkers
 _PACKAGE = Path(__file__).resolve().parents[1]
 make_machine_code_when_called()
-ask_for_blas_later()
+defer_blas_import()
 COMMON: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": False}
 NO_WRAPPERS: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
@@ -61,7 +61,7 @@ def kernel_sources() -> list[Path]:
     return sorted(path for folder in folders for path in _PACKAGE.glob(f"{folder}/**/*.py"))
 
 
-def target() -> tuple[str, str]:
+def target_processor() -> tuple[str, str]:
     """Name and features of the processor that numba compiles for: this one, unless ``NUMBA_CPU_*`` name another."""
     name, features = numba_config.CPU_NAME, numba_config.CPU_FEATURES
     return (
@@ -78,7 +78,7 @@ def cache_key() -> str:
         numba.__version__,
         np.__version__,
         platform.machine(),
-        *target(),
+        *target_processor(),
     ):
         digest.update(part.encode())
     for path in kernel_sources():
@@ -113,7 +113,7 @@ def _writable_cache() -> Path | None:
 FOLDER = _writable_cache()
 
 
-def _inner(function: Callable[..., Any], options: dict[str, Any], keep: bool = False) -> Any:
+def _compile_inner(function: Callable[..., Any], options: dict[str, Any], keep: bool = False) -> Any:
     """Compile a ``function`` that compiled code calls, without what Python needs to call it: a sixth less to compile.
 
     A call from Python goes to a twin that has it, compiled then. With ``keep`` it has a cache of its own on disk.
@@ -128,16 +128,16 @@ def _inner(function: Callable[..., Any], options: dict[str, Any], keep: bool = F
     return made
 
 
-def _cached(*signature: Any, inner: bool = False, **options: Any) -> Callable[[Callable[..., Any]], Any]:
+def _compile_cached(*signature: Any, inner: bool = False, **options: Any) -> Callable[[Callable[..., Any]], Any]:
     """Decorator: compile without the GIL, keep the machine code in ``FOLDER``."""
 
-    def compiled(function: Callable[..., Any]) -> Any:
+    def decorate(function: Callable[..., Any]) -> Any:
         before = numba_config.CACHE_DIR
         numba_config.CACHE_DIR = "" if FOLDER is None else str(FOLDER)
         try:
             common = COMMON | {"no_cfunc_wrapper": True}
             if inner:
-                return _inner(function, common | options, FOLDER is not None)
+                return _compile_inner(function, common | options, FOLDER is not None)
             njit: Any = numba.njit  # its types do not name all options
             made = njit(**common | options)(function)
             if FOLDER is not None:
@@ -149,18 +149,18 @@ def _cached(*signature: Any, inner: bool = False, **options: Any) -> Callable[[C
         finally:
             numba_config.CACHE_DIR = before
 
-    return compiled
+    return decorate
 
 
-kernel = _cached()
+kernel = _compile_cached()
 """Compile a function on first use, without the GIL, cached under the key of all kernel sources."""
-uncounted = _cached(_nrt=False, inner=True)
+uncounted = _compile_cached(_nrt=False, inner=True)
 """Like `kernel`, for a function that allocates nothing: without numba's run time it counts no references.
 
 Counting those of the arrays in a named tuple took a tenth of a step."""
-inlined = partial(_inner, options=COMMON | {"forceinline": True})
+inlined = partial(_compile_inner, options=COMMON | {"forceinline": True})
 """Compile a small function into each of its callers; not cached on its own, it lives in theirs."""
-inlined_uncounted = partial(_inner, options=COMMON | {"forceinline": True, "_nrt": False})
+inlined_uncounted = partial(_compile_inner, options=COMMON | {"forceinline": True, "_nrt": False})
 """Like `inlined`, for what allocates nothing and takes many arrays: it counts no references to them."""
 
 
@@ -170,11 +170,11 @@ def step_loop(signature: Any, **options: Any) -> Callable[[Callable[..., Any]], 
     Without them numba compiles the loop again for every scene, and never finds it on disk.
     """
 
-    def compiled(function: Callable[..., Any]) -> Any:
-        with alone(FOLDER, f"{function.__module__}.{function.__qualname__}"):
-            return _cached(signature, **options)(function)
+    def decorate(function: Callable[..., Any]) -> Any:
+        with hold_lock(FOLDER, f"{function.__module__}.{function.__qualname__}"):
+            return _compile_cached(signature, **options)(function)
 
-    return compiled
+    return decorate
 
 
 def uncounted_loop(signature: Any) -> Callable[[Callable[..., Any]], Any]:

@@ -12,7 +12,7 @@ SETTLING = 60  # steps of a few delays each, until the current is where the firs
 
 
 @kernel
-def torque_along(amplifier, lumps, largest, command, turned, interval, softness, out):
+def integrate_torque(amplifier, lumps, largest, command, turned, interval, softness, out):
     """Fill ``out`` (p, k), N m, at the ends of all substeps, for rows of ``lumps`` (p, 7).
 
     Equations: `model.drive.lumps`; ``amplifier`` is the kernel of `model.derived.outside_a_scene`; ``turned`` the angle

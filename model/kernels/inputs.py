@@ -16,7 +16,7 @@ JUMP = 1e-10
 
 
 @uncounted
-def input_between(t, k, first, last, drive):
+def interpolate_input(t, k, first, last, drive):
     """Input at ``t`` and its slope; ``k`` is a start for the search. Returns u, slope, k."""
     time, value, held = drive
     early = 0.0 if held else JUMP
@@ -37,14 +37,14 @@ def input_between(t, k, first, last, drive):
 
 
 @inlined_uncounted
-def input_at(t, k, drive):
-    """`input_between` of a table that has its arrays for itself."""
-    return input_between(t, k, 0, drive.time.shape[0] - 1, drive)
+def interpolate_own_input(t, k, drive):
+    """`interpolate_input` of a table that has its arrays for itself."""
+    return interpolate_input(t, k, 0, drive.time.shape[0] - 1, drive)
 
 
 @uncounted
 def constant_until(t, k, t_end, first, last, drive):
-    """Time up to which the input keeps exactly the value it has at ``t``; ``k`` as found by `input_between`."""
+    """Time up to which the input keeps exactly the value it has at ``t``; ``k`` as found by `interpolate_input`."""
     time, value, held = drive
     if t < time[first]:
         return min(t_end, time[first])
@@ -81,7 +81,7 @@ def fit_to_kinks(t, step, u0, k, last, drive, gain, bounds):
     angle, speed = bounds
     while True:
         end = t + step
-        u1, _, _ = input_between(end, k, k, last, drive)
+        u1, _, _ = interpolate_input(end, k, k, last, drive)
         bend = 0.0
         j = k + 1
         while j < last and time[j] < end:

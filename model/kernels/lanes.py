@@ -24,8 +24,8 @@ from numba.core.typing.templates import AbstractTemplate, infer_global, signatur
 from numba.extending import intrinsic, lower_builtin, lower_cast, models, register_model
 from numpy.typing import NDArray
 
-from model.compiler.native import DOUBLE, called, splat
-from model.kernels.compile import target
+from model.compiler.native import DOUBLE, broadcast, call_intrinsic
+from model.kernels.compile import target_processor
 
 # doubles in a register of AVX-512. With AVX2 a row takes two registers, still a third faster than rows of four:
 # what is done lane by lane around the arithmetic is shared by more members
@@ -33,13 +33,13 @@ LANES = 8
 
 
 @cache
-def lanes_pay() -> bool:
+def has_wide_vectors() -> bool:
     """Whether the target has vectors wide enough, and multiplies and adds in one: AVX-512, or AVX2 with FMA."""
-    features = target()[1].split(",")
+    features = target_processor()[1].split(",")
     return sys.maxsize > 2**32 and ("+avx512f" in features or {"+avx2", "+fma"} <= set(features))
 
 
-def aligned(*shape: int) -> NDArray[np.float64]:
+def allocate_aligned(*shape: int) -> NDArray[np.float64]:
     """Zeros of a shape that start at a cache line of 64 bytes: a row of lanes across two takes twice the time."""
     count = int(np.prod(shape))
     whole = np.zeros(count + 8)
@@ -88,7 +88,7 @@ register_model(Rows)(_RowsModel)
 @lower_cast(types.Float, Lanes)
 @lower_cast(types.Integer, Lanes)
 def _from_number(context: Any, builder: Any, fromty: Any, toty: Any, value: Any) -> Any:
-    return splat(builder, context.cast(builder, value, fromty, types.float64), toty.width)
+    return broadcast(builder, context.cast(builder, value, fromty, types.float64), toty.width)
 
 
 def _width(args: Any) -> int | None:
@@ -122,14 +122,14 @@ def _is_product(value: Any) -> bool:
 
 def _add(b: Any, x: Any, y: Any) -> Any:
     if _is_product(x):
-        return called(b, "fma", *x.operands, y)
-    return called(b, "fma", *y.operands, x) if _is_product(y) else b.fadd(x, y)
+        return call_intrinsic(b, "fma", *x.operands, y)
+    return call_intrinsic(b, "fma", *y.operands, x) if _is_product(y) else b.fadd(x, y)
 
 
 def _subtract(b: Any, x: Any, y: Any) -> Any:
     if _is_product(y):
-        return called(b, "fma", b.fneg(y.operands[0]), y.operands[1], x)
-    return called(b, "fma", *x.operands, b.fneg(y)) if _is_product(x) else b.fsub(x, y)
+        return call_intrinsic(b, "fma", b.fneg(y.operands[0]), y.operands[1], x)
+    return call_intrinsic(b, "fma", *x.operands, b.fneg(y)) if _is_product(x) else b.fsub(x, y)
 
 
 for _keys, _arguments, _lower in (
@@ -137,7 +137,7 @@ for _keys, _arguments, _lower in (
     ((operator.sub, operator.isub), 2, _subtract),
     ((operator.mul, operator.imul), 2, lambda b, x, y: b.fmul(x, y)),
     ((operator.truediv, operator.itruediv), 2, lambda b, x, y: b.fdiv(x, y)),
-    ((abs,), 1, lambda b, x: called(b, "fabs", x)),
+    ((abs,), 1, lambda b, x: call_intrinsic(b, "fabs", x)),
     ((max,), 2, lambda b, x, y: b.select(b.fcmp_ordered(">", y, x), y, x)),
 ):
     for _key in _keys:
@@ -197,7 +197,7 @@ def rows(typingctx: Any, array: Any, width: Any) -> Any:
 
 
 @intrinsic
-def filled(typingctx: Any, value: Any, like: Any) -> Any:
+def broadcast_like(typingctx: Any, value: Any, like: Any) -> Any:
     """``value`` in every lane, as many as ``like`` has."""
     lanes = Lanes(like.width)
 

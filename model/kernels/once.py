@@ -44,7 +44,7 @@ else:
 
 
 @contextmanager
-def alone(folder: Path | None, name: str) -> Iterator[None]:
+def hold_lock(folder: Path | None, name: str) -> Iterator[None]:
     """Hold ``name`` among the processes that use a cache folder; without a folder there is nothing to share."""
     with ExitStack() as held:
         if folder is not None:

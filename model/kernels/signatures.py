@@ -100,7 +100,7 @@ class StepKernels(NamedTuple):
     fit: Any
     end: Any
     dense: Any
-    inside: Any
+    interpolate: Any
     energy: Any
 
 
@@ -156,7 +156,7 @@ _STEPPING = {
     "fit": _i(pointer, pointer),  # w, p -> 0
     "end": _i(pointer, pointer, _i, _i),  # w, b, stages, memories -> 1, or bits of the lanes, where the error is finite
     "dense": _i(pointer, pointer, _i, _i, _i),  # w, dense, its rows, stages, memories -> 0
-    "inside": _i(pointer, _i, _i),  # w, rows of dense, memories -> 0
+    "interpolate": _i(pointer, _i, _i),  # w, rows of dense, memories -> 0
 }
 STEP = {
     "linearise": LINEARISE,
@@ -176,7 +176,7 @@ IN_LANES = {
 """The same for lanes: numbers of the step, u and h among them, are rows of lanes in w, parameters rows in p; what was a
 truth value is an integer with a bit per lane."""
 ALONE = {"energy": LINEARISE, "regime": REGIME} | dict.fromkeys(
-    ("numbers", "normals", "carried", "contacts", "tips", "bodies", "amplifier", "press"), OBSERVE
+    ("numbers", "normals", "propagate_modes", "contacts", "tips", "bodies", "amplifier", "press"), OBSERVE
 )
 """Kernels that are asked for one by one."""
 _STEP_KERNELS, _LANE_KERNELS = (

@@ -25,7 +25,7 @@ from model.scene.build import Scene, build_scene
 from model.scene.key_motion import KeyMotion, acceleration_of_input, angle_at_height, with_moved
 from model.scene.selection import SceneChoice, choice_of
 from model.scene.string_terms import with_modes
-from model.simulation.giving_motion import GivingMotion, giving_motion
+from model.simulation.giving_motion import CompliantJointMotion, compliant_joint_motion
 from model.simulation.run import Simulation, State
 from model.simulation.solution import EnergyAudit
 from model.simulation.statics import solve_rest
@@ -53,16 +53,16 @@ class PrescribedRun:
     arm_m: float | None = None
     energy: EnergyAudit | None = None
     string: StringMotion | None = None
-    give: GivingMotion | None = None
+    give: CompliantJointMotion | None = None
 
 
 def rest_angle(action: Action, choice: SceneChoice) -> float:
     """Angle (rad) of what a motion would prescribe at rest without a force."""
     free = build_scene(choice.on(action), choice)
-    return moved_angle(free, choice.moved, solve_rest(free, whole=True), free.vector)
+    return prescribed_angle(free, choice.moved, solve_rest(free, whole=True), free.vector)
 
 
-def moved_angle(free: Scene, moved: str, whole: Array, p: Array) -> float:
+def prescribed_angle(free: Scene, moved: str, whole: Array, p: Array) -> float:
     """Angle (rad) of what a motion would prescribe, at coordinates ``whole`` of the scene without that motion.
 
     ``whole`` (n + g,) ends with what joints give; ``p`` are the scene's numbers.
@@ -128,9 +128,9 @@ def run_prescribed(
         rail,
         run.work(),
         arm,
-        run.audited(state, stored) if energy else None,
+        run.energy_audit(state, stored) if energy else None,
         string_motion(scene, times, run.remembered),
-        giving_motion(scene, run.remembered),
+        compliant_joint_motion(scene, run.remembered),
     )
 
 

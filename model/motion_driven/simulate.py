@@ -29,7 +29,7 @@ from model.parameters.action import Action
 from model.parameters.effects import KEY_LIFT, column
 from model.scene.key_motion import KeyMotion
 from model.scene.selection import check_prescribed
-from model.simulation.giving_motion import GivingMotion
+from model.simulation.giving_motion import CompliantJointMotion
 from model.simulation.loads_and_losses import RailTension, tensions
 from model.simulation.options import SimulationKeywords, SimulationOptions
 from model.simulation.solution import Moved
@@ -114,7 +114,7 @@ class MotionDriven(Moved, ArrayRecord):
     tolerance: float = 1e-6
     arm_m: float | None = None
     string: StringMotion | None = None
-    give: GivingMotion | None = None
+    give: CompliantJointMotion | None = None
 
     def key_tensions(self) -> list[RailTension]:
         """Intervals in which the balance rail would have to pull the key down: predicted lift."""

@@ -23,7 +23,7 @@ from model.observables import head_height_m, key_dip_m
 from model.parameters.action import BODIES, Action
 from model.scene.build import build_scene
 from model.scene.key_motion import KeyMotion, with_moved
-from model.simulation.giving_motion import rows_of_pins
+from model.simulation.giving_motion import pin_motion
 from model.simulation.run import Simulation, State
 from model.simulation.statics import solve_rest
 
@@ -161,7 +161,7 @@ def slow_press(
     force, _ = key_load(scene, q, v, moved[:, 2], memory=memory)
     normal = contacts_at(scene.tables, scene.vector, q, v, memory)[:, :, NORMAL]
     order = [scene.bodies.index(body) for body in BODIES]
-    whole = np.column_stack([q, rows_of_pins(scene, run.remembered)[0]]) if scene.pins else q
+    whole = np.column_stack([q, pin_motion(scene, run.remembered)[0]]) if scene.pins else q
     front = np.tile(rest[: len(BODIES)], (len(times), 1))
     front[:, KEY] = moved[:, 0]
     return Press(

@@ -2,7 +2,7 @@
 
 Measured angles in (encoder counts or noiseless), a quintic spline with a knot at every sample out. It is smoothed by a
 prior on its fourth derivative: independent normal values with a variance that follows the data, high where the key hits
-something and low where it rests (`_posterior`). Spline and covariance are that prior's posterior, so that the stated
+something and low where it rests (`_fit_spline`). Spline and covariance are that prior's posterior, so that the stated
 uncertainty covers what smoothing rounds off at a bump, not only noise.
 Noise: a count is uncertain by its width; equal counts in a row repeat one rounding error and count as one reading;
 jitter of angle and clock beyond that is estimated from the residuals. Unusable columns raise ``InputError``.
@@ -28,7 +28,7 @@ from model.scene.selection import SceneChoice, load_scene
 Array = NDArray[np.float64]
 
 
-def resolution_of(angle_rad: Array) -> float:
+def find_resolution(angle_rad: Array) -> float:
     """Width of a count (rad) where all angles are whole multiples of one apart, else 0."""
     step = np.diff(np.unique(angle_rad))
     step = step[step > 1e-12]
@@ -40,7 +40,7 @@ def resolution_of(angle_rad: Array) -> float:
     return smallest if np.max(np.abs(multiples - np.round(multiples))) < 1e-3 else 0.0
 
 
-def runs_of(angle_rad: Array) -> Array:
+def run_lengths(angle_rad: Array) -> Array:
     """How many equal readings in a row each sample belongs to."""
     edges = np.concatenate([[0], np.flatnonzero(np.diff(angle_rad)) + 1, [len(angle_rad)]])
     length = np.diff(edges)
@@ -58,7 +58,7 @@ def repeated_share(resolution_rad: float, jitter_rad: float) -> float:
     return float(np.sum(damping / k**2) / np.sum(1.0 / k**2))
 
 
-def noise_of(variance: Array, speed: Array, weight: Array) -> tuple[float, float]:
+def fit_noise(variance: Array, speed: Array, weight: Array) -> tuple[float, float]:
     """Jitter of the angle (rad) and of the clock (s): a and b >= 0 of variance = a^2 + b^2 speed^2, least squares."""
     square = speed**2
     total, cross, fourth = np.sum(weight), np.sum(weight * square), np.sum(weight * square**2)
@@ -163,14 +163,14 @@ class KeyFit:
         times = np.asarray(time_s, dtype=float)
         value, u = np.empty((len(times), 3)), np.empty((len(times), 3))
         for order in range(3):
-            rows, first = _rows(self.knots, times, order)
-            value[:, order] = banded.times(self.coefficients, first, rows)
-            u[:, order] = np.sqrt(np.maximum(banded.variances(self.inverse, first, rows), 0.0))
+            rows, first = _design_rows(self.knots, times, order)
+            value[:, order] = banded.multiply_rows(self.coefficients, first, rows)
+            u[:, order] = np.sqrt(np.maximum(banded.row_variances(self.inverse, first, rows), 0.0))
         value[:, 0] += self.offset_rad
         return value, u
 
 
-def _differences(knots: Array, order: int) -> Array:
+def _difference_matrix(knots: Array, order: int) -> Array:
     """Rows that turn coefficients into those of a derivative, (n - order, order + 1)."""
     rows = np.ones((len(knots) - DEGREE - 1, 1))
     for done in range(order):
@@ -183,20 +183,20 @@ def _differences(knots: Array, order: int) -> Array:
     return rows
 
 
-def _rows(knots: Array, times: Array, order: int = 0) -> tuple[Array, Integers]:
+def _design_rows(knots: Array, times: Array, order: int = 0) -> tuple[Array, Integers]:
     """Design of the spline's derivative at ``times``: (k, DEGREE + 1) neighbouring entries and where they begin."""
     inner = knots[order : len(knots) - order]
     sparse = BSpline.design_matrix(np.clip(times, knots[0], knots[-1]), inner, DEGREE - order).tocsr()
     lower = sparse.data.reshape(len(times), DEGREE - order + 1)
     first = sparse.indices.reshape(lower.shape)[:, 0].astype(np.int64)
     out = np.zeros((len(times), DEGREE + 1))
-    steps = _differences(knots, order)
+    steps = _difference_matrix(knots, order)
     for k in range(lower.shape[1]):
         out[:, k : k + order + 1] += lower[:, k : k + 1] * steps[first + k]
     return out, first
 
 
-def _posterior(
+def _fit_spline(
     samples: tuple[Array, Array, Array, float],
     noise_given: tuple[float | None, float],
     inner: Array,
@@ -217,10 +217,10 @@ def _posterior(
     jitter = max(floor, 1e-6 * float(np.ptp(y)) if given is None else given)
     knots = np.concatenate([[inner[0]] * DEGREE, inner, [inner[-1]] * DEGREE])
     size = len(knots) - DEGREE - 1
-    rows, first = _rows(knots, times)
-    rows_speed, first_speed = _rows(knots, times, 1)
+    rows, first = _design_rows(knots, times)
+    rows_speed, first_speed = _design_rows(knots, times, 1)
     speed = np.zeros(len(times))
-    prior, at = _differences(knots, PRIOR), np.arange(size - PRIOR)
+    prior, at = _difference_matrix(knots, PRIOR), np.arange(size - PRIOR)
     place = np.array([knots[PRIOR + k : PRIOR + k + len(prior)] for k in range(DEGREE - PRIOR + 1)]).mean(axis=0)
     width = (knots[DEGREE + 1 : DEGREE + 1 + len(prior)] - knots[PRIOR : PRIOR + len(prior)]) / (DEGREE + 1 - PRIOR)
     prior = prior * np.sqrt(width)[:, None]  # the square is then an intensity, rad^2/s^7, whatever the sampling
@@ -235,9 +235,9 @@ def _posterior(
         noise = jitter**2 + (clock * speed) ** 2
         weight = 1.0 / (rounding / readings + noise)
         normal, right = np.zeros((DEGREE + 1, size)), np.zeros(size)
-        banded.add_rows(normal, first, rows, weight)
-        banded.add_rows(normal, at, prior, 1.0 / intensity)
-        banded.add_to(right, first, rows, weight * y)
+        banded.add_outer_products(normal, first, rows, weight)
+        banded.add_outer_products(normal, at, prior, 1.0 / intensity)
+        banded.add_weighted_rows(right, first, rows, weight * y)
         try:
             factor = cholesky_banded(normal)
         except np.linalg.LinAlgError:
@@ -246,16 +246,18 @@ def _posterior(
             ) from None
         c = cho_solve_banded((factor, False), right)
         inverse = banded.inverse_band(factor)
-        expected = banded.times(c, at, prior) ** 2 + banded.variances(inverse, at, prior)
+        expected = banded.multiply_rows(c, at, prior) ** 2 + banded.row_variances(inverse, at, prior)
         for _ in range(2):
             expected = banded.window_means(expected, low, high)
         before, intensity = intensity, intensity * (expected / intensity) ** relaxation
         lowest = SLOWEST_RAD_PER_S ** (2 * PRIOR) * step * (rounding + jitter**2)
         intensity = np.maximum(intensity, max(lowest, SMALLEST_RATIO * float(intensity.max())))
         if given is None:
-            seen = (y - banded.times(c, first, rows)) ** 2 + banded.variances(inverse, first, rows) - rounding
-            speed = banded.times(c, first_speed, rows_speed)
-            jitter, clock = noise_of(seen, speed, readings / (rounding + noise) ** 2)
+            seen = (
+                (y - banded.multiply_rows(c, first, rows)) ** 2 + banded.row_variances(inverse, first, rows) - rounding
+            )
+            speed = banded.multiply_rows(c, first_speed, rows_speed)
+            jitter, clock = fit_noise(seen, speed, readings / (rounding + noise) ** 2)
             jitter = max(floor, jitter)
         if np.max(np.abs(intensity - before) / before) < CONVERGED:
             break
@@ -281,12 +283,12 @@ def fit_key_motion(
     for name, value in (("resolution", resolution_rad), ("jitter", jitter_rad)):
         if value is not None and not 0.0 <= value <= 0.1:
             raise InputError(f"{name} of the key's angle: found {value:g} rad, allowed 0 to 0.1")
-    resolution = resolution_of(angles) if resolution_rad is None else float(resolution_rad)
-    runs = runs_of(angles) if resolution > 0.0 else np.ones(len(angles))
+    resolution = find_resolution(angles) if resolution_rad is None else float(resolution_rad)
+    runs = run_lengths(angles) if resolution > 0.0 else np.ones(len(angles))
     samples = times, angles - angles[0], runs, resolution
-    noise, knots, coefficients, covariance = _posterior(samples, (jitter_rad, 0.0), times, OVER_RELAXATION)
+    noise, knots, coefficients, covariance = _fit_spline(samples, (jitter_rad, 0.0), times, OVER_RELAXATION)
     if resolution == 0.0 and noise[0] < NOISELESS_RAD:
         # the uncertainty is then what happens between samples: there must be a knot for it
         finer = np.sort(np.concatenate([times, 0.5 * (times[1:] + times[:-1])]))
-        noise, knots, coefficients, covariance = _posterior(samples, noise, finer, 1.0)
+        noise, knots, coefficients, covariance = _fit_spline(samples, noise, finer, 1.0)
     return KeyFit(times, resolution, *noise, knots, coefficients, float(angles[0]), *covariance)

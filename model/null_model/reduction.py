@@ -82,7 +82,9 @@ class Reduced:
     check_rad: Array
 
 
-def _walk(scene: Scene, rest: Array, direction: float, held: tuple[int, ...], points: int | None) -> list[Array]:
+def _static_states(
+    scene: Scene, rest: Array, direction: float, held: tuple[int, ...], points: int | None
+) -> list[Array]:
     """States from rest on along ``direction`` of the key, to the force at which paths end or for ``points``."""
     out, q = [], rest.copy()
     limit = DOWN_N if direction < 0.0 else UP_N
@@ -98,7 +100,7 @@ def _walk(scene: Scene, rest: Array, direction: float, held: tuple[int, ...], po
     return out
 
 
-def _reflect(scene: Scene, angle_rad: Array, sense: float) -> Path:
+def _reflected_quantities(scene: Scene, angle_rad: Array, sense: float) -> Path:
     """Reflected quantities along states (p, 5)."""
     ratio = np.gradient(angle_rad, STEP, axis=0)
     ratio[:, KEY] = sense  # exact
@@ -115,7 +117,7 @@ def _reflect(scene: Scene, angle_rad: Array, sense: float) -> Path:
     return Path(angle_rad, ratio, mass, pull, lever, dry, damp)
 
 
-def _touch(scene: Scene, name: str, q: Array) -> float:
+def _penetration(scene: Scene, name: str, q: Array) -> float:
     """Penetration of a contact (m), negative where open; -inf where the scene has no such contact."""
     if name not in scene.contacts:
         return -np.inf
@@ -123,7 +125,7 @@ def _touch(scene: Scene, name: str, q: Array) -> float:
     return float(depth[scene.contacts.index(name)])
 
 
-def _caught(scene: Scene, angle_rad: Array, rest: float, up: float, string: float) -> Array:
+def _catch_angle(scene: Scene, angle_rad: Array, rest: float, up: float, string: float) -> Array:
     """Highest place (rad above rest) at which the back check touches a falling hammer, along the key's path."""
     if BACK_CHECK not in scene.contacts:
         return np.full(len(angle_rad), -np.inf)
@@ -194,25 +196,25 @@ def reduce_action(action: Action) -> Reduced:
     parked = rest.copy()
     parked[HAMMER] = rest[HAMMER] + up * (min(string, 1.0) - STILL_OPEN)
     parked = solve_rest(scene, 0.0, parked, (KEY, HAMMER))
-    above = _walk(scene, parked, -sense, (KEY, HAMMER), None)
-    below = _walk(scene, parked, sense, (KEY, HAMMER), None)
+    above = _static_states(scene, parked, -sense, (KEY, HAMMER), None)
+    below = _static_states(scene, parked, sense, (KEY, HAMMER), None)
     away = np.array([*above[::-1], parked, *below])
     sigma = sense * (away[:, KEY] - rest[KEY])
 
-    joined = [*_walk(scene, rest, -sense, (KEY, JACK), len(above))[::-1], rest]
-    let_off, before = np.inf, _touch(scene, BUTTON, rest)
+    joined = [*_static_states(scene, rest, -sense, (KEY, JACK), len(above))[::-1], rest]
+    let_off, before = np.inf, _penetration(scene, BUTTON, rest)
     for _ in below:
-        joined += _walk(scene, joined[-1], sense, (KEY, JACK), 1)
-        depth = _touch(scene, BUTTON, joined[-1])
+        joined += _static_states(scene, joined[-1], sense, (KEY, JACK), 1)
+        depth = _penetration(scene, BUTTON, joined[-1])
         if depth > 0.0:
             let_off = float(sigma[len(joined) - 1] - STEP * min(1.0, depth / max(depth - before, 1e-15)))
             joined[-1] = 2.0 * joined[-2] - joined[-3]  # as if there were no button
             break
         before = depth
-    path = _reflect(scene, np.array(joined), sense)
+    path = _reflected_quantities(scene, np.array(joined), sense)
     missing = len(sigma) - len(joined)
     path = Path(*(np.concatenate([a, np.repeat(a[-1:], missing, axis=0)]) for a in vars(path).values()))
-    without = _reflect(scene, away, sense)
+    without = _reflected_quantities(scene, away, sense)
     without.ratio[:, HAMMER] = 0.0
     return Reduced(
         sigma=sigma,
@@ -223,5 +225,5 @@ def reduce_action(action: Action) -> Reduced:
         up=up,
         hammer_inertia=float(balance(scene, rest, 0.0)[2][HAMMER, HAMMER]),
         string_rad=string,
-        check_rad=_caught(scene, away, float(rest[HAMMER]), up, min(string, 1.0)),
+        check_rad=_catch_angle(scene, away, float(rest[HAMMER]), up, min(string, 1.0)),
     )

@@ -44,7 +44,7 @@ class _ByContent:
 
 
 @lru_cache(maxsize=8)
-def _reduced(key: _ByContent) -> Reduced:
+def _cached_reduction(key: _ByContent) -> Reduced:
     return reduce_action(key.action)
 
 
@@ -90,7 +90,7 @@ def simulate(
     choice_of(action).need_played_key(action.name)
     times, forces = check_force_table(time_s, force_n)
     outputs = check_output_times(output_time_s, times)
-    reduced = _reduced(_ByContent(action.content(), action))
+    reduced = _cached_reduction(_ByContent(action.content(), action))
     sense = 1.0 if reduced.joined.ratio[0, KEY] > 0.0 else -1.0
     start = 0.0
     if initial is not None:
@@ -106,7 +106,7 @@ def simulate(
     joined, away = _table(reduced.joined), _table(reduced.away)
     integrate(joined, away, reduced.check_rad, _constants(action, reduced), start, step, table, rows)
     _check_stops(reduced, grid[::2], rows, table[::2])
-    angle, speed = _angles(reduced, grid[::2], rows, outputs)
+    angle, speed = _interpolate_angles(reduced, grid[::2], rows, outputs)
     return Solution(
         bodies=BODIES,
         time_s=outputs,
@@ -156,7 +156,7 @@ def _constants(action: Action, reduced: Reduced) -> Constants:
     )
 
 
-def _angles(reduced: Reduced, time_s: Array, rows: Array, at: Array) -> tuple[Array, Array]:
+def _interpolate_angles(reduced: Reduced, time_s: Array, rows: Array, at: Array) -> tuple[Array, Array]:
     """Angles and speeds (m, 5) at times ``at`` from rows of (s, w, phi, omega, riding) at ``time_s``."""
     s, w, phi, omega = (np.interp(at, time_s, rows[:, k]) for k in range(4))
     step = np.clip(np.searchsorted(time_s, at, side="right") - 1, 0, len(time_s) - 1)

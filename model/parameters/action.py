@@ -186,7 +186,7 @@ def _unknown_path(path: str, known: Mapping[str, Any]) -> str:
 
 
 @lru_cache(maxsize=8)
-def _parsed(text: str) -> dict[str, Any]:
+def _parse_toml(text: str) -> dict[str, Any]:
     """Table of a text, not to be changed: parsing takes three quarters of reading an action."""
     return tomllib.loads(text.removeprefix("\ufeff"))
 
@@ -194,7 +194,7 @@ def _parsed(text: str) -> dict[str, Any]:
 def read_toml(path: Path) -> dict[str, Any]:
     """Table of a TOML file, not to be changed."""
     try:
-        return _parsed(path.read_text(encoding="utf-8"))
+        return _parse_toml(path.read_text(encoding="utf-8"))
     except OSError as problem:
         raise InputError(
             f"{path}: cannot be read ({problem.strerror}); name one that is built in or an existing file"

@@ -132,7 +132,7 @@ class TargetValues:
     remarks: dict[str, str] = field(default_factory=dict)
 
 
-class Gap(NamedTuple):
+class ContactGeometry(NamedTuple):
     """Penetration (m, negative where open), normal from second to first surface, centre of the first circle (m)."""
 
     penetration_m: float
@@ -144,7 +144,7 @@ def _vector(action: Action, path: str) -> complex:
     return complex(action[f"{path}.x"], action[f"{path}.y"])
 
 
-def moved_pivots(action: Action, rest_rad: Array) -> dict[str, complex]:
+def pivot_displacements(action: Action, rest_rad: Array) -> dict[str, complex]:
     """How far pivots are from their places in the set at rest, m: of joints that give, of a key that lifts."""
     scene = build_scene(action)
     out = dict.fromkeys((body for body, _ in scene.pins), 0j)
@@ -157,7 +157,9 @@ def moved_pivots(action: Action, rest_rad: Array) -> dict[str, complex]:
     return out
 
 
-def contact_gap(action: Action, contact: str, angle_rad: ArrayLike, moved: Mapping[str, complex] | None = None) -> Gap:
+def contact_penetration(
+    action: Action, contact: str, angle_rad: ArrayLike, moved: Mapping[str, complex] | None = None
+) -> ContactGeometry:
     """Gap of a contact at angles (n,) rad, the five bodies' first, whether or not the contact has any stiffness.
 
     Geometry alone; points and directions are complex numbers in the world frame, x right, y up. ``moved`` are
@@ -176,22 +178,22 @@ def contact_gap(action: Action, contact: str, angle_rad: ArrayLike, moved: Mappi
     (center, _), (base, turned) = place("first"), place("second")
     apart, radius = center - base, action[f"{contact}.first.radius"]
 
-    def along(direction: complex) -> float:
+    def component(direction: complex) -> float:
         return (apart * direction.conjugate()).real
 
     shape = action.structure[f"{contact}.second.shape"]
     if shape == "line":
         normal = _vector(action, f"{contact}.second.normal")
         normal *= cmath.rect(1.0, turned) / abs(normal)
-        return Gap(radius - along(normal), normal, center)
+        return ContactGeometry(radius - component(normal), normal, center)
     radius += action[f"{contact}.second.radius"]
     if shape == "hybrid":  # an arc that goes on as its tangents
         start, end = (cmath.rect(1.0, turned + action[f"{contact}.second.arc_{k}"]) for k in ("start", "end"))
-        beyond = [e for e, tangent in ((start, -1j * start), (end, 1j * end)) if along(tangent) > 0.0]
+        beyond = [e for e, tangent in ((start, -1j * start), (end, 1j * end)) if component(tangent) > 0.0]
         if beyond:
-            normal = max(beyond, key=along)
-            return Gap(radius - along(normal), normal, center)
-    return Gap(radius - abs(apart), apart / abs(apart), center)
+            normal = max(beyond, key=component)
+            return ContactGeometry(radius - component(normal), normal, center)
+    return ContactGeometry(radius - abs(apart), apart / abs(apart), center)
 
 
 def first_touch_angle(action: Action, key_rest_rad: float, moved: complex = 0j) -> float:
@@ -216,17 +218,20 @@ def first_touch_angle(action: Action, key_rest_rad: float, moved: complex = 0j) 
     return key_rest_rad + min(options, key=abs)
 
 
-def at_rest(action: Action, rest_rad: Array | None = None) -> dict[str, float]:
+def measure_at_rest(action: Action, rest_rad: Array | None = None) -> dict[str, float]:
     """Dip, hammer height, jack and repetition lever (m) of an action at rest in its scene, (n,) rad."""
     q = hand_set_rest(action) if rest_rad is None else rest_rad
-    moved, touch = moved_pivots(action, q), q.copy()
+    moved, touch = pivot_displacements(action, q), q.copy()
     touch[BODIES.index("key")] = first_touch_angle(action, float(q[BODIES.index("key")]), moved.get("key", 0j))
     hammer = moved.get("hammer", 0j)
     # the jack's right side is the line of its contact with the lever; the knuckle's right edge is measured square to it
-    line, knuckle = contact_gap(action, JACK_LEVER, q, moved), contact_gap(action, JACK_KNUCKLE, q, moved)
-    side = _along(line.center, line.normal) - action[f"{JACK_LEVER}.first.radius"] + line.penetration_m
-    edge = _along(knuckle.center, line.normal) + action[f"{JACK_KNUCKLE}.first.radius"]
-    under_knuckle = contact_gap(action, LEVER_KNUCKLE, q, moved).penetration_m
+    line, knuckle = (
+        contact_penetration(action, JACK_LEVER, q, moved),
+        contact_penetration(action, JACK_KNUCKLE, q, moved),
+    )
+    side = _component(line.center, line.normal) - action[f"{JACK_LEVER}.first.radius"] + line.penetration_m
+    edge = _component(knuckle.center, line.normal) + action[f"{JACK_KNUCKLE}.first.radius"]
+    under_knuckle = contact_penetration(action, LEVER_KNUCKLE, q, moved).penetration_m
     names = (*build_scene(action).bodies, "hammer_pin_x", "hammer_pin_y")
     return {
         "dip": float(key_dip_m(action, touch[None, :], q)[0]),
@@ -237,12 +242,12 @@ def at_rest(action: Action, rest_rad: Array | None = None) -> dict[str, float]:
     }
 
 
-def _along(point: complex, direction: complex) -> float:
+def _component(point: complex, direction: complex) -> float:
     """Component of a point along a unit vector."""
     return (point * direction.conjugate()).real
 
 
-def in_press(action: Action, rest_rad: Array, dip_m: float) -> tuple[dict[str, float], dict[str, str], Press]:
+def measure_press(action: Action, rest_rad: Array, dip_m: float) -> tuple[dict[str, float], dict[str, str], Press]:
     """Let-off and drop (m) in a slow press to first touch of the key-front felt, remarks, and the press itself.
 
     Let-off is the hammer's smallest distance from the string before the knuckle slips off the jack's edge, drop its
@@ -266,7 +271,7 @@ def medium_blow() -> tuple[Array, Array]:
     return np.append(rise, BLOW_READ), np.append(BLOW_N * (rise / BLOW_RISE) ** 2, BLOW_N)
 
 
-def in_blow(action: Action, rest_rad: Array) -> tuple[dict[str, float], dict[str, str]]:
+def measure_blow(action: Action, rest_rad: Array) -> tuple[dict[str, float], dict[str, str]]:
     """Height (m) at which the back check holds the hammer after a medium blow, and remarks."""
     times, force = medium_blow()
     start = State(float(times[0]), np.array(rest_rad, dtype=float), np.zeros(len(rest_rad)))
@@ -309,13 +314,13 @@ def measure(action: Action, progress: Callable[[str], None] | None = None) -> Ta
     choice_of(action).need_played_key(action.name)
     report("at rest")
     rest = hand_set_rest(action)
-    values = at_rest(action, rest)
+    values = measure_at_rest(action, rest)
     report("slow press")
     if values["dip"] > 0.0:
-        pressed, press_remarks, _ = in_press(action, rest, values["dip"])
+        pressed, press_remarks, _ = measure_press(action, rest, values["dip"])
     else:
         pressed = {"let_off": math.nan, "drop": math.nan}
         press_remarks = {"dip": "the key rests on the felt under its front"}
     report("medium blow")
-    blow, blow_remarks = in_blow(action, rest)
+    blow, blow_remarks = measure_blow(action, rest)
     return TargetValues(values | pressed | blow, press_remarks | blow_remarks)

@@ -79,12 +79,12 @@ class Regulation:
         return self.evaluations
 
 
-def _clear(bench: Bench, report: Callable[[str], None]) -> None:
+def _clear_screws(bench: Bench, report: Callable[[str], None]) -> None:
     """Turn away what is close at rest: button and drop screw up, back check back."""
     for name, (contact, way) in AT_REST_CLEAR.items():
         low, high = bench.limits(name)
         away = way * CLEARING_TURN
-        while (room := bench.room(contact)) < CLEARANCE:
+        while (room := bench.clearance(contact)) < CLEARANCE:
             new = min(high, max(low, bench.turn_m[name] + away))
             if new == bench.turn_m[name]:
                 if room > 0.0:
@@ -94,7 +94,7 @@ def _clear(bench: Bench, report: Callable[[str], None]) -> None:
             bench.turn_m[name] = new
 
 
-def _set_in_motion(bench: Bench, report: Callable[[str], None]) -> None:
+def _regulate_dynamic_targets(bench: Bench, report: Callable[[str], None]) -> None:
     """Let-off, drop and check, each with its own screw."""
     for name in IN_MOTION:
         error = turn_screw(bench, name, report)
@@ -107,7 +107,7 @@ def _set_in_motion(bench: Bench, report: Callable[[str], None]) -> None:
         raise bench.failure(name, error, why)
 
 
-def _off(measured: TargetValues, targets: tuple[RegulationTarget, ...]) -> dict[str, float]:
+def _target_errors(measured: TargetValues, targets: tuple[RegulationTarget, ...]) -> dict[str, float]:
     """Distance (m) of each target from what is wanted, infinite where it cannot be measured."""
     off = {t.name: abs(measured.value_m[t.name] - t.wanted_m) for t in targets}
     return {name: math.inf if math.isnan(x) else x for name, x in off.items()}
@@ -122,25 +122,25 @@ class _Attempt:
     problem: RegulationError | None
 
 
-def _rounds(bench: Bench, before: TargetValues, report: Callable[[str], None]) -> _Attempt:
+def _repeat_rounds(bench: Bench, before: TargetValues, report: Callable[[str], None]) -> _Attempt:
     """Set all targets in their order until one measurement of all seven agrees."""
     best, turns = before, dict(bench.turn_m)
     for _ in range(ROUNDS):
         try:
-            _clear(bench, report)
+            _clear_screws(bench, report)
             set_rest(bench, report)
-            _set_in_motion(bench, report)
+            _regulate_dynamic_targets(bench, report)
         except RegulationError as caught:
-            met = max(_off(best, bench.targets).values()) <= TOLERANCE
+            met = max(_target_errors(best, bench.targets).values()) <= TOLERANCE
             return _Attempt(best, turns, None if met else caught)
         report("all seven again")
         bench.turn_m = {target: round(turn, 7) for target, turn in bench.turn_m.items()}  # 0.1 um
         after = measure(bench.action())
-        if max(_off(after, bench.targets).values()) < max(_off(best, bench.targets).values()):
+        if max(_target_errors(after, bench.targets).values()) < max(_target_errors(best, bench.targets).values()):
             best, turns = after, dict(bench.turn_m)
-        if max(_off(after, bench.targets).values()) <= 0.5 * TOLERANCE:
+        if max(_target_errors(after, bench.targets).values()) <= 0.5 * TOLERANCE:
             break
-    off = _off(best, bench.targets)
+    off = _target_errors(best, bench.targets)
     worst = max(off, key=lambda name: off[name])
     if off[worst] <= TOLERANCE:
         return _Attempt(best, turns, None)
@@ -148,7 +148,7 @@ def _rounds(bench: Bench, before: TargetValues, report: Callable[[str], None]) -
     return _Attempt(best, turns, bench.failure(worst, off[worst], f"the screws disturb each other in {ROUNDS} rounds"))
 
 
-def _beside(bench: Bench, before: TargetValues, report: Callable[[str], None]) -> _Attempt | None:
+def _regulate_with_offset_aims(bench: Bench, before: TargetValues, report: Callable[[str], None]) -> _Attempt | None:
     """Rounds with the targets at rest aimed a little beside, since let-off and check height jump as a screw turns.
 
     Where the jump lies, and between which values, depends on how the action rests: within the tolerance of the targets
@@ -156,7 +156,7 @@ def _beside(bench: Bench, before: TargetValues, report: Callable[[str], None]) -
     """
     for aim in BESIDE:
         report(f"again, {', '.join(f'{name} {1e6 * x:+.0f} um' for name, x in aim.items())}")
-        attempt = _rounds(replace(bench, turn_m=dict(bench.turn_m), aim_m=aim), before, report)
+        attempt = _repeat_rounds(replace(bench, turn_m=dict(bench.turn_m), aim_m=aim), before, report)
         if attempt.problem is None:
             return attempt
     return None
@@ -197,17 +197,17 @@ def regulate(
     targets = targets_at(wanted_m)
     before = measure(action)
     bench = Bench(action, targets)
-    if max(_off(before, targets).values()) <= TOLERANCE:
+    if max(_target_errors(before, targets).values()) <= TOLERANCE:
         best = _Attempt(before, bench.turn_m, None)
     else:
-        best = _rounds(bench, before, report)
+        best = _repeat_rounds(bench, before, report)
         if best.problem is not None and abs(best.problem.off_m) < JUMP.get(best.problem.target, 0.0):
-            best = _beside(bench, before, report) or best
+            best = _regulate_with_offset_aims(bench, before, report) or best
     if best.problem is not None:
         raise best.problem
     bench.turn_m = best.turn_m
     return Regulation(
-        action=_finished(bench) if best.measured is not before else action,
+        action=_regulated_action(bench) if best.measured is not before else action,
         before=before,
         after=best.measured,
         turned_m={s.target: best.turn_m[s.target] for s in SCREWS},
@@ -218,7 +218,7 @@ def regulate(
     )
 
 
-def _effect(bench: Bench, target: str) -> float:
+def _screw_effect(bench: Bench, target: str) -> float:
     """Size of a screw's effect on its target, m/m: as followed while turning, else measured by a small turn."""
     if target not in bench.effect:
         turn = bench.turn_m[target]
@@ -229,7 +229,7 @@ def _effect(bench: Bench, target: str) -> float:
     return abs(bench.effect[target])
 
 
-def _finished(bench: Bench) -> Action:
+def _regulated_action(bench: Bench) -> Action:
     """The regulated set, with source and uncertainty of what was turned.
 
     The uncertainty of a screw is that of its target, a rectangular tolerance, divided by the screw's effect.
@@ -250,7 +250,7 @@ def _finished(bench: Bench) -> Action:
         asked = " (thesis 2.3)" if wanted in TARGETS else ", as asked for"
         quantities[screw.path] = replace(
             quantities[screw.path],
-            u=float(f"{TOLERANCE / math.sqrt(3.0) / _effect(bench, target):.2g}"),
+            u=float(f"{TOLERANCE / math.sqrt(3.0) / _screw_effect(bench, target):.2g}"),
             basis="assumed",
             source=(
                 f"regulated: {wanted.words} {1e3 * wanted.wanted_m:.1f} mm{asked}; {screw.name} turned "

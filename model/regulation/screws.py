@@ -18,7 +18,15 @@ from numpy.typing import NDArray
 from model.errors import InputError, RegulationError, StaticsError
 from model.parameters.action import BACK_CHECK, BUTTON, DROP_SCREW, Action
 from model.parameters.quantity import allowed_range
-from model.regulation.measures import TARGETS, RegulationTarget, at_rest, contact_gap, in_blow, in_press, moved_pivots
+from model.regulation.measures import (
+    TARGETS,
+    RegulationTarget,
+    contact_penetration,
+    measure_at_rest,
+    measure_blow,
+    measure_press,
+    pivot_displacements,
+)
 from model.simulation.hand_set_rest import hand_set_rest
 
 TOLERANCE = 20e-6  # m, within which a target counts as met
@@ -110,7 +118,7 @@ class Bench:
         """Distance (m) of targets measured at rest from where they are aimed; NaN where the action does not rest."""
         self.evaluations["rest"] += 1
         try:
-            found = at_rest(self.action(turns))
+            found = measure_at_rest(self.action(turns))
         except (StaticsError, InputError):
             found = {}
         aimed = {name: self.target(name).wanted_m + self.aim_m.get(name, 0.0) for name in names}
@@ -126,22 +134,22 @@ class Bench:
         try:
             rest = hand_set_rest(action)
             contact, way = AT_REST_CLEAR[name]
-            if contact_gap(action, contact, rest, moved_pivots(action, rest)).penetration_m > 0.0:
+            if contact_penetration(action, contact, rest, pivot_displacements(action, rest)).penetration_m > 0.0:
                 # what it holds at rest it neither lets off nor catches; the error of one turned much too far
                 return -math.copysign(TOO_FAR, way * SCREW[name].usual_effect)
             if kind == "press":
-                found, _, _ = in_press(action, rest, at_rest(action, rest)["dip"])
+                found, _, _ = measure_press(action, rest, measure_at_rest(action, rest)["dip"])
             else:
-                found, _ = in_blow(action, rest)
+                found, _ = measure_blow(action, rest)
         except (StaticsError, InputError):
             return math.nan
         return found[name] - self.target(name).wanted_m
 
-    def room(self, contact: str) -> float:
+    def clearance(self, contact: str) -> float:
         """Gap (m) of a contact with the action at rest."""
         action = self.action()
         rest = hand_set_rest(action)
-        return -contact_gap(action, contact, rest, moved_pivots(action, rest)).penetration_m
+        return -contact_penetration(action, contact, rest, pivot_displacements(action, rest)).penetration_m
 
     def failure(self, name: str, error: float, why: str = "") -> RegulationError:
         """The error that says which target stays how far off with which screw where."""

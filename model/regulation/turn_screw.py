@@ -56,31 +56,31 @@ def turn_screw(bench: Bench, name: str, report: Report, beyond_m: float = 0.0) -
         return errors[turn]
 
     _secant(bench, name, bench.turn_m[name], error_at)
-    for places in (_over_the_travel, *(_beside_the_nearest,) * LEVELS):
-        if abs(errors[_best(errors)]) <= TOLERANCE:
+    for places in (_sample_travel, *(_sample_near_best,) * LEVELS):
+        if abs(errors[_best_turn(errors)]) <= TOLERANCE:
             break
         for place in places(bench, name, errors):
             error_at(place)
         for start in _sign_changes(errors):
             _secant(bench, name, start, error_at)
-            if abs(errors[_best(errors)]) <= TOLERANCE:
+            if abs(errors[_best_turn(errors)]) <= TOLERANCE:
                 break
-    best = _best(errors)
+    best = _best_turn(errors)
     bench.turn_m[name] = best
     return errors[best]
 
 
-def _best(errors: dict[float, float]) -> float:
+def _best_turn(errors: dict[float, float]) -> float:
     return min(errors, key=lambda x: abs(errors[x]) if math.isfinite(errors[x]) else math.inf)
 
 
-def _over_the_travel(bench: Bench, name: str, errors: dict[float, float]) -> list[float]:
+def _sample_travel(bench: Bench, name: str, errors: dict[float, float]) -> list[float]:
     low, high = bench.limits(name)
     count = SEARCH[MEASURED_IN[name]]
     return [low + (high - low) * k / count for k in range(count + 1)]
 
 
-def _beside_the_nearest(bench: Bench, name: str, errors: dict[float, float]) -> list[float]:
+def _sample_near_best(bench: Bench, name: str, errors: dict[float, float]) -> list[float]:
     """Between the nearest turns and their neighbours: a target may come nearer and go away again within a step.
 
     A turn is near where its neighbours are further off, or cannot be measured: there a height may end just beyond.
@@ -109,11 +109,11 @@ def _secant(bench: Bench, name: str, turn: float, error_at: Callable[[float], fl
     aim = CONVERGED[MEASURED_IN[name]]
     usual = SCREW[name].usual_effect
 
-    def known(at: float) -> tuple[float, bool]:
+    def cached_error(at: float) -> tuple[float, bool]:
         error = error_at(at)
         return (error, True) if math.isfinite(error) else (NOT_MEASURABLE.get(name, math.nan), False)
 
-    error, measured = known(turn)
+    error, measured = cached_error(turn)
     slope = bench.effect.get(name, usual)
     idle = 0.0  # last turn, where it hardly had an effect
     low_side = high_side = math.nan  # turns with negative and positive error nearest to each other
@@ -134,10 +134,10 @@ def _secant(bench: Bench, name: str, turn: float, error_at: Callable[[float], fl
             new = 0.5 * (low_side + high_side)
         if abs(new - turn) < 1e-10:
             return
-        new_error, new_measured = known(new)
+        new_error, new_measured = cached_error(new)
         if math.isnan(new_error):  # gone too far for the target to be measured
             new = 0.5 * (turn + new)
-            new_error, new_measured = known(new)
+            new_error, new_measured = cached_error(new)
             if math.isnan(new_error):
                 return
         idle = new - turn if abs(new_error) > 0.7 * abs(error) and new_error * error > 0.0 else 0.0
@@ -156,7 +156,7 @@ def set_rest(bench: Bench, report: Report) -> None:
     RegulationError : they cannot be met; names the screw in the way and how far it would have to go
     """
     given = dict(bench.turn_m)
-    if (_met(bench) and not bench.aim_m) or _solve(bench, report, [(0.0, 0.0)]):
+    if (_is_met(bench) and not bench.aim_m) or _solve(bench, report, [(0.0, 0.0)]):
         return
     bench.turn_m = given
     low, _ = bench.limits(RAIL)
@@ -165,7 +165,7 @@ def set_rest(bench: Bench, report: Report) -> None:
         bench.turn_m = lowered.turn_m
         _raise_rail(bench, report)
         return
-    raise _in_the_way(bench, lowered, report)
+    raise _blocking_contact(bench, lowered, report)
 
 
 def _solve(bench: Bench, report: Report, starts: Iterable[tuple[float, ...]] = GRID) -> bool:
@@ -180,7 +180,7 @@ def _solve(bench: Bench, report: Report, starts: Iterable[tuple[float, ...]] = G
                 bench.turn_m[name] = share * (high if share > 0.0 else -low)
         if _newton(bench, report):
             turn_screw(bench, "repetition", report)
-            if _met(bench):
+            if _is_met(bench):
                 return True
         off = bench.rest_errors(REST_TARGETS[:3]) / [SCREW[name].usual_effect for name in REST_TARGETS[:3]]
         attempts.append((float(np.nan_to_num(np.abs(off).max(), nan=np.inf)), bench.turn_m))
@@ -194,7 +194,7 @@ def _solve(bench: Bench, report: Report, starts: Iterable[tuple[float, ...]] = G
     return False
 
 
-def _met(bench: Bench) -> bool:
+def _is_met(bench: Bench) -> bool:
     return bool(np.all(np.abs(bench.rest_errors(REST_TARGETS)) <= 0.5 * TOLERANCE))
 
 
@@ -217,7 +217,7 @@ def _least_squares(bench: Bench, report: Report) -> bool:
     start = np.clip([bench.turn_m[name] for name in REST_TARGETS], low + 1e-9, high - 1e-9)
     found = least_squares(errors, start, slopes, bounds=(low, high), x_scale="jac", max_nfev=ITERATIONS, xtol=1e-9)
     bench.turn_m |= dict(zip(REST_TARGETS, map(float, found.x), strict=True))
-    return _met(bench)
+    return _is_met(bench)
 
 
 def _newton(bench: Bench, report: Report) -> bool:
@@ -261,12 +261,12 @@ def _newton(bench: Bench, report: Report) -> bool:
 def _raise_rail(bench: Bench, report: Report) -> None:
     """Bring the rest rail back up to where it clears the shank, at most to where it was."""
     for _ in range(3):  # the shank is not level: the gap closes by a little less than the rail rises
-        up = max(0.0, bench.room(REST_CONTACT) - CLEARANCE)
+        up = max(0.0, bench.clearance(REST_CONTACT) - CLEARANCE)
         bench.turn_m[RAIL] = round(min(0.0, bench.turn_m[RAIL] + up), 5)
     report(f"rest rail {1e3 * bench.turn_m[RAIL]:+.2f} mm, clear of the shank")
 
 
-def _in_the_way(bench: Bench, lowered: Bench, report: Report) -> RegulationError:
+def _blocking_contact(bench: Bench, lowered: Bench, report: Report) -> RegulationError:
     """What keeps the targets at rest from being met: screws that are too short, else the worst target."""
     longer = replace(lowered, wider_m=WIDER, turn_m=lowered.turn_m | {RAIL: lowered.limits(RAIL)[0] - WIDER})
     if _solve(longer, report):

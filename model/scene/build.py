@@ -245,16 +245,18 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
     """
     choice = choice_of(action) if choice is None else choice
     if key_motion is not None:
-        return _built(action, choice, key_motion)
-    return _kept(action, choice, tuple(law.number for law in LAWS.values()))  # a law that was added again is another
+        return _build(action, choice, key_motion)
+    return _cached_scene(
+        action, choice, tuple(law.number for law in LAWS.values())
+    )  # a law that was added again is another
 
 
 @lru_cache(maxsize=MOST)
-def _kept(action: Action, choice: SceneChoice, laws: tuple[int, ...]) -> Scene:
-    return _built(action, choice, None)
+def _cached_scene(action: Action, choice: SceneChoice, laws: tuple[int, ...]) -> Scene:
+    return _build(action, choice, None)
 
 
-def _built(action: Action, choice: SceneChoice, key_motion: KeyMotion | None) -> Scene:
+def _build(action: Action, choice: SceneChoice, key_motion: KeyMotion | None) -> Scene:
     choice.check(action)
     bodies = _coordinates(choice, key_motion)
     parent = [_parent(action, bodies, b) for b in bodies]
@@ -310,7 +312,7 @@ def _built(action: Action, choice: SceneChoice, key_motion: KeyMotion | None) ->
     offsets.insert(4, 0 if key_motion is None else len(vector))
     prescribed = np.zeros(n, dtype=np.int64)
     if key_motion is not None:  # last: where anything else stands hangs on no number of pieces, and no kernel does
-        prescribed[-1], vector = 1, [*vector, *key_motion.packed(_front(action, choice))]
+        prescribed[-1], vector = 1, [*vector, *key_motion.pack_numbers(_front(action, choice))]
     tables = L.Tables(
         parent=np.array(parent, dtype=np.int64),
         spring=np.array([i for i, _ in springs], dtype=np.int64),

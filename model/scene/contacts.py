@@ -66,7 +66,7 @@ def law_of_contact(action: Action, name: str, numbers: list[float]) -> tuple[int
     if not law.damped:
         numbers[L.DAMP] = 0.0
     a, b, c = numbers[L.K_A : L.K_C + 1]
-    count, packed = law.packed(name, values, (a, b, c))
+    count, packed = law.pack_numbers(name, values, (a, b, c))
     return count, list(packed)
 
 

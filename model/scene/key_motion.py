@@ -72,7 +72,7 @@ class KeyMotion(ArrayRecord):
         rows[:, -1] += angle_rad
         return KeyMotion(self.break_s, rows)
 
-    def packed(self, front: tuple[float, float] | None = None) -> list[float]:
+    def pack_numbers(self, front: tuple[float, float] | None = None) -> list[float]:
         """The block of the parameter vector that kernels read; see `model.elements.prescribed`.
 
         A ``front`` of the key's frame that it moves must stay where bounds on gaps hold.

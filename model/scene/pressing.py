@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.derived.load import kernel_of
-from model.derived.observe import rows_of
+from model.derived.load import load_kernel
+from model.derived.observe import evaluate_rows
 from model.errors import InputError
 from model.kernels import layout as L
 from model.parameters.action import Action
@@ -171,7 +171,7 @@ def amplifier_voltage(numbers: Array, source_v: Array, current_a: Array) -> Arra
     """Voltage at the winding (m,) by `model.elements.drives.amplifier`; ``numbers`` as in the kernels."""
     x, found = np.column_stack([source_v, current_a]), np.empty((len(current_a), 2))
     own = np.ascontiguousarray(numbers[L.WINDING_AMPLIFIER : L.WINDING_SIZE])
-    rows_of(kernel_of((), "amplifier"), x, x, own, found)
+    evaluate_rows(load_kernel((), "amplifier"), x, x, own, found)
     return found[:, 0]
 
 

@@ -15,9 +15,9 @@ from model.force_driven import check_output_times
 from model.parameters.action import Action, load_action
 from model.sensitivity.events import Events
 from model.sensitivity.options import SensitivityOptions
-from model.sensitivity.parameter_names import described, directions, find_parameters, refuse_idle
+from model.sensitivity.parameter_names import describe_parameters, directions, find_parameters, refuse_idle
 from model.sensitivity.result import Sensitivities
-from model.sensitivity.tangents import Recorded
+from model.sensitivity.tangents import RecordedMotion
 from model.simulation.run import Simulation, State, with_memory
 from model.simulation.statics import RestState, rest_state, with_pins
 
@@ -100,7 +100,7 @@ def _differentiate(
     named = find_parameters(action, parameters) if len(parameters) or inputs is None else []
     slopes = directions(action, choice, named)
     if inputs is not None:
-        slopes = slopes.with_inputs(*_checked(inputs, len(times)))
+        slopes = slopes.with_inputs(*_check_event_slopes(inputs, len(times)))
     scene = slopes.scene
     start = rest_state(action, options.rest_input, scene)
     whole = with_pins(scene, start.angle_rad, options.rest_input) if scene.pins else start.angle_rad
@@ -108,7 +108,7 @@ def _differentiate(
     state = with_memory(scene, state, options.rest_input)
     simulation = Simulation(scene, state, options.tolerance, options.method)
     end = float(outputs[-1]) if len(outputs) else float(times[-1])
-    recorded = Recorded(slopes, simulation, end, (times, forces), (whole, options.rest_input))
+    recorded = RecordedMotion(slopes, simulation, end, (times, forces), (whole, options.rest_input))
     events = Events(action, recorded, (float(times[0]), end))
     at_events = events.find() if options.events else np.empty(0)
     wanted = np.concatenate([outputs, at_events])
@@ -118,7 +118,7 @@ def _differentiate(
     rows = len(outputs)
     states = recorded.whole_states(outputs)
     out = Sensitivities(
-        **described(action, slopes.parameters),
+        **describe_parameters(action, slopes.parameters),
         time_s=outputs,
         angle_names=scene.bodies,
         angles_rad=np.ascontiguousarray(states[:, : scene.size]),
@@ -128,7 +128,7 @@ def _differentiate(
         rest_rad=recorded.rest,
         d_rest=recorded.d_rest,
         idle=idle,
-        at_kink=_at_kink(start),
+        at_kink=_is_at_kink(start),
         counters=followed.counters,
         tolerance=options.tolerance,
         relative_tolerance=options.relative_tolerance,
@@ -144,7 +144,7 @@ def _differentiate(
     return out
 
 
-def _checked(inputs: Blow, rows: int) -> tuple[Array, Array]:
+def _check_event_slopes(inputs: Blow, rows: int) -> tuple[Array, Array]:
     """Changes (k, m) of an input of so many rows, and (m,) at rest."""
     table, rest = (as_numbers(given, "inputs", ndim) for given, ndim in zip(inputs, (2, 1), strict=True))
     if table.shape != (rows, *rest.shape) or not (np.isfinite(table).all() and np.isfinite(rest).all()):
@@ -154,7 +154,7 @@ def _checked(inputs: Blow, rows: int) -> tuple[Array, Array]:
     return table, rest
 
 
-def _at_kink(start: RestState) -> tuple[str, ...]:
+def _is_at_kink(start: RestState) -> tuple[str, ...]:
     near = np.abs(start.penetration_m) < JUST_TOUCHES_M
     return tuple(name for name, it_is in zip(start.contacts, near, strict=True) if it_is)
 

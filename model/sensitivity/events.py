@@ -18,9 +18,9 @@ from model.derived.observe import contacts_at
 from model.observables import head_approach_m_per_s, head_height_m, key_dip_m
 from model.parameters.action import BACK_CHECK, BODIES, JACK_KNUCKLE, KEY_FRONT, LEVER_KNUCKLE, STRING, Action
 from model.scene.build import Scene
-from model.sensitivity.observed import SMOOTH_TURN, gradient, own_slopes, state_slopes
-from model.sensitivity.sources import places_of_gap
-from model.sensitivity.tangents import Recorded
+from model.sensitivity.observed import SMOOTH_TURN, gradient, parameter_derivatives, state_derivatives
+from model.sensitivity.sources import gap_number_places
+from model.sensitivity.tangents import RecordedMotion
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,7 @@ class Events:
     ``recorded`` gives states and accelerations at any times of ``span``.
     """
 
-    def __init__(self, action: Action, recorded: Recorded, span: tuple[float, float]) -> None:
+    def __init__(self, action: Action, recorded: RecordedMotion, span: tuple[float, float]) -> None:
         self.action, self.recorded, self.states = action, recorded, recorded.coordinates
         self.directions = recorded.directions
         self.scene = self.directions.scene
@@ -115,7 +115,9 @@ class Events:
         # a line from there: what bends it is below rounding
         return left + (right - left) * float(y[j] / (y[j] - y[j + 1])) if y[j] != y[j + 1] else left
 
-    def _first(self, name: str, value: Callable[[Array, Array], Array], rising: bool, after: float, why: str) -> bool:
+    def _find_first(
+        self, name: str, value: Callable[[Array, Array], Array], rising: bool, after: float, why: str
+    ) -> bool:
         """Note the first time from ``after`` on at which ``value`` passes zero."""
         y = value(*self.motion)
         above = y > 0.0
@@ -135,7 +137,7 @@ class Events:
             return np.empty(0)
         action = self.action
         rest = self.motion[0][0]
-        self._first(
+        self._find_first(
             "onset_s",
             lambda q, _: key_dip_m(action, q, rest) - DIP_M,
             True,
@@ -144,13 +146,13 @@ class Events:
         )
         if KEY_FRONT in self.scene.contacts:  # its own depth: where the key lifts, its angle alone does not tell
             front = partial(self._depth, KEY_FRONT)
-            self._first("key_bottom_s", front, True, -np.inf, "the key does not reach its felt")
+            self._find_first("key_bottom_s", front, True, -np.inf, "the key does not reach its felt")
         else:
             self.absent["key_bottom_s"] = "the scene has no felt under the key's front"
-        if STRING in self.scene.contacts and self._first(
+        if STRING in self.scene.contacts and self._find_first(
             "strike_s", lambda q, v: self._height(action, q, v), False, -np.inf, "the hammer does not reach the string"
         ):
-            self._after_strike()
+            self._find_after_strike()
         else:
             why = self.absent.setdefault("strike_s", "the scene has no string")
             for name in EVENTS:
@@ -159,9 +161,9 @@ class Events:
         self.absent.update({name: self.absent[other] for name, other in _READ_AT.items() if other in self.absent})
         return np.unique(list(self.at.values()))
 
-    def _after_strike(self) -> None:
+    def _find_after_strike(self) -> None:
         action, strike = self.action, self.at["strike_s"]
-        self._first(
+        self._find_first(
             "rebound_s", lambda q, v: self._height(action, q, v), True, strike, "the hammer does not leave the string"
         )
         driving = [contact for contact in (JACK_KNUCKLE, LEVER_KNUCKLE) if contact in self.scene.contacts]
@@ -183,7 +185,9 @@ class Events:
 
     def _hold(self, strike: float) -> None:
         action = self.action
-        if not self._first("check_s", partial(self._depth, BACK_CHECK), True, strike, "the back check does not touch"):
+        if not self._find_first(
+            "check_s", partial(self._depth, BACK_CHECK), True, strike, "the back check does not touch"
+        ):
             self.absent["check_m"] = self.absent["drop_s"] = "the back check does not touch"
             return
         pressed, y = self._depth(BACK_CHECK, *self.motion) > 0.0, self._height(action, *self.motion)
@@ -199,7 +203,7 @@ class Events:
         middle = 0.5 * (self.at["check_s"] + last)
         self.at["check_m"] = middle
         level = float(self._height(action, *self.states(np.array([middle])))[0]) + DROP_M
-        self._first(
+        self._find_first(
             "drop_s", lambda q, v: self._height(action, q, v) - level, True, middle, "the hammer does not drop again"
         )
 
@@ -224,7 +228,7 @@ class Events:
                 events[name] = float(self._height(self.action, *state)[0])
                 d_events[name] = self._slope(self._height, state, own) + self._rate(self._height, t, state) * middle
                 continue
-            events[name], d_events[name] = t, self._moved(name, state, own, d_events["check_m"])
+            events[name], d_events[name] = t, self._time_derivative(name, state, own, d_events["check_m"])
             for value, at in _READ_AT.items():
                 if at == name and value != name:
                     quantity = self._height if value.endswith("_m") else self._approach
@@ -241,8 +245,10 @@ class Events:
         self, quantity: Callable[[Action, Array, Array], Array], state: tuple[Array, Array], own: tuple[Array, Array]
     ) -> Array:
         """Derivatives (P,) of a quantity at one state, (1, n) each, whose own are (1, n, P)."""
-        by_angle, by_speed = state_slopes(partial(quantity, self.action), (state[0][0], state[1][0]))
-        of_itself = own_slopes(self.action, self.directions.parameters, lambda a: float(quantity(a, *state)[0]))
+        by_angle, by_speed = state_derivatives(partial(quantity, self.action), (state[0][0], state[1][0]))
+        of_itself = parameter_derivatives(
+            self.action, self.directions.parameters, lambda a: float(quantity(a, *state)[0])
+        )
         return np.asarray(by_angle @ own[0][0] + by_speed @ own[1][0] + of_itself)
 
     def _depth_slope(self, contact: str, state: tuple[Array, Array], own: Array) -> Array:
@@ -252,7 +258,7 @@ class Events:
         # what it gains at a speed of one coordinate alone is its slope by that coordinate
         out = depth(np.repeat(angle, n, axis=0), np.eye(n))[1] @ own[0]
         vector, slopes = self.scene.vector, self.directions
-        places = places_of_gap(self.scene, contact)
+        places = gap_number_places(self.scene, contact)
         for j in np.flatnonzero(slopes.slope[:, places].any(axis=1)):
             h = slopes.parameters[j].step
             ends = [depth(angle, speed, vector + s * h * slopes.slope[j])[0][0] for s in (1.0, -1.0)]
@@ -266,7 +272,9 @@ class Events:
         ends = [quantity(self.action, angle + s * h * speed, speed + s * h * acceleration)[0] for s in (1.0, -1.0)]
         return float((ends[0] - ends[1]) / (2.0 * h))
 
-    def _moved(self, name: str, state: tuple[Array, Array], own: tuple[Array, Array], d_check: Array) -> Array:
+    def _time_derivative(
+        self, name: str, state: tuple[Array, Array], own: tuple[Array, Array], d_check: Array
+    ) -> Array:
         """Derivative (P,) of the time of an event: what is passed moves by d, and changes at a rate."""
         pressing = {"key_bottom_s": KEY_FRONT, "check_s": BACK_CHECK, RELEASE: BACK_CHECK}
         contact = (pressing | {"let_off_s": getattr(self, "_leaver", "")}).get(name)
@@ -278,15 +286,15 @@ class Events:
             d = gradient(lambda q: key_dip_m(self.action, q, rest), at, SMOOTH_TURN) @ own[0][0]
             d -= gradient(lambda q: key_dip_m(self.action, q, at), rest, SMOOTH_TURN) @ self.recorded.d_rest
             parameters = self.directions.parameters
-            d += own_slopes(self.action, parameters, lambda a: float(key_dip_m(a, state[0], rest)[0]))
-            return np.asarray(-d / self._along(lambda q: key_dip_m(self.action, q, rest), state))
+            d += parameter_derivatives(self.action, parameters, lambda a: float(key_dip_m(a, state[0], rest)[0]))
+            return np.asarray(-d / self._rate_along_motion(lambda q: key_dip_m(self.action, q, rest), state))
         d = self._slope(self._height, state, own)
         if name == "drop_s":
             d = d - d_check
-        return np.asarray(-d / self._along(lambda q: self._height(self.action, q, q), state))
+        return np.asarray(-d / self._rate_along_motion(lambda q: self._height(self.action, q, q), state))
 
     @staticmethod
-    def _along(value: Callable[[Array], Array], state: tuple[Array, Array]) -> float:
+    def _rate_along_motion(value: Callable[[Array], Array], state: tuple[Array, Array]) -> float:
         """Rate of a function of the angles along the motion."""
         h = 1e-7
         return float((value(state[0] + h * state[1])[0] - value(state[0] - h * state[1])[0]) / (2.0 * h))

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.errors import InputError
 from model.force_driven import check_output_times
-from model.motion_driven.prescribed_key import LONGEST_STEP_S, key_load, moved_angle
+from model.motion_driven.prescribed_key import LONGEST_STEP_S, key_load, prescribed_angle
 from model.motion_driven.spline_fit import fit_key_motion
 from model.parameters.action import Action, load_action
 from model.parameters.effects import ARM, FINGER, MOTOR
@@ -22,11 +22,11 @@ from model.scene.build import build_scene
 from model.scene.key_motion import KeyMotion, with_moved
 from model.scene.selection import check_prescribed
 from model.scene.string_terms import with_modes
-from model.sensitivity.observed import vector_slopes
+from model.sensitivity.observed import observable_derivatives
 from model.sensitivity.options import SensitivityOptions
-from model.sensitivity.parameter_names import described, directions, find_parameters, refuse_idle
+from model.sensitivity.parameter_names import describe_parameters, directions, find_parameters, refuse_idle
 from model.sensitivity.result import Sensitivities
-from model.sensitivity.tangents import Recorded, rest_slopes
+from model.sensitivity.tangents import RecordedMotion, rest_derivatives
 from model.simulation.run import Simulation, State, with_memory
 from model.simulation.statics import solve_rest, with_pins
 
@@ -77,27 +77,29 @@ def motion_sensitivities(
     (True, True)
     """
     options = SensitivityOptions(events=False) if options is None else options
-    _check(options)
+    _refuse_force_options(options)
     action, choice = options.of(load_action(action) if isinstance(action, str) else action)
     check_prescribed(choice)
     action = with_modes(action, options.tolerance)
     named = find_parameters(action, parameters)
     free = build_scene(action, choice)
-    fitted, table_s = _fitted(motion)
+    fitted, table_s = _fit_motion(motion)
     outputs = check_output_times(options.output_time_s, table_s)
     if len(outputs) == 0:
         raise InputError("output times: found none, allowed at least one")
     carried = np.zeros(len(named))
     if from_rest:
         at_rest = solve_rest(free, options.rest_input, whole=True)
-        fitted = fitted.raised(moved_angle(free, choice.moved, at_rest, free.vector))
+        fitted = fitted.raised(prescribed_angle(free, choice.moved, at_rest, free.vector))
         of_free = directions(action, choice, named)
-        own = rest_slopes(of_free, at_rest, options.rest_input)[None]
+        own = rest_derivatives(of_free, at_rest, options.rest_input)[None]
 
         def begins_at(whole: Array, _: Array, p: Array) -> Array:
-            return np.array(moved_angle(free, choice.moved, whole[0], p))
+            return np.array(prescribed_angle(free, choice.moved, whole[0], p))
 
-        carried = vector_slopes(of_free, begins_at, (at_rest[None], 0.0 * at_rest[None]), (own, 0.0 * own), True)
+        carried = observable_derivatives(
+            of_free, begins_at, (at_rest[None], 0.0 * at_rest[None]), (own, 0.0 * own), True
+        )
     begins = float(fitted.break_s[0])  # from zero on, as in a run
     key = KeyMotion(fitted.break_s - begins, fitted.coefficient)
     slopes = directions(action, choice, named, key)
@@ -107,33 +109,33 @@ def motion_sensitivities(
     whole = with_pins(scene, state.angle_rad, 0.0) if scene.pins else state.angle_rad
     simulation = Simulation(scene, state, options.tolerance, options.method, largest_step_s=LONGEST_STEP_S)
     span, wanted = key.break_s[[0, -1]], outputs - begins
-    recorded = Recorded(slopes, simulation, float(wanted[-1]), (span, span), (whole, 0.0), carried)
+    recorded = RecordedMotion(slopes, simulation, float(wanted[-1]), (span, span), (whole, 0.0), carried)
     followed = recorded.follow(wanted, options.relative_tolerance, scene.remembers)
     moved, remembered = key.at(wanted), recorded.whole_states(wanted)[:, 2 * n :]
     arm = None if choice.moved == "key" else f"{ARM if choice.moved == MOTOR else FINGER}.length"
 
-    def turned(q: Array, v: Array, z: Array, moved_rad: Array, p: Array) -> Array:
+    def true_states(q: Array, v: Array, z: Array, moved_rad: Array, p: Array) -> Array:
         """True angles and speeds of all coordinates, side by side."""
         return np.hstack(with_moved(tables, p, (q, v), np.column_stack([moved_rad, moved[:, 1]]), z))
 
     def holding(q: Array, v: Array, z: Array, moved_rad: Array, p: Array) -> Array:
-        states = np.hsplit(turned(q, v, z, moved_rad, p), 2)
+        states = np.hsplit(true_states(q, v, z, moved_rad, p), 2)
         return key_load(scene, states[0], states[1], moved[:, 2], p, z)[0]
 
     states = (*recorded.states(wanted), remembered, moved[:, 0])
     d_moved = np.broadcast_to(carried, (len(wanted), len(named)))
     d_states = followed.angle, followed.speed, recorded.remembered_slopes(followed, remembered.shape[1]), d_moved
-    angle, speed = np.hsplit(turned(*states, scene.vector), 2)
-    d_angle, d_speed = np.hsplit(vector_slopes(slopes, turned, states, d_states, True), 2)
+    angle, speed = np.hsplit(true_states(*states, scene.vector), 2)
+    d_angle, d_speed = np.hsplit(observable_derivatives(slopes, true_states, states, d_states, True), 2)
     d_angle[:, :n], d_speed[:, :n] = followed.angle, followed.speed  # not rounded again
-    force, d_force = holding(*states, scene.vector), vector_slopes(slopes, holding, states, d_states)
+    force, d_force = holding(*states, scene.vector), observable_derivatives(slopes, holding, states, d_states)
     if arm is not None:  # the torque on its joint over its length
         longer = np.array([p.paths.get(arm, 0.0) for p in named])
         force, d_force = force / action[arm], (d_force - np.outer(force / action[arm], longer)) / action[arm]
     idle = tuple(p.name for j, p in enumerate(named) if not (np.any(d_angle[:, :, j]) or np.any(d_force[:, j])))
     refuse_idle(idle, options.allow_idle, "stroke")
     return Sensitivities(
-        **described(action, named),
+        **describe_parameters(action, named),
         time_s=outputs,
         angle_names=scene.bodies,
         angles_rad=angle,
@@ -151,7 +153,7 @@ def motion_sensitivities(
     )
 
 
-def _fitted(motion: tuple[ArrayLike, ArrayLike] | KeyMotion) -> tuple[KeyMotion, Array]:
+def _fit_motion(motion: tuple[ArrayLike, ArrayLike] | KeyMotion) -> tuple[KeyMotion, Array]:
     """The motion that drives, and the times of its table."""
     if isinstance(motion, KeyMotion):
         return motion, motion.break_s
@@ -159,7 +161,7 @@ def _fitted(motion: tuple[ArrayLike, ArrayLike] | KeyMotion) -> tuple[KeyMotion,
     return fit.motion(), fit.time_s
 
 
-def _check(options: SensitivityOptions) -> None:
+def _refuse_force_options(options: SensitivityOptions) -> None:
     """Refuse what only a blow by a force has."""
     asked = {
         "contact_forces": options.contact_forces,

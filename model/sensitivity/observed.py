@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.parameters.action import Action
-from model.sensitivity.parameter_names import Directions, Parameter, read_as, shifted
+from model.sensitivity.parameter_names import Directions, Parameter, as_action_type, shift_parameter
 
 Array = NDArray[np.float64]
 # rad and rad/s that a difference may move a coordinate: felt is pressed in by more
@@ -21,7 +21,7 @@ SMALL_TURN, SMALL_SPEED = 1e-8, 1e-6
 SMOOTH_TURN, SMOOTH_SPEED, SMOOTH_STEPS = 1e-4, 1e-2, 1e3
 
 
-def step_of(parameter: Parameter, d_angle: Array, d_speed: Array, smooth: bool) -> float:
+def difference_step(parameter: Parameter, d_angle: Array, d_speed: Array, smooth: bool) -> float:
     """Step of a difference in a parameter's unit along these derivatives (..., n), of what is ``smooth`` or presses."""
     most, turns, speeds = (SMOOTH_STEPS, SMOOTH_TURN, SMOOTH_SPEED) if smooth else (1.0, SMALL_TURN, SMALL_SPEED)
     turn, speed = (float(np.max(np.abs(d), initial=0.0)) for d in (d_angle, d_speed))
@@ -35,7 +35,7 @@ def gradient(value: Callable[[Array], Array], at: Array, step: float) -> Array:
     return np.asarray((ends[: len(at)] - ends[len(at) :]) / (2.0 * step))
 
 
-def state_slopes(quantity: Callable[[Array, Array], Array], state: tuple[Array, Array]) -> tuple[Array, Array]:
+def state_derivatives(quantity: Callable[[Array, Array], Array], state: tuple[Array, Array]) -> tuple[Array, Array]:
     """Derivatives (n,) of a smooth quantity (m,) of states (m, n) by the angles and by the speeds of one, (n,) each."""
     angle, speed = state
     many = np.ones((2 * len(angle), 1))
@@ -44,7 +44,7 @@ def state_slopes(quantity: Callable[[Array, Array], Array], state: tuple[Array, 
     return by_angle, by_speed
 
 
-class _Read(Action):
+class _RecordingAction(Action):
     """An action that notes which of its values are asked for."""
 
     def __getitem__(self, path: str) -> float:
@@ -54,24 +54,28 @@ class _Read(Action):
 
 def paths_read(action: Action, quantity: Callable[[Action], object]) -> set[str]:
     """Paths of the values that a function of an action asks for."""
-    noting = read_as(_Read, action)
+    noting = as_action_type(_RecordingAction, action)
     noting.__dict__["read"] = set()
     quantity(noting)
     return set(noting.__dict__["read"])
 
 
-def own_slopes(action: Action, parameters: Sequence[Parameter], quantity: Callable[[Action], float]) -> Array:
+def parameter_derivatives(
+    action: Action, parameters: Sequence[Parameter], quantity: Callable[[Action], float]
+) -> Array:
     """Derivatives (P,) of a smooth function of an action's lengths and angles."""
     read = paths_read(action, quantity)
     out = np.zeros(len(parameters))
     for j, parameter in enumerate(parameters):
         if read & parameter.paths.keys():
             h = SMOOTH_STEPS * parameter.step
-            out[j] = (quantity(shifted(action, parameter, h)) - quantity(shifted(action, parameter, -h))) / (2.0 * h)
+            out[j] = (
+                quantity(shift_parameter(action, parameter, h)) - quantity(shift_parameter(action, parameter, -h))
+            ) / (2.0 * h)
     return out
 
 
-def vector_slopes(
+def observable_derivatives(
     directions: Directions,
     quantity: Callable[..., Array],
     state: tuple[Array, ...],
@@ -86,7 +90,7 @@ def vector_slopes(
     parts = []
     for j, parameter in enumerate(directions.parameters):
         along = [slope[..., j] for slope in slopes]
-        h = step_of(parameter, along[0], along[1], smooth)
+        h = difference_step(parameter, along[0], along[1], smooth)
         ends = [
             quantity(
                 *(x + s * h * d for x, d in zip(state, along, strict=True)),

@@ -92,7 +92,7 @@ def _parameter(action: Action, name: str) -> Parameter:
     quantities = {**action.quantities, **action.effects}
     if name in quantities:
         quantity = quantities[name]
-        step = _step(quantity.unit, quantity.value, quantity.u)
+        step = _difference_step(quantity.unit, quantity.value, quantity.u)
         scale = abs(quantity.value) or quantity.u or step
         return Parameter(name, quantity.value, quantity.unit, {name: 1.0}, step, scale)
     if name in action.structure:
@@ -102,7 +102,8 @@ def _parameter(action: Action, name: str) -> Parameter:
         )
     paths = named_paths(action, name.removeprefix(FELT), "parameter")
     steps = [
-        _step(quantities[path].unit, quantities[path].value, quantities[path].u) / abs(quantities[path].value)
+        _difference_step(quantities[path].unit, quantities[path].value, quantities[path].u)
+        / abs(quantities[path].value)
         for path in paths
         if quantities[path].value
     ]
@@ -111,13 +112,13 @@ def _parameter(action: Action, name: str) -> Parameter:
     return Parameter(name, 1.0, "1", {path: quantities[path].value for path in paths}, min(steps), 1.0)
 
 
-def _step(unit: str, value: float, u: float) -> float:
+def _difference_step(unit: str, value: float, u: float) -> float:
     if unit in ("m", "rad"):
         return LENGTH_STEP
     return SHARE_STEP * (abs(value) or u or 1.0)
 
 
-def described(action: Action, parameters: Sequence[Parameter]) -> dict[str, Any]:
+def describe_parameters(action: Action, parameters: Sequence[Parameter]) -> dict[str, Any]:
     """What `Sensitivities` say of the parameters themselves."""
     return {
         "parameters": tuple(p.name for p in parameters),
@@ -166,7 +167,7 @@ class Directions:
 T = TypeVar("T", bound=Action)
 
 
-class _Changed(Action):
+class _UncheckedAction(Action):
     """An action with other values, unchecked: a difference may step over the edge of what is allowed."""
 
     def __getitem__(self, path: str) -> float:
@@ -174,7 +175,7 @@ class _Changed(Action):
         return super().__getitem__(path) if value is None else value
 
 
-def read_as(kind: type[T], action: Action) -> T:
+def as_action_type(kind: type[T], action: Action) -> T:
     """The same action, read in another way."""
     return kind(**{f.name: getattr(action, f.name) for f in fields(Action)} | {"changed": {}})
 
@@ -188,18 +189,18 @@ def _values(action: Action) -> dict[str, float]:
     return dict(kept)
 
 
-def shifted(action: Action, parameter: Parameter, by: float) -> Action:
+def shift_parameter(action: Action, parameter: Parameter, by: float) -> Action:
     """An action whose parameter is changed ``by`` something small."""
-    return changed_by(action, (parameter,), (by,))
+    return shift_parameters(action, (parameter,), (by,))
 
 
-def changed_by(action: Action, parameters: Sequence[Parameter], by: Iterable[float]) -> Action:
+def shift_parameters(action: Action, parameters: Sequence[Parameter], by: Iterable[float]) -> Action:
     """An action whose parameters are changed, each ``by`` so much; not checked against what is allowed."""
     values = _values(action)
     for parameter, change in zip(parameters, by, strict=True):
         for path, weight in parameter.paths.items():
             values[path] += float(change) * weight
-    out = read_as(_Changed, action)
+    out = as_action_type(_UncheckedAction, action)
     object.__setattr__(out, "shifted", values)
     return out
 
@@ -218,11 +219,11 @@ def directions(
     build = partial(build_scene, choice=choice, key_motion=key_motion)
     slope = np.zeros((len(parameters), len(scene.vector)))
     switching = {
-        j for group in _groups(scene, parameters) for j in _fill(slope, group, parameters, (action, build), scene)
+        j for group in _groups(scene, parameters) for j in _fill_group(slope, group, parameters, (action, build), scene)
     }
     found = Directions(tuple(parameters), action, scene, slope)
     still = [j for j in range(len(parameters)) if j not in switching and not np.any(slope[j])]
-    idle = [parameters[j].name for j in still if not any(end != scene.command for end in commands(found, j))]
+    idle = [parameters[j].name for j in still if not any(end != scene.command for end in shifted_commands(found, j))]
     if idle:
         raise InputError(
             f"parameter {', '.join(idle)}: no effect in this scene; leave it out or choose a scene with its element"
@@ -236,14 +237,14 @@ def directions(
     return found
 
 
-def commands(directions: Directions, j: int) -> list[Command]:
+def shifted_commands(directions: Directions, j: int) -> list[Command]:
     """What turns the input of a run into the kernels', with parameter ``j`` a step more, and a step less; or none."""
     parameter, bodies = directions.parameters[j], list(directions.scene.bodies)
-    ends = [command_of(shifted(directions.action, parameter, s * parameter.step), bodies) for s in (1.0, -1.0)]
+    ends = [command_of(shift_parameter(directions.action, parameter, s * parameter.step), bodies) for s in (1.0, -1.0)]
     return [end for end in ends if end is not None]
 
 
-def _own_numbers(scene: Scene, parameter: Parameter) -> slice | None:
+def _element_numbers(scene: Scene, parameter: Parameter) -> slice | None:
     """Where the numbers of the one thing lie that a parameter is named for; None for any other."""
     if parameter.name in _OF_ALL:
         first = _OF_ALL[parameter.name]
@@ -264,14 +265,14 @@ def _groups(scene: Scene, parameters: Sequence[Parameter]) -> list[list[int]]:
     groups: dict[object, list[int]] = {}
     seen: Counter[int] = Counter()
     for j, parameter in enumerate(parameters):
-        own = _own_numbers(scene, parameter)
+        own = _element_numbers(scene, parameter)
         groups.setdefault(("alone", j) if own is None else seen[own.start], []).append(j)
         if own is not None:
             seen[own.start] += 1
     return list(groups.values())
 
 
-def _fill(
+def _fill_group(
     slope: Array,
     group: list[int],
     parameters: Sequence[Parameter],
@@ -280,20 +281,20 @@ def _fill(
 ) -> list[int]:
     """Fill the rows of a group of parameters; returns those whose change switches something on or off."""
     chosen = [parameters[j] for j in group]
-    ends = [of[1](changed_by(of[0], chosen, [s * p.step for p in chosen])) for s in (1.0, -1.0)]
-    alike = all(_alike(scene, end) for end in ends)
+    ends = [of[1](shift_parameters(of[0], chosen, [s * p.step for p in chosen])) for s in (1.0, -1.0)]
+    alike = all(_has_same_structure(scene, end) for end in ends)
     if len(group) == 1:
         if not alike:
             return group
         row = (ends[0].vector - ends[1].vector) / (2.0 * chosen[0].step)
-        row[_bounds(scene)] = 0.0
+        row[_gap_bound_places(scene)] = 0.0
         slope[group[0]] = row
         return []
     if alike:
         difference = ends[0].vector - ends[1].vector
-        difference[_bounds(scene)] = 0.0
+        difference[_gap_bound_places(scene)] = 0.0
         for j, parameter in zip(group, chosen, strict=True):
-            own = _own_numbers(scene, parameter)
+            own = _element_numbers(scene, parameter)
             assert own is not None, "only such parameters share a build"
             slope[j, own] = difference[own] / (2.0 * parameter.step)
             difference[own] = 0.0
@@ -301,7 +302,7 @@ def _fill(
             return []
     # something is switched, or a parameter changes more than its contact or body: one at a time
     slope[group] = 0.0
-    return [j for one in group for j in _fill(slope, [one], parameters, of, scene)]
+    return [j for one in group for j in _fill_group(slope, [one], parameters, of, scene)]
 
 
 def effective_paths(action: Action, choice: SceneChoice | None = None) -> list[str]:
@@ -335,13 +336,13 @@ def effective_paths(action: Action, choice: SceneChoice | None = None) -> list[s
     return out
 
 
-def _alike(scene: Scene, other: Scene) -> bool:
+def _has_same_structure(scene: Scene, other: Scene) -> bool:
     return all(
         a.shape == b.shape and a.tobytes() == b.tobytes() for a, b in zip(scene.tables, other.tables, strict=True)
     )
 
 
-def _bounds(scene: Scene) -> NDArray[np.int64]:
+def _gap_bound_places(scene: Scene) -> NDArray[np.int64]:
     """Places of numbers that are bounds on gaps: they decide what is skipped, never a force."""
     start, end = int(scene.tables.offset[1]), int(scene.tables.offset[2])
     rows = np.arange(start, end, L.CONTACT_SIZE)[:, None] + np.arange(L.REACH, L.CONTACT_SIZE)

@@ -11,12 +11,12 @@ from model.integrators.tangents.loads import Sources
 from model.kernels import layout as L
 from model.scene.build import Scene
 from model.scene.pressing import Command
-from model.sensitivity.parameter_names import Directions, commands
+from model.sensitivity.parameter_names import Directions, shifted_commands
 
 Array = NDArray[np.float64]
 
 
-def sources_of(directions: Directions) -> Sources:
+def find_sources(directions: Directions) -> Sources:
     """Numbers that parameters change, and by how much a unit of each does; without those of a string's modes."""
     scene = directions.scene
     modes = int(scene.tables.offset[7]) + L.STRING_HEAD if len(scene.tables.string) else len(scene.vector)
@@ -31,7 +31,7 @@ def sources_of(directions: Directions) -> Sources:
     )  # fmt: skip
 
 
-def modes_moved(directions: Directions, first: int, count: int) -> Array:
+def mode_derivatives(directions: Directions, first: int, count: int) -> Array:
     """Change (3, K, P) of gains, stiffnesses, dampings of ``count`` modes, whose numbers begin at ``first``."""
     slope = directions.slope[:, first : first + 3 * count]
     return np.asarray(np.moveaxis(slope.reshape(len(slope), 3, count), 0, -1))
@@ -50,7 +50,7 @@ def _input_slopes(
     own, count = directions.scene.command, len(directions.parameters) - moved.shape[1]
     out = np.zeros((*found(own, value).shape, len(directions.parameters)))
     for j, parameter in enumerate(directions.parameters[:count] if own is not None else ()):
-        ends = commands(directions, j)
+        ends = shifted_commands(directions, j)
         if any(end != own for end in ends):
             out[..., j] = (found(ends[0], value) - found(ends[1], value)) / (2.0 * parameter.step)
     for j, change in enumerate(moved.T, count):
@@ -59,7 +59,7 @@ def _input_slopes(
     return out
 
 
-def input_slopes(directions: Directions, table: tuple[Array, Array], time_s: Array) -> Array:
+def input_derivatives(directions: Directions, table: tuple[Array, Array], time_s: Array) -> Array:
     """Change (k - 1, 2, P) of the kernels' input at both ends between the times (k,) of its own table.
 
     ``table`` is the input of the run. Empty where nothing changes the kernels' input.
@@ -70,27 +70,27 @@ def input_slopes(directions: Directions, table: tuple[Array, Array], time_s: Arr
     # between its points the input is straight: two times inside tell the ends, however near a kink lies
     inside = time_s[:-1, None] + np.diff(time_s)[:, None] * np.array([0.25, 0.75])
 
-    def found(command: Command | None, value: Array) -> Array:
+    def kernel_input(command: Command | None, value: Array) -> Array:
         given = (table[0], value)
         return np.asarray(np.interp(inside, *(given if command is None else command.table(*given, False))))
 
-    quarter = _input_slopes(directions, found, table[1], moved)
+    quarter = _input_slopes(directions, kernel_input, table[1], moved)
     if not np.any(quarter):
         return np.empty((0, 2, len(directions.parameters)))
     rise = 0.5 * (quarter[:, 1] - quarter[:, 0])
     return np.stack([quarter[:, 0] - rise, quarter[:, 1] + rise], axis=1)
 
 
-def rest_input_slopes(directions: Directions, value: float) -> Array:
+def rest_input_derivatives(directions: Directions, value: float) -> Array:
     """Change (P,) of the kernels' input where the run's input rests at ``value``."""
 
-    def found(command: Command | None, value: Array) -> Array:
+    def kernel_input(command: Command | None, value: Array) -> Array:
         return np.asarray(value[0] if command is None else command.value(float(value[0])))
 
-    return _input_slopes(directions, found, np.array([value]), directions.inputs[1][None])
+    return _input_slopes(directions, kernel_input, np.array([value]), directions.inputs[1][None])
 
 
-def places_of_gap(scene: Scene, contact: str) -> NDArray[np.int64]:
+def gap_number_places(scene: Scene, contact: str) -> NDArray[np.int64]:
     """Places of the numbers that a contact's gap hangs on beside the angles: its surfaces, and all pivots."""
     first = int(scene.tables.offset[1]) + L.CONTACT_SIZE * scene.contacts.index(contact)
     pivots = L.GLOBALS + L.BODY_SIZE * np.arange(len(scene.bodies))[:, None] + [L.PIVOT_X, L.PIVOT_Y]

@@ -1,6 +1,6 @@
 """Derivatives of a motion with respect to parameters: motion, rest state and tangents put together.
 
-In: `Directions` (how parameters change a scene's numbers) and an input table; out: `Recorded`, which
+In: `Directions` (how parameters change a scene's numbers) and an input table; out: `RecordedMotion`, which
 gives states and their derivatives at any times.
 """
 
@@ -11,25 +11,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from model.derived.load import kernel_of, kernels_of, links_of
+from model.derived.load import load_kernel, load_kernels, memory_couplings
 from model.derived.slopes import CARRIED, normal_places, normal_sizes
 from model.elements.strings import AWAKE
 from model.elements.structure import Structure
 from model.errors import InputError, IntegrationError
 from model.integrators.step_control import FULL
 from model.integrators.tangents.channels import Channels, Modes
-from model.integrators.tangents.follow import NODE, STEP_TOO_SMALL, TOO_MANY_STEPS, Landings, follow
-from model.integrators.tangents.loads import LANES, Loads, Moved, Sources, normal_slopes
+from model.integrators.tangents.follow import NODE, STEP_TOO_SMALL, TOO_MANY_STEPS, Landings, integrate_tangents
+from model.integrators.tangents.loads import LANES, Loads, MotionDerivatives, Sources, normal_force_derivatives
 from model.integrators.tangents.nodes import Linear, Space, linearise_node
-from model.integrators.tangents.radau import STAGES, Wanted
-from model.integrators.tangents.recorded_motion import Motion, Seen, find_kinks, states_along
+from model.integrators.tangents.radau import STAGES, TangentOutputs
+from model.integrators.tangents.recorded_motion import Motion, RegimeDetector, find_kinks, interpolate_states
 from model.kernels import layout as L
 from model.kernels import workspace as W
-from model.kernels.lanes import aligned
+from model.kernels.lanes import allocate_aligned
 from model.kernels.signatures import SceneNumbers, StepKernels
 from model.scene.pressing import steady_current
 from model.sensitivity.parameter_names import Directions
-from model.sensitivity.sources import input_slopes, modes_moved, rest_input_slopes, sources_of
+from model.sensitivity.sources import find_sources, input_derivatives, mode_derivatives, rest_input_derivatives
 from model.simulation.run import Plan, Simulation
 
 Array = NDArray[np.float64]
@@ -45,7 +45,7 @@ UNTOUCHED = 1.2345e300  # what a kernel leaves in places that it fills in no sta
 LEAST_ANGLE, LEAST_SPEED = 1e-4, 1e-2  # rad, rad/s
 
 
-def _filled_up(count: int) -> int:
+def _pad_to_lanes(count: int) -> int:
     """Columns for that many parameters: a multiple of the lanes; those beyond stay zero."""
     return -(-count // LANES) * LANES
 
@@ -56,23 +56,26 @@ class _Run:
     def __init__(self, directions: Directions) -> None:
         self.directions, self.scene = directions, directions.scene
         tables = self.scene.tables
-        self.kernels: StepKernels = kernels_of(tables)
+        self.kernels: StepKernels = load_kernels(tables)
         self.numbers = SceneNumbers(self.scene.vector, tables.parent[: self.scene.size], self.scene.solved_contacts)
         self.structure = s = Structure(tables)
-        self.regime = kernel_of(tables, "regime")
-        n, p = s.free, _filled_up(len(directions.parameters))
+        self.regime = load_kernel(tables, "regime")
+        n, p = s.free, _pad_to_lanes(len(directions.parameters))
         count, nodes = STAGES * n, STAGES + 1
         places = [W.P_STIFF, W.P_DAMP, W.P_INPUT, W.P_MASS, W.WIDE] if s.pin else [W.STIFF, W.DAMP, W.F_U, -1, W.WIDTH]
         self.space = Space(
             self.workspace(),
-            np.zeros((nodes, n, n)), np.zeros((nodes, n, n)), np.zeros((nodes, n, n)), aligned(nodes, n, p),
-            aligned(len(self.scene.bodies) - self.scene.size, p),
-            aligned(count, _filled_up(count)), np.zeros((count, count)), np.zeros(count, dtype=np.int64),
-            aligned(count, p), aligned(2 * n, p), aligned(2 * n, p), np.zeros(count, dtype=np.int64),
-            np.zeros((STAGES, 2)), aligned(1, p), np.array([*places, s.own, *s.solved]), self._channels(p),
+            np.zeros((nodes, n, n)), np.zeros((nodes, n, n)), np.zeros((nodes, n, n)), allocate_aligned(nodes, n, p),
+            allocate_aligned(len(self.scene.bodies) - self.scene.size, p),
+            allocate_aligned(count, _pad_to_lanes(count)), np.zeros((count, count)), np.zeros(count, dtype=np.int64),
+            allocate_aligned(count, p), allocate_aligned(2 * n, p), allocate_aligned(2 * n, p),
+            np.zeros(count, dtype=np.int64),
+            np.zeros((STAGES, 2)), allocate_aligned(1, p), np.array([*places, s.own, *s.solved]), self._channels(p),
         )  # fmt: skip
-        sources = sources_of(directions)
-        self.linear = Linear(self.numbers, self.kernels, sources, self._loads(sources), self.space, aligned(0, 2, p))
+        sources = find_sources(directions)
+        self.linear = Linear(
+            self.numbers, self.kernels, sources, self._loads(sources), self.space, allocate_aligned(0, 2, p)
+        )
 
     def workspace(self) -> Array:
         """Memory in which the scene's kernels work."""
@@ -84,14 +87,14 @@ class _Run:
         first = np.cumsum([0, *(len(row) for row in places)])
         memory = np.cumsum([0, *(len(s.memories(c)) for c in range(len(s.contact)))])
         modes = self.count_of_modes()
-        numbers, by_number = kernel_of(tables, "numbers"), np.full(size * len(self.scene.vector), UNTOUCHED)
+        numbers, by_number = load_kernel(tables, "numbers"), np.full(size * len(self.scene.vector), UNTOUCHED)
         numbers(self.workspace(), np.zeros(1), self.scene.vector, by_number)
         row = by_number.reshape(-1, size)[sources.number] != UNTOUCHED  # of what no law has, no derivative is ever put
         k, i = np.nonzero(row)
         acting = np.column_stack([size * sources.number[k] + i, i, sources.first[k], sources.first[k + 1]])
         by_number[:] = 0.0
         return Loads(
-            numbers, kernel_of(tables, "normals"), kernel_of(tables, "carried"), np.zeros(1),
+            numbers, load_kernel(tables, "normals"), load_kernel(tables, "propagate_modes"), np.zeros(1),
             by_number, np.zeros(sum(normal_sizes(s))), np.zeros(CARRIED * modes),
             first, np.array([k for row in places for k in row], dtype=np.int64), memory,
             s.string[0] if s.string else -1, np.ascontiguousarray(acting),
@@ -104,38 +107,39 @@ class _Run:
 
     def _channels(self, p: int) -> Channels:
         s, nodes = self.structure, STAGES + 1
-        links = links_of(self.scene.tables) if s.memory or s.string else []
+        links = memory_couplings(self.scene.tables) if s.memory or s.string else []
         c, most, own = len(links), max((len(row) for row in links), default=0), len(self.scene.bodies)
         table = np.zeros((c, most), dtype=np.int64)
         for row, of in zip(table, links, strict=True):
             row[: len(of)] = [s.own - 1 - j if s.own <= j < own else s.solved.index(j) for j in of]
         modes, strings = self.count_of_modes(), len(s.string)
         first = (s.offset[7] + L.STRING_HEAD) if s.string else 0
-        moved = aligned(3, modes, p)
-        moved[:, :, : len(self.directions.parameters)] = modes_moved(self.directions, first, modes)
+        moved = allocate_aligned(3, modes, p)
+        moved[:, :, : len(self.directions.parameters)] = mode_derivatives(self.directions, first, modes)
         string = Modes(
             np.zeros(strings, dtype=np.int64), np.array([first]),
             np.ascontiguousarray(self.scene.vector[first : first + 3 * modes].reshape(3, modes)), moved,
-            aligned(2, modes, p), aligned(nodes, modes, p), np.array([int(np.any(moved))]),
+            allocate_aligned(2, modes, p), allocate_aligned(nodes, modes, p), np.array([int(np.any(moved))]),
             np.zeros(nodes), np.zeros(nodes), np.zeros((modes, 4, STAGES)), np.zeros((modes, 2, STAGES, STAGES)),
-            np.zeros((STAGES, STAGES)), aligned(2, STAGES * strings, p),
+            np.zeros((STAGES, STAGES)), allocate_aligned(2, STAGES * strings, p),
         )  # fmt: skip
         return Channels(
             table, np.array([len(row) for row in links], dtype=np.int64),
             np.zeros((nodes, c, most)), np.zeros((nodes, c, most)), np.zeros((nodes, c, most)), np.zeros((nodes, c)),
-            aligned(nodes, c, p), np.zeros((c, STAGES, STAGES)), np.zeros((c, STAGES)),
-            aligned(STAGES, c, p), aligned(STAGES, c, p), aligned(STAGES, c, p), aligned(c, p),
+            allocate_aligned(nodes, c, p), np.zeros((c, STAGES, STAGES)), np.zeros((c, STAGES)),
+            allocate_aligned(STAGES, c, p), allocate_aligned(STAGES, c, p), allocate_aligned(STAGES, c, p),
+            allocate_aligned(c, p),
             np.zeros(len(s.memory)), np.zeros(len(s.memory), dtype=np.int64), np.zeros((3, STAGES, STAGES)), string,
         )  # fmt: skip
 
-    def put(self, angle: Array, memory: Array) -> None:
+    def put_rest_state(self, angle: Array, memory: Array) -> None:
         """Put a state at rest into the workspace."""
         self.space.point[:] = 0.0
         self.space.point[W.Q : W.Q + len(angle)] = angle
         self.space.point[W.Z : W.Z + len(memory)] = memory
 
 
-def _motion(run: _Run, simulation: Simulation, plan: Plan) -> Motion:
+def _record_motion(run: _Run, simulation: Simulation, plan: Plan) -> Motion:
     """Record the whole run."""
     parts: list[Array] = []
     n, depth = run.scene.size, 2 + len(plan.method.dense)
@@ -151,7 +155,7 @@ def _motion(run: _Run, simulation: Simulation, plan: Plan) -> Motion:
         )  # fmt: skip
         parts.append(rows[: counters[L.N_STEPS] - steps])
         if status != FULL:
-            simulation.reached(plan, time, step, status)
+            simulation.accept_result(plan, time, step, status)
             break
         span = span._replace(time=time, step=step)
         used = counters[L.N_STEPS] + counters[L.N_REJECTED] - before
@@ -159,14 +163,14 @@ def _motion(run: _Run, simulation: Simulation, plan: Plan) -> Motion:
     return Motion(parts[0] if len(parts) == 1 else np.concatenate(parts), size, n)
 
 
-def _rest_slopes(run: _Run, rest: Array, u: float) -> Array:
+def _rest_derivatives(run: _Run, rest: Array, u: float) -> Array:
     """Derivatives (n, P) of the coordinates at rest, (n,), under ``u``: K d = -load, the balance differentiated.
 
     A winding's charge has no place at rest; its current has.
     """
     scene, count, size = run.scene, len(run.directions.parameters), run.scene.size
-    run.put(rest[:size], rest[size:])
-    run.space.input_change[0, :count] = rest_input_slopes(run.directions, u)
+    run.put_rest_state(rest[:size], rest[size:])
+    run.space.input_change[0, :count] = rest_input_derivatives(run.directions, u)
     if scene.command is not None:
         u = scene.command.value(u)
         for i in scene.wound:
@@ -182,7 +186,7 @@ def _rest_slopes(run: _Run, rest: Array, u: float) -> Array:
     return out
 
 
-def _still(directions: Directions) -> _Run:
+def _scene_at_rest(directions: Directions) -> _Run:
     """The same scene at rest, where felt presses as its slow loading curve says."""
     return _Run(replace(directions, scene=replace(directions.scene, tables=directions.scene.static_tables)))
 
@@ -200,13 +204,13 @@ def input_kinks(time: Array, value: Array) -> Array:
     return np.repeat(at, 2).reshape(-1, 2)
 
 
-def rest_slopes(directions: Directions, whole: Array, u: float) -> Array:
+def rest_derivatives(directions: Directions, whole: Array, u: float) -> Array:
     """Derivatives (n + g, P) of the coordinates at rest ``whole`` under an input; what joints give comes last."""
-    return _rest_slopes(_still(directions), whole, u)
+    return _rest_derivatives(_scene_at_rest(directions), whole, u)
 
 
 @dataclass(frozen=True)
-class Followed:
+class TangentResult:
     """Derivatives at the times that were wanted, in their order."""
 
     # whole_angle, whole_speed: (m, n, P); where joints give, how far they do follows the scene's coordinates
@@ -228,7 +232,7 @@ class Followed:
         return self.whole_speed[:, : self.own]
 
 
-class Recorded:
+class RecordedMotion:
     """A motion from rest that was integrated and recorded, with what its derivatives need.
 
     ``until`` (s) and ``table`` are end and input of the run; ``rest`` the coordinates at rest and the input there;
@@ -248,25 +252,25 @@ class Recorded:
         self.directions, self.simulation, self.drive = directions, simulation, plan.drive
         self.run = _Run(directions)
         s = self.run.structure
-        still = _still(directions) if s.memory or s.string else self.run
+        still = _scene_at_rest(directions) if s.memory or s.string else self.run
         for run in (self.run, still):
             run.space.carried[0:1, : len(directions.parameters)] = 0.0 if carried is None else carried
         self.rest = rest[0][: directions.scene.size].copy()
-        self._d_rest = _rest_slopes(still, *rest)
+        self._d_rest = _rest_derivatives(still, *rest)
         self._d_remembered = self._remembered_at_rest(plan)
-        self.motion = _motion(self.run, simulation, plan)
-        slopes = input_slopes(directions, table, plan.drive.time)
+        self.motion = _record_motion(self.run, simulation, plan)
+        slopes = input_derivatives(directions, table, plan.drive.time)
         if len(slopes):
-            filled = aligned(*slopes.shape[:2], self.run.space.load.shape[2])
+            filled = allocate_aligned(*slopes.shape[:2], self.run.space.load.shape[2])
             filled[:, :, : slopes.shape[2]] = slopes
             self.run.linear = self.run.linear._replace(input_slope=filled)
 
     def _remembered_at_rest(self, plan: Plan) -> Array:
         """Derivatives (C, P') of what felt remembers at the start: its rate stays 0."""
         run, channels = self.run, self.run.space.channels
-        out = aligned(*channels.inner.shape)
+        out = allocate_aligned(*channels.inner.shape)
         if len(out):
-            run.put(plan.span.angle, plan.span.memory)
+            run.put_rest_state(plan.span.angle, plan.span.memory)
             linearise_node(0, plan.drive.value[0], run.linear)
             d_rest = np.zeros((self._d_rest.shape[0], out.shape[1]))
             d_rest[:, : self._d_rest.shape[1]] = self._d_rest
@@ -291,7 +295,7 @@ class Recorded:
     def whole_states(self, times: Array) -> Array:
         """Angles, speeds and what is remembered (m, N) at times (m,)."""
         state = np.empty((len(times), self.motion.size))
-        states_along(self.motion, np.ascontiguousarray(times, dtype=float), state)
+        interpolate_states(self.motion, np.ascontiguousarray(times, dtype=float), state)
         return state
 
     def coordinates(self, times: Array) -> tuple[Array, Array]:
@@ -312,7 +316,7 @@ class Recorded:
         first = W.P_ACC if s.pin else W.ACC
         return w[first : first + s.free]
 
-    def _woken(self) -> Array:
+    def _string_landings(self) -> Array:
         """Times (w, 3) at which a string's modes are stepped again or left (`Landings`)."""
         s, n = self.run.structure, self.run.scene.size
         if not s.string:
@@ -327,7 +331,7 @@ class Recorded:
     def _stride(self) -> int:
         return max(1, round(STRIDE * (STRIDE_AT / self.simulation.tolerance) ** STRIDE_EXPONENT))
 
-    def follow(self, times: Array, tolerance: float, forces: bool = False) -> Followed:
+    def follow(self, times: Array, tolerance: float, forces: bool = False) -> TangentResult:
         """Derivatives at times (m,) in any order, with what contacts' ``forces`` need, and what was counted.
 
         Raises
@@ -336,9 +340,9 @@ class Recorded:
         """
         run, motion = self.run, self.motion
         n, p = self._d_rest.shape
-        filled, count = _filled_up(p), len(run.space.channels.many)
+        filled, count = _pad_to_lanes(p), len(run.space.channels.many)
         kinks = np.empty((4 * len(motion.step) + 4, 2))
-        seen = Seen(
+        seen = RegimeDetector(
             self.drive,
             run.scene.vector,
             run.kernels.linearise,
@@ -349,23 +353,23 @@ class Recorded:
         found = find_kinks(motion, seen, kinks)
         self._check_rates(kinks[:found])
         scale = np.array([parameter.scale for parameter in self.directions.parameters])
-        floor = aligned(2, filled)
+        floor = allocate_aligned(2, filled)
         floor[:, :p], floor[:, p:] = [LEAST_ANGLE / scale, LEAST_SPEED / scale], 1.0
         angle, speed = np.zeros((len(times), n, p)), np.zeros((len(times), n, p))
-        channel, woken = aligned(len(times) if forces and count else 0, count, filled), self._woken()
+        channel, woken = allocate_aligned(len(times) if forces and count else 0, count, filled), self._string_landings()
         landing = np.concatenate(
             [kinks[:found], input_kinks(self.drive.time, self.drive.value), np.repeat(woken[:, :1], 2, axis=1)]
         )
         landing = np.ascontiguousarray(landing[np.argsort(landing[:, 0], kind="stable")])
         order = np.argsort(times, kind="stable")
-        wanted = Wanted(times[order], order, angle, speed, channel, tolerance, floor, self._stride())
+        wanted = TangentOutputs(times[order], order, angle, speed, channel, tolerance, floor, self._stride())
         run.space.largest[:] = 0.0
         run.space.largest[:n, :p] = np.abs(self._d_rest)
         run.space.channels.inner[:] = self._d_remembered
         run.space.channels.modes.tangent[:] = 0.0
-        tangent, reached = aligned(2, n, filled), aligned(2, n, filled)
+        tangent, reached = allocate_aligned(2, n, filled), allocate_aligned(2, n, filled)
         tangent[0, :, :p] = self._d_rest
-        status, time, steps, rejected = follow(
+        status, time, steps, rejected = integrate_tangents(
             motion, self.drive, Landings(landing, woken), run.linear, wanted, tangent, reached, NODE
         )
         if status == STEP_TOO_SMALL:
@@ -378,7 +382,7 @@ class Recorded:
         counted = {"n_tangent_steps": steps, "n_tangent_rejected": rejected, "n_kinks": found}
         acts = np.any(run.space.largest[:, :p], axis=0)
         counters = {**self.simulation.work(), **counted}
-        return Followed(angle, speed, channel, run.scene.size, acts, counters)
+        return TangentResult(angle, speed, channel, run.scene.size, acts, counters)
 
     def _check_rates(self, kinks: Array) -> None:
         """Refuse a law that a program has added whose force or memory's rate jumps at a kink (k, 2), s.
@@ -413,7 +417,7 @@ class Recorded:
                 "`alone` agree where the force is 0, as in model/elements/laws/stulov.py, or choose another law"
             )
 
-    def remembered_slopes(self, followed: Followed, count: int) -> Array:
+    def remembered_slopes(self, followed: TangentResult, count: int) -> Array:
         """Derivatives (m, z, P) of ``count`` numbers that a run remembers; of a string's they are left 0."""
         s, n = self.run.structure, self.run.scene.size
         rows, _, p = followed.whole_angle.shape
@@ -428,11 +432,13 @@ class Recorded:
     def normal_forces(self, state: Array, slopes: tuple[Array, Array, Array]) -> tuple[Array, Array]:
         """Normal forces (m, c), N, and their derivatives (m, c, P).
 
-        ``state`` (m, N) are angles, speeds and what is remembered; ``slopes`` those of `Followed`.
+        ``state`` (m, N) are angles, speeds and what is remembered; ``slopes`` those of `TangentResult`.
         """
         scene, run = self.run.scene, self.run
         normal = np.empty((len(state), len(scene.contacts)))
         out = np.zeros((*normal.shape, len(self.directions.parameters)))
-        moved, linear = Moved(np.ascontiguousarray(state), *slopes), run.linear
-        normal_slopes(moved, scene.vector, scene.size, linear.sources, linear.loads, run.workspace(), normal, out)
+        moved, linear = MotionDerivatives(np.ascontiguousarray(state), *slopes), run.linear
+        normal_force_derivatives(
+            moved, scene.vector, scene.size, linear.sources, linear.loads, run.workspace(), normal, out
+        )
         return normal, out

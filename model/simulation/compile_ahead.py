@@ -18,9 +18,9 @@ from threading import Thread
 
 from llvmlite.binding import ffi
 
-from model.derived.load import kernels_of, lane_kernels_of, on_disk
+from model.derived.load import is_cached, load_kernels, load_lane_kernels
 from model.kernels import compile as _compile
-from model.kernels.lanes import LANES, lanes_pay
+from model.kernels.lanes import LANES, has_wide_vectors
 from model.parameters.action import load_action
 from model.scene.build import build_scene
 from model.scene.selection import SceneChoice
@@ -60,7 +60,7 @@ def compile_ahead(
     if folder is None or (os.cpu_count() or 1) < 2 or any(folder.rglob("rosenbrock.integrate-*.nbi")):
         return None
     action = load_action()
-    cold = [choice for choice in choices if not on_disk(build_scene(choice.on(action), choice).tables)]
+    cold = [choice for choice in choices if not is_cached(build_scene(choice.on(action), choice).tables)]
     if not cold:
         return None
     try:
@@ -94,11 +94,11 @@ def compile_lanes(choice: SceneChoice) -> None:
     >>> import model
     >>> model.compile_lanes(model.SceneChoice())
     """
-    if lanes_pay():
-        from model.integrators.lanes import loop_in_lanes  # start-up: 0.1 s, few need lanes
+    if has_wide_vectors():
+        from model.integrators.lanes import compile_lane_loop  # start-up: 0.1 s, few need lanes
 
-        lane_kernels_of(build_scene(choice.on(load_action()), choice).tables, LANES)
-        loop_in_lanes(LANES)
+        load_lane_kernels(build_scene(choice.on(load_action()), choice).tables, LANES)
+        compile_lane_loop(LANES)
 
 
 def main() -> None:
@@ -111,7 +111,7 @@ def main() -> None:
         import model.integrators.rosenbrock  # noqa: F401  # start-up: seconds, its import compiles the loop
     action = load_action()
     for choice in choices:
-        kernels_of(build_scene(choice.on(action), choice).tables)
+        load_kernels(build_scene(choice.on(action), choice).tables)
     if then:
         module, _, function = then.partition(":")
         getattr(importlib.import_module(module), function)()

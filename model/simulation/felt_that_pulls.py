@@ -1,6 +1,7 @@
 """Felt of an added law whose force went below zero: which contact, by how much, and what to write.
 
-The kernels give no number there (`model.elements.laws.felt_law.pushing`), so that no step stays; here it is named.
+The kernels give no number there (`model.elements.laws.felt_law.checked_force`),
+so that no step stays; here it is named.
 """
 
 from __future__ import annotations
@@ -8,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiler.expressions import argument, constant, forget
+from model.compiler.expressions import argument, clear_cache, constant
 from model.derived.columns import DEPTH, NORMAL, RATE
-from model.derived.load import kernels_of
+from model.derived.load import load_kernels
 from model.derived.observe import contacts_at
 from model.elements.laws.check_law import compile_values
 from model.elements.laws.felt_law import PULL_N, Felt
@@ -57,7 +58,7 @@ def law_force_n(scene: Scene, c: int, contact: Array, memory: Array) -> float:
     presses, force = law.force(felt)
     values = compile_values([presses, force])({depth: float(contact[c, DEPTH]), rate: float(contact[c, RATE])})
     found = float(values[force]) if contact[c, DEPTH] > 0.0 and values[presses] else 0.0
-    forget()
+    clear_cache()
     return found
 
 
@@ -80,7 +81,7 @@ def describe_pull(scene: Scene, time_s: float, state: tuple[Array, Array, Array]
     q, v, memory = state
     w = np.zeros(W.WITH_MEMORY)
     w[W.Q : W.Q + len(q)], w[W.V : W.V + len(v)], w[W.Z : W.Z + len(memory)] = q, v, memory
-    kernels_of(scene.tables).linearise(w, scene.vector, u)
+    load_kernels(scene.tables).linearise(w, scene.vector, u)
     n = len(scene.tables.parent)
     whole, speed = w[W.Q : W.Q + n].copy(), w[W.V : W.V + n].copy()
     gain = np.nan_to_num(w[W.ACC : W.ACC + n])

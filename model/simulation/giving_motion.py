@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class GivingMotion:
+class CompliantJointMotion:
     """How far joints give at the output times."""
 
     directions: tuple[str, ...]  # (g,) such as ``hammer_pin_x``: which joint, to the right (x) or up (y)
@@ -40,7 +40,7 @@ class GivingMotion:
         return out | {f"{name}_n": self.force_n[:, i] for i, name in enumerate(self.directions)}
 
 
-def rows_of_pins(scene: Scene, rows: Array) -> tuple[Array, Array]:
+def pin_motion(scene: Scene, rows: Array) -> tuple[Array, Array]:
     """Ways (m, g), m, and speeds (m, g), m/s, of the directions in which joints give, from rows (m, z)."""
     first, count = len(scene.tables.memory), len(scene.pins)
     return (
@@ -49,17 +49,17 @@ def rows_of_pins(scene: Scene, rows: Array) -> tuple[Array, Array]:
     )
 
 
-def bushings(scene: Scene) -> Array:
+def bushing_parameters(scene: Scene) -> Array:
     """Stiffness, damping and load (g, 3) of the directions."""
     at = int(scene.tables.offset[8])
     return scene.vector[at : at + L.PIN_SIZE * len(scene.pins)].reshape(-1, L.PIN_SIZE)
 
 
-def giving_motion(scene: Scene, rows: Array) -> GivingMotion | None:
+def compliant_joint_motion(scene: Scene, rows: Array) -> CompliantJointMotion | None:
     """What the joints of a scene give; None where they are rigid."""
     if not scene.pins:
         return None
-    way, speed = rows_of_pins(scene, rows)
-    number = bushings(scene)
+    way, speed = pin_motion(scene, rows)
+    number = bushing_parameters(scene)
     force = number[:, L.PIN_LOAD] - number[:, L.PIN_K] * way - number[:, L.PIN_C] * speed
-    return GivingMotion(scene.coordinates[len(scene.bodies) :], way, speed, force)
+    return CompliantJointMotion(scene.coordinates[len(scene.bodies) :], way, speed, force)

@@ -79,5 +79,5 @@ class ForceDrivenOptions(SimulationOptions):
 class BatchOptions(ForceDrivenOptions):
     """How to simulate a batch."""
 
-    # advance members side by side; None leaves it to how many there are (`model.batch.lanes.choose`)
+    # advance members side by side; None leaves it to how many there are (`model.batch.lanes.select_lane_jobs`)
     lanes: bool | None = None

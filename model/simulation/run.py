@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import ArrayRecord, as_numbers
 from model.derived.columns import DEPTH, FRICTION, NORMAL, TIP_FORCE
-from model.derived.load import kernel_of, kernels_of
+from model.derived.load import load_kernel, load_kernels
 from model.derived.observe import contacts_at, tips_at
 from model.elements.structure import Structure
 from model.errors import InputError, IntegrationError
@@ -30,7 +30,7 @@ from model.scene.key_motion import with_moved
 from model.simulation.felt_that_pulls import describe_jumps, describe_pull
 from model.simulation.solution import EnergyAudit
 from model.simulation.statics import with_pins
-from model.simulation.string_motion import lost_meanwhile, straight, swung_on
+from model.simulation.string_motion import propagate_free_string, straight_string_state, string_loss
 
 # Local error allowed per step for a requested largest error of an angle over the whole run: found with
 # benchmarks/tolerance.py so that the error stays near or below the request on blows from piano to 60 N
@@ -111,23 +111,23 @@ def with_memory(scene: Scene, state: State, u: float = 0.0) -> State:
     ------
     InputError : memories of another scene
     """
-    string, give = straight(scene), len(scene.pins)
+    string, give = straight_string_state(scene), len(scene.pins)
     count, found = len(scene.tables.memory) + 2 * give + len(string), np.shape(state.memory)
     if count and found == (0,):
         whole = with_pins(scene, state.angle_rad, u) if give else state.angle_rad
-        felt = _rested(scene, state, whole) if len(scene.tables.memory) else np.empty(0)
+        felt = _rested_memories(scene, state, whole) if len(scene.tables.memory) else np.empty(0)
         return replace(state, memory=np.concatenate([felt, whole[scene.size :], np.zeros(give), string]))
     if found != (count,) or not np.all(np.isfinite(state.memory)):
         raise InputError(f"state: found memories {state.memory}, allowed {count} finite numbers, or none")
     return state
 
 
-def _rested(scene: Scene, state: State, whole: NDArray[np.float64]) -> NDArray[np.float64]:
+def _rested_memories(scene: Scene, state: State, whole: NDArray[np.float64]) -> NDArray[np.float64]:
     """Memories (z,) of felt that has rested at the angles of the state, followed in ``whole`` by what joints give."""
     w = np.zeros(W.WITH_MEMORY if scene.pins else W.SIZE)
     w[W.Q : W.Q + scene.size] = state.angle_rad
     w[W.Z : W.Z + len(scene.pins)] = whole[scene.size :]  # the static scene remembers nothing else
-    kernels_of(scene.static_tables).linearise(w, scene.vector, state.time_s)
+    load_kernels(scene.static_tables).linearise(w, scene.vector, state.time_s)
     rows = np.concatenate([whole[scene.size :], np.zeros(len(scene.pins))])[None]
     angles = w[None, W.Q : W.Q + scene.size]
     if np.any(scene.tables.prescribed):
@@ -138,7 +138,7 @@ def _rested(scene: Scene, state: State, whole: NDArray[np.float64]) -> NDArray[n
     for c in dict.fromkeys(s.memory):
         curve = p[s.offset[1] + L.CONTACT_SIZE * c + L.K_A :][:3].tolist()
         numbers = [p[n.args[1]] for n in s.law_numbers(c)]
-        out += s.law(c).rested(max(0.0, float(found[c, DEPTH])), tuple(curve), numbers, len(s.memories(c)))
+        out += s.law(c).rest_memories(max(0.0, float(found[c, DEPTH])), tuple(curve), numbers, len(s.memories(c)))
     return np.array(out)
 
 
@@ -240,14 +240,14 @@ class Simulation:
         """
         plan = self.plan(until, input_time_s, input_value, held=held, output_time_s=output_time_s)
         if self._kernels is None:  # found once: a run may be advanced block by block
-            self._kernels = kernels_of(self.scene.tables)
+            self._kernels = load_kernels(self.scene.tables)
             if self.energy:
-                self._kernels = self._kernels._replace(energy=kernel_of(self.scene.tables, "energy"))
+                self._kernels = self._kernels._replace(energy=load_kernel(self.scene.tables, "energy"))
         kernels, method = self._kernels, plan.method
         time, step, status = method.loop(
             plan.span, plan.drive, plan.out, plan.scene, kernels, method.coefficients, plan.limits, plan.account
         )
-        return self.reached(plan, time, step, status)
+        return self.accept_result(plan, time, step, status)
 
     def plan(
         self,
@@ -296,7 +296,7 @@ class Simulation:
             Account(self.counters, self.times, self.audit if self.energy else np.empty(0)),
         )
 
-    def reached(
+    def accept_result(
         self, plan: Plan, time: float, step: float, status: int
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Take over the state in which a step loop left a plan; its angles and speeds, or the error that stopped it."""
@@ -337,21 +337,21 @@ class Simulation:
     def stored_energy(self) -> float:
         """Kinetic, potential and elastic energy of the present state, J; zero of heights at the ground's origin."""
         w = np.zeros(W.WITH_MEMORY)
-        memory = swung_on(self.scene, np.array([self.state.time_s]), self.state.memory[None])[0]
+        memory = propagate_free_string(self.scene, np.array([self.state.time_s]), self.state.memory[None])[0]
         w[W.AUDIT_Z : W.AUDIT_Z + len(memory)] = memory
         w[W.AUDIT_Q : W.AUDIT_Q + self.scene.size] = self.state.angle_rad
         w[W.AUDIT_V : W.AUDIT_V + self.scene.size] = self.state.speed_rad_per_s
-        kernel_of(self.scene.tables, "energy")(
+        load_kernel(self.scene.tables, "energy")(
             w, self.scene.vector, self.state.time_s
         )  # a prescribed coordinate asks when
         return float(w[W.ENERGY])
 
-    def audited(self, start: State, stored_j: float) -> EnergyAudit:
+    def energy_audit(self, start: State, stored_j: float) -> EnergyAudit:
         """Where the work went since ``start``, at which the scene stored ``stored_j``."""
         given, *lost = map(float, self.audit)
         audit = EnergyAudit(given, self.stored_energy() - stored_j, *lost)
         times, rows = (start.time_s, self.state.time_s), (start.memory, self.state.memory)
-        return replace(audit, lost_in_string=audit.lost_in_string + lost_meanwhile(self.scene, times, rows))
+        return replace(audit, lost_in_string=audit.lost_in_string + string_loss(self.scene, times, rows))
 
     def contact_forces(
         self,

@@ -13,7 +13,7 @@ from model.arrays import ArrayRecord
 from model.observables import head_approach_m_per_s, head_height_m, key_dip_m
 from model.parameters.action import BODIES, Action
 from model.parameters.effects import KEY_LIFT, column
-from model.simulation.giving_motion import GivingMotion
+from model.simulation.giving_motion import CompliantJointMotion
 from model.simulation.loads_and_losses import Inside
 from model.simulation.string_motion import StringMotion
 
@@ -39,14 +39,16 @@ class EnergyAudit:
     lost_in_drive: float = 0.0  # the motor's winding, or the finger's joint
 
     @property
-    def lost(self) -> float:
-        """All losses, J."""
+    def loss(self) -> float:
+        """Sum of all losses, J."""
         return float(sum(getattr(self, item.name) for item in fields(self) if item.name.startswith("lost_in_")))
+
+    lost = loss  # its former name, for one release
 
     @property
     def residual(self) -> float:
         """Work that is not accounted for, J: an error of the integration, zero for an exact one."""
-        return self.work_in - self.stored_change - self.lost
+        return self.work_in - self.stored_change - self.loss
 
 
 class Moved:
@@ -56,7 +58,7 @@ class Moved:
     angle_rad: NDArray[np.float64]
     speed_rad_per_s: NDArray[np.float64]
     string: StringMotion | None
-    give: GivingMotion | None
+    give: CompliantJointMotion | None
 
     def hammer_height_m(self, action: Action) -> NDArray[np.float64]:
         """Distance (m,) of the hammer's head from the string, m, with what its shank bends and its joint gives."""
@@ -124,7 +126,7 @@ class Solution(Moved, ArrayRecord):
     inside: Inside | None = None
     error_rad: float | None = None
     string: StringMotion | None = None
-    give: GivingMotion | None = None
+    give: CompliantJointMotion | None = None
 
     @property
     def misses_tolerance(self) -> bool:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from model.arrays import ArrayRecord
 from model.derived.columns import DEPTH, NORMAL
-from model.derived.load import kernels_of
+from model.derived.load import load_kernels
 from model.derived.observe import contacts_at
 from model.errors import InputError, StaticsError
 from model.kernels import workspace as W
@@ -64,7 +64,7 @@ def balance(
         if v is None and scene.wound:
             w[W.V + scene.wound[0]] = steady_current(scene.vector[scene.tables.offset[2] :], u)
     w[W.STATIC] = 1.0
-    kernels_of(scene.static_tables).linearise(w, scene.vector, u)
+    load_kernels(scene.static_tables).linearise(w, scene.vector, u)
     if give:
         own = np.array([*range(n), *(len(scene.bodies) + k for k in range(give))])  # what is prescribed stands between
         square = [w[at : at + W.WIDE**2].reshape(W.WIDE, W.WIDE) for at in (W.P_MASS, W.P_STIFF)]
@@ -93,7 +93,7 @@ def _free_part(
     return f[free], stiff[free[:, None], free]
 
 
-def _moved(q: NDArray[np.float64], free: NDArray[np.int64], step: NDArray[Any]) -> NDArray[np.float64]:
+def _displace(q: NDArray[np.float64], free: NDArray[np.int64], step: NDArray[Any]) -> NDArray[np.float64]:
     out = q.copy()
     out[free] += step
     return out
@@ -128,14 +128,14 @@ def solve_rest(
         q, f, stiff = _descend(scene, q, u, free)
         for _ in range(20):
             step = np.linalg.lstsq(-stiff, f, rcond=None)[0]
-            f_new, stiff_new = _free_part(scene, _moved(q, free, step), u, free)
+            f_new, stiff_new = _free_part(scene, _displace(q, free, step), u, free)
             if not np.max(np.abs(f_new)) < np.max(np.abs(f)):
                 break
-            q, f, stiff = _moved(q, free, step), f_new, stiff_new
+            q, f, stiff = _displace(q, free, step), f_new, stiff_new
         loose = _loose_direction(scene, q, u, free, stiff)
         if loose is None:
             return q if whole else q[: scene.size]
-        q = _moved(q, free, KICK * loose)  # off the saddle; the next descent leaves it for good
+        q = _displace(q, free, KICK * loose)  # off the saddle; the next descent leaves it for good
     raise StaticsError(NO_REST)
 
 
@@ -152,7 +152,7 @@ def _loose_direction(
         size = np.abs(axes[:, 0])
         return np.asarray(axes[:, 0] * np.sign(axes[np.argmax(size > 0.5 * size.max()), 0]))  # LAPACK's sign is any
     for way in (*np.eye(len(free)), *-np.eye(len(free))):
-        f, _ = _free_part(scene, _moved(q, free, PUSH * way), u, free)
+        f, _ = _free_part(scene, _displace(q, free, PUSH * way), u, free)
         if -float(f @ way) <= SOFTEST * PUSH:
             return way
     return None
@@ -176,10 +176,10 @@ def _descend(
             return q, f, stiff
         value, axis = np.linalg.eigh(-0.5 * (stiff + stiff.T))
         step = axis @ np.clip(axis.T @ f / np.maximum(np.abs(value), 1e-12), -radius, radius)
-        f_new, stiff_new = _free_part(scene, _moved(q, free, step), u, free)
+        f_new, stiff_new = _free_part(scene, _displace(q, free, step), u, free)
         # energy falls along the step while the force still points with it
         if float(f_new @ step) > -0.5 * float(f @ step):
-            q, f, stiff = _moved(q, free, step), f_new, stiff_new
+            q, f, stiff = _displace(q, free, step), f_new, stiff_new
             radius = min(radius * 2.0, LARGEST_TURN)
         else:
             radius = max(0.25 * min(radius, float(np.max(np.abs(step)))), 1e-15)

@@ -12,14 +12,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from model.elements.strings import AWAKE, free_swing
+from model.elements.strings import AWAKE, free_vibration
 from model.kernels import layout as L
 from model.scene.build import Scene
 
 Array = NDArray[np.float64]
 
 
-def modes_of(scene: Scene) -> dict[str, int | float]:
+def count_modes(scene: Scene) -> dict[str, int | float]:
     """How many modes of a string are stepped, as a counter; nothing where the scene has the bar."""
     return {"string_modes": int(scene.vector[scene.tables.offset[7]])} if len(scene.tables.string) else {}
 
@@ -36,7 +36,7 @@ class StringMotion:
     def _now(self) -> tuple[Array, Array]:
         at, (gain, _, _), _ = _numbers(self.scene)
         first, count = at + L.STRING_STATES, len(gain)
-        now = swung_on(self.scene, self.time_s, self.rows)
+        now = propagate_free_string(self.scene, self.time_s, self.rows)
         return now[:, first : first + count], now[:, first + count : first + 2 * count]
 
     @property
@@ -68,7 +68,7 @@ def _numbers(scene: Scene) -> tuple[int, Array, float]:
     return len(scene.tables.memory) + 2 * len(scene.pins), rows, float(p[L.STRING_GIVE])
 
 
-def straight(scene: Scene) -> Array:
+def straight_string_state(scene: Scene) -> Array:
     """States of the scene's string when it is straight and still; whether a hammer is near the first step finds out."""
     if not len(scene.tables.string):
         return np.empty(0)
@@ -77,7 +77,7 @@ def straight(scene: Scene) -> Array:
     return out
 
 
-def swung_on(scene: Scene, time_s: Array, rows: Array) -> Array:
+def propagate_free_string(scene: Scene, time_s: Array, rows: Array) -> Array:
     """Rows (m, z) of memories with the modes of a free string as they are at ``time_s`` (m,)."""
     if not len(scene.tables.string):
         return rows
@@ -89,7 +89,7 @@ def swung_on(scene: Scene, time_s: Array, rows: Array) -> Array:
     omega = np.sqrt(stiffness - sigma**2)
     y, u = rows[free, first : first + count], rows[free, first + count : first + 2 * count]
     turned = np.exp(-sigma * t), np.cos(omega * t), np.sin(omega * t) / omega
-    way, rate = free_swing(y, u, stiffness, sigma, turned)
+    way, rate = free_vibration(y, u, stiffness, sigma, turned)
     out[free, first : first + count], out[free, first + count : first + 2 * count] = way, rate
     return out
 
@@ -101,19 +101,19 @@ def string_motion(scene: Scene, time_s: Array, rows: Array) -> StringMotion | No
     return StringMotion(scene, time_s, rows)
 
 
-def lost_meanwhile(scene: Scene, time_s: tuple[float, float], memory: tuple[Array, Array]) -> float:
+def string_loss(scene: Scene, time_s: tuple[float, float], memory: tuple[Array, Array]) -> float:
     """Energy (J) that a string lost, free, between two states (z,); 0 for a scene with the bar."""
     if not len(scene.tables.string):
         return 0.0
-    first, last = (_lost_so_far(scene, t, row) for t, row in zip(time_s, memory, strict=True))
+    first, last = (_accumulated_loss(scene, t, row) for t, row in zip(time_s, memory, strict=True))
     return last - first
 
 
-def _lost_so_far(scene: Scene, time_s: float, memory: Array) -> float:
+def _accumulated_loss(scene: Scene, time_s: float, memory: Array) -> float:
     at, (gain, stiffness, _), _ = _numbers(scene)
     if not len(memory):
         return 0.0
-    rows = np.stack([memory, swung_on(scene, np.array([time_s]), memory[None])[0]])
+    rows = np.stack([memory, propagate_free_string(scene, np.array([time_s]), memory[None])[0]])
     first, count = at + L.STRING_STATES, len(gain)
     y, u = rows[:, first : first + count], rows[:, first + count : first + 2 * count]
     then, now = np.sum((u**2 + stiffness * y**2) / (2.0 * gain), axis=1)

@@ -18,7 +18,7 @@ from model.errors import InputError
 from model.files.time_table import two_columns
 from model.parameters.action import BACK_CHECK, LEVER_KNUCKLE, STRING, Action
 from model.simulation.solution import Solution
-from model.touch.hammer_speed import touches
+from model.touch.hammer_speed import string_contact_starts
 
 Array = NDArray[np.float64]
 
@@ -83,7 +83,7 @@ def measure_blow(action: Action, solution: Solution, force_n: ArrayLike) -> Blow
     if normal is None:
         raise InputError("blow: found a solution without contact forces; simulate with contact_forces=True")
     height = solution.hammer_height_m(action)
-    met = touches(height) if STRING in solution.contacts else np.empty(0, dtype=np.int64)
+    met = string_contact_starts(height) if STRING in solution.contacts else np.empty(0, dtype=np.int64)
     strike = speed = math.nan
     if len(met):
         k = int(met[0])

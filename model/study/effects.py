@@ -110,12 +110,16 @@ def felt_law_effects(
     """
     plain = with_usual_felts(action)
     blow = check_force_table(time_s, force_n)
-    out = [effect_of("all felts", USUAL, [plain], lambda a: touch_and_blow(a, blow))]
+    out = [estimate_effect("all felts", USUAL, [plain], lambda a: touch_and_blow_marks(a, blow))]
     for name, contacts in felts.items():
         for law, numbers in NUMBERS.items():
             given = plain.with_laws(dict.fromkeys(contacts, law))
             paths = [[f"{contact}.{number}" for contact in contacts] for number in numbers]
-            out.append(effect_of(name, law, [given, *varied_by_u(given, paths)], lambda a: touch_and_blow(a, blow)))
+            out.append(
+                estimate_effect(
+                    name, law, [given, *vary_by_uncertainty(given, paths)], lambda a: touch_and_blow_marks(a, blow)
+                )
+            )
     return out
 
 
@@ -144,14 +148,14 @@ def joint_effects(action: Action, time_s: ArrayLike, force_n: ArrayLike) -> list
     >>> [effect.of for effect in effects][:2]
     ['none', 'key_pin']
     """
-    action = loaded_as_at_rest(action)
+    action = preload_joints(action)
     blow = check_force_table(time_s, force_n)
-    out = [effect_of("none", "rigid", [action], lambda a: blow_marks(a, blow, PLAIN))]
+    out = [estimate_effect("none", "rigid", [action], lambda a: blow_marks(a, blow, PLAIN))]
 
     def add(name: str, given: Action, effects: Sequence[str], choice: SceneChoice) -> None:
         numbers = ("normal.c", "normal.D") if effects == [RAIL] else ("stiffness", "damping")
-        actions = [given, *varied_by_u(given, [[f"{effect}.{k}"] for effect in effects for k in numbers])]
-        out.append(effect_of(name, "gives", actions, lambda a: blow_marks(a, blow, choice)))
+        actions = [given, *vary_by_uncertainty(given, [[f"{effect}.{k}"] for effect in effects for k in numbers])]
+        out.append(estimate_effect(name, "gives", actions, lambda a: blow_marks(a, blow, choice)))
 
     for pin in PINS:
         add(pin, action.with_effects({f"{o}.{k}": x for o in PINS if o != pin for k, x in RIGID.items()}), [pin], ALL)
@@ -189,7 +193,7 @@ def joint_sweep(
     >>> abs(found[10.0]["strike_m_per_s"] / found[0.0]["strike_m_per_s"] - 1.0) < 0.02
     True
     """
-    action = loaded_as_at_rest(action)
+    action = preload_joints(action)
     blow = check_force_table(time_s, force_n)
     out = {0.0: blow_marks(action, blow, PLAIN)}
     for factor in as_numbers(factors, "factors", 1).tolist():
@@ -201,17 +205,17 @@ def joint_sweep(
 
 def with_usual_felts(action: Action) -> Action:
     """The action by itself, without effects, with the thesis's law for every felt."""
-    return PLAIN.on(_in_any_scene(action)).with_laws(dict.fromkeys(CONTACTS, USUAL))
+    return PLAIN.on(_with_inactive_values(action)).with_laws(dict.fromkeys(CONTACTS, USUAL))
 
 
-def _in_any_scene(action: Action) -> Action:
+def _with_inactive_values(action: Action) -> Action:
     """The action whose own values of effects and laws wait where a scene of the study has none of these."""
     return replace(action, changed={})
 
 
-def loaded_as_at_rest(action: Action) -> Action:
+def preload_joints(action: Action) -> Action:
     """The action with the loads of its joints, and of its rail, at which it rests as it does on rigid joints."""
-    action = _in_any_scene(action)
+    action = _with_inactive_values(action)
     still = simulate(action, np.array([0.0, 1e-3]), np.zeros(2), scene=PLAIN, inside=True).inside
     assert still is not None
     loads = {
@@ -222,7 +226,7 @@ def loaded_as_at_rest(action: Action) -> Action:
     return action.with_effects({**loads, f"{RAIL}.load_at_rest": loads["key_pin.load.y"]})
 
 
-def varied_by_u(action: Action, paths: Sequence[Sequence[str]]) -> list[Action]:
+def vary_by_uncertainty(action: Action, paths: Sequence[Sequence[str]]) -> list[Action]:
     """For each group of paths the action with all of them down by u, then up, within what is allowed."""
     out = []
     for group in paths:
@@ -233,7 +237,7 @@ def varied_by_u(action: Action, paths: Sequence[Sequence[str]]) -> list[Action]:
     return out
 
 
-def effect_of(of: str, law: str, actions: Sequence[Action], marks: Callable[[Action], Marks]) -> Effect:
+def estimate_effect(of: str, law: str, actions: Sequence[Action], marks: Callable[[Action], Marks]) -> Effect:
     """Marks of the first action; half of what each pair of the others differ, added in squares."""
     found = [marks(action) for action in actions]
     value = {name: x for name, x in found[0].items() if name != "held"}
@@ -242,7 +246,7 @@ def effect_of(of: str, law: str, actions: Sequence[Action], marks: Callable[[Act
     return Effect(of, law, value, u, bool(found[0]["held"]))
 
 
-def touch_and_blow(action: Action, blow: Blow) -> Marks:
+def touch_and_blow_marks(action: Action, blow: Blow) -> Marks:
     """Marks of the blow, and of a slow press, in the action's scene."""
     marks = blow_marks(action, blow, choice_of(action))
     out = {name: x for name, x in marks.items() if name not in OF_JOINTS}

@@ -17,7 +17,7 @@ from model.force_driven import simulate
 from model.parameters.action import BACK_CHECK, Action
 from model.simulation.hand_set_rest import hand_set_rest
 from model.simulation.run import State
-from model.touch.hammer_speed import LONGEST, RISE, touches
+from model.touch.hammer_speed import LONGEST, RISE, string_contact_starts
 
 RATE_HZ = 10_000.0  # a catch lasts milliseconds
 LONGEST_RISE_S = 1.0  # before the strike, in which it is looked for
@@ -84,16 +84,16 @@ def find_check_load(action: Action, time_s: ArrayLike, force_n: ArrayLike, **key
     None
     """
     times, forces = check_force_table(time_s, force_n)
-    coarse = simulate(action, times, forces, output_time_s=_until(times[0], times[-1], 1e-3), **keywords)
-    strike = touches(coarse.hammer_height_m(action))
+    coarse = simulate(action, times, forces, output_time_s=_time_grid(times[0], times[-1], 1e-3), **keywords)
+    strike = string_contact_starts(coarse.hammer_height_m(action))
     end = int(strike[0]) if len(strike) else int(np.argmin(coarse.hammer_height_m(action)))
     last = float(coarse.time_s[min(end + 2, len(coarse.time_s) - 1)])
-    outputs = _until(max(float(times[0]), last - LONGEST_RISE_S), last, 1.0 / RATE_HZ)
+    outputs = _time_grid(max(float(times[0]), last - LONGEST_RISE_S), last, 1.0 / RATE_HZ)
     blow = simulate(action, times, forces, output_time_s=outputs, contact_forces=True, **keywords)
     if blow.contact_normal_n is None or BACK_CHECK not in blow.contacts:
         return None
     height, approach = blow.hammer_height_m(action), blow.hammer_approach_m_per_s(action)
-    first = touches(height)
+    first = string_contact_starts(height)
     end = int(first[0]) + 1 if len(first) else int(np.argmin(height)) + 1
     load = blow.contact_normal_n[:end, blow.contacts.index(BACK_CHECK)]
     pressed = np.flatnonzero((load > LOAD_N) & (approach[:end] > RISING_M_PER_S))
@@ -120,14 +120,14 @@ def check_loads(action: Action, forces_n: np.ndarray) -> tuple[CheckLoad | None,
     return tuple(found)
 
 
-def _until(start: float, end: float, step: float) -> np.ndarray:
+def _time_grid(start: float, end: float, step: float) -> np.ndarray:
     return np.minimum(start + step * np.arange(math.floor((end - start) / step + 1e-9) + 1), end)
 
 
 def _strike_speed(action: Action, times: np.ndarray, forces: np.ndarray, outputs: np.ndarray, **keywords: Any) -> float:
     """Speed at the string, m/s; NaN where it is not reached by 0.1 s after the end of ``outputs``."""
     end = min(float(times[-1]), float(outputs[-1]) + 0.1)
-    fine = _until(float(outputs[0]), end, 1.0 / RATE_HZ)
+    fine = _time_grid(float(outputs[0]), end, 1.0 / RATE_HZ)
     blow = simulate(action, times, forces, output_time_s=fine, **keywords)
-    first = touches(blow.hammer_height_m(action))
+    first = string_contact_starts(blow.hammer_height_m(action))
     return float(blow.hammer_approach_m_per_s(action)[first[0]]) if len(first) else math.nan

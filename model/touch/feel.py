@@ -22,7 +22,7 @@ from model.scene.selection import choice_of
 from model.simulation.hand_set_rest import hand_set_rest
 from model.simulation.run import State
 from model.touch.check_load import CheckLoad, check_loads
-from model.touch.hammer_speed import FORCES, SAMPLE, hammer_speeds, touches
+from model.touch.hammer_speed import FORCES, SAMPLE, hammer_speeds, string_contact_starts
 from model.touch.weights import Weights, weigh
 
 Array = NDArray[np.float64]
@@ -33,7 +33,7 @@ BLOWS, SETTLING = 8, 2  # blows of a series, of which the first are not counted
 POINTS = 32  # of the force per blow
 
 
-def sounded(
+def strikes_string(
     action: Action, rate_hz: float, peak_n: float, rest_rad: NDArray[np.float64] | None = None
 ) -> NDArray[np.bool_]:
     """Which of `BLOWS` blows bring the hammer to the string, (BLOWS,); from ``rest_rad`` (5,) or the action's own."""
@@ -45,7 +45,7 @@ def sounded(
     start = State(0.0, rest.copy(), np.zeros(len(rest)))
     played = simulate(action, times, force, initial=start, output_time_s=output[output <= end], tolerance=1e-4)
     height = played.hammer_height_m(action)
-    blow = np.minimum((output[touches(height)] * rate_hz).astype(int), BLOWS - 1)
+    blow = np.minimum((output[string_contact_starts(height)] * rate_hz).astype(int), BLOWS - 1)
     out = np.zeros(BLOWS, dtype=bool)
     out[blow] = True
     return out
@@ -79,7 +79,7 @@ def fastest_repetition(action: Action, peaks_n: ArrayLike = PEAKS) -> float:
     peaks, rest = as_numbers(peaks_n, "strengths of the blows", 1).tolist(), hand_set_rest(action)
 
     def follows(rate: float) -> bool:
-        return any(bool(sounded(action, rate, peak, rest)[SETTLING:].all()) for peak in peaks)
+        return any(bool(strikes_string(action, rate, peak, rest)[SETTLING:].all()) for peak in peaks)
 
     good, rate = math.nan, SLOWEST
     while rate <= FASTEST and follows(rate):

@@ -27,7 +27,7 @@ LONGEST = 0.6  # s, time limit of the softest blow
 SAMPLE = 2e-4  # s
 
 
-def touches(height_m: Array) -> NDArray[np.int64]:
+def string_contact_starts(height_m: Array) -> NDArray[np.int64]:
     """Index of the last sample before each touch of the string, (k,)."""
     return np.flatnonzero((height_m[:-1] > 0.0) & (height_m[1:] <= 0.0))
 
@@ -70,7 +70,7 @@ def hammer_speeds(action: Action, forces_n: ArrayLike = FORCES) -> Array:
         end = min(LONGEST, max(0.1, LONGEST * 1.5 / force))
         output = times[times <= end]
         blow = simulate(action, [0.0, RISE, end], [0.0, force, force], initial=start, output_time_s=output)
-        first = touches(blow.hammer_height_m(action))
+        first = string_contact_starts(blow.hammer_height_m(action))
         if len(first):  # the last sample before touch, in free flight; just after it the felt has slowed the hammer
             out[i] = blow.hammer_approach_m_per_s(action)[first[0]]
     return out

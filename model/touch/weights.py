@@ -21,7 +21,7 @@ from model.errors import InputError, StaticsError
 from model.motion_driven.prescribed_key import key_load
 from model.motion_driven.slow_press import Press, key_angle_at_dip, slow_press
 from model.parameters.action import BACK_CHECK, BODIES, KEY_FRONT, STRING, Action
-from model.regulation.measures import SLIPPED, at_rest
+from model.regulation.measures import SLIPPED, measure_at_rest
 from model.scene.build import build_scene
 from model.scene.key_motion import KeyMotion, with_moved
 from model.scene.selection import choice_of
@@ -87,7 +87,7 @@ class Weights:
     def curve(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
         """Dip (m) and force (N) of the press and of the release, force averaged over `SMOOTH`."""
         branches = []
-        force, press = _smooth(self.press), self.press
+        force, press = _smoothed_force(self.press), self.press
         moving = np.gradient(press.dip_m, press.time_s)
         cruise = float(np.max(np.abs(moving)))
         for leg, sign in ((0, 1.0), (1, -1.0)):
@@ -96,14 +96,14 @@ class Weights:
         return branches[0], branches[1]
 
 
-def _window(press: Press) -> int:
+def _window_samples(press: Press) -> int:
     """Samples in which the moving key goes `SMOOTH`."""
     return max(1, round(SMOOTH / float(np.max(np.abs(np.diff(press.dip_m))))))
 
 
-def _smooth(press: Press) -> Array:
+def _smoothed_force(press: Press) -> Array:
     """Force (m,) averaged over the samples in which the key moves by `SMOOTH`."""
-    width = _window(press)
+    width = _window_samples(press)
     padded = np.pad(press.force_n, (width // 2, width - 1 - width // 2), mode="edge")
     return np.asarray(np.convolve(padded, np.full(width, 1.0 / width), mode="valid"))
 
@@ -113,12 +113,12 @@ def _find_jams(press: Press) -> NDArray[np.bool_]:
     normal = [press.contact_normal_n[c] for c in NO_LET_OFF if c in press.contact_normal_n]
     if not normal:
         return np.zeros(len(press.time_s), dtype=bool)
-    return np.asarray(np.max(normal, axis=0) > JAMMED * np.abs(_smooth(press)) + JAMMED_N)
+    return np.asarray(np.max(normal, axis=0) > JAMMED * np.abs(_smoothed_force(press)) + JAMMED_N)
 
 
 def _describe_jam(action: Action, press: Press, at: NDArray[np.int64]) -> str:
     """Contact, force and dip of the hardest jam among samples ``at``."""
-    force = _smooth(press)
+    force = _smoothed_force(press)
     worst = int(at[np.argmax(force[at])])
     contacts = {c: float(press.contact_normal_n[c][worst]) for c in NO_LET_OFF if c in press.contact_normal_n}
     contact = max(contacts, key=lambda c: contacts[c])
@@ -129,14 +129,14 @@ def _describe_jam(action: Action, press: Press, at: NDArray[np.int64]) -> str:
     )
 
 
-def _press(action: Action, rest: Array, dip_m: float, slower: float) -> Press:
+def _simulate_press(action: Action, rest: Array, dip_m: float, slower: float) -> Press:
     """A press and release at a share of the speed, friction as at the whole of it."""
     thresholds = ("friction_threshold.v_t", "friction_threshold.omega_t")
     slowed = action.with_values({path: slower * action[path] for path in thresholds})
     return slow_press(slowed, rest, [dip_m, 0.0], speed_m_per_s=slower * PRESS_SPEED, hold_s=HOLD)
 
 
-def _middle(press: Press, dip_m: float, leg: int) -> NDArray[np.int64]:
+def _mid_dip_samples(press: Press, dip_m: float, leg: int) -> NDArray[np.int64]:
     """Samples of a leg in the middle of the dip."""
     inside = (press.dip_m > MIDDLE[0] * dip_m) & (press.dip_m < MIDDLE[1] * dip_m)
     return np.flatnonzero(inside & (press.leg == leg))
@@ -185,7 +185,7 @@ def _find_let_off(action: Action, press: Press, dip_m: float) -> tuple[float, tu
     """
     way = np.flatnonzero((press.leg == 0) & (press.dip_m >= MIDDLE[1] * dip_m))
     slipped = np.flatnonzero(slip_angle(action, press.angle_rad[way]) > SLIPPED)
-    jams, width = np.flatnonzero(_find_jams(press)[way]), _window(press)
+    jams, width = np.flatnonzero(_find_jams(press)[way]), _window_samples(press)
     end = min(slipped[0] if len(slipped) else 0, jams[0] if len(jams) else len(way))
     peak, remarks = math.nan, list[str]()
     if end >= width:
@@ -194,7 +194,7 @@ def _find_let_off(action: Action, press: Press, dip_m: float) -> tuple[float, tu
         remarks.append("let-off peak: the jack does not let go before the key is down")
     else:
         remarks.append("let-off peak: none, the jack has let go or something jams before it")
-    if len(jams) and not _smooth(press)[way[jams]].max() <= peak:
+    if len(jams) and not _smoothed_force(press)[way[jams]].max() <= peak:
         remarks.append(f"jam: {_describe_jam(action, press, way[jams])}; not weighed as let-off")
     return peak, tuple(remarks)
 
@@ -225,23 +225,23 @@ def weigh(action: Action) -> Weights:
     """
     choice_of(action).need_played_key(action.name)
     rest = hand_set_rest(action)
-    dip = at_rest(action, rest)["dip"]
+    dip = measure_at_rest(action, rest)["dip"]
     if not dip > 1e-4:
         raise InputError(
             f"{action.origin}: key dip found {1e3 * dip:.2f} mm, allowed above 0.1; lower contact02.first.y"
         )
-    faster, press = (_press(action, rest, dip, share) for share in SLOWER)
+    faster, press = (_simulate_press(action, rest, dip, share) for share in SLOWER)
     jammed, values, u, remarks = _find_jams(press), list[float](), list[float](), list[str]()
     balances = [(math.nan, math.nan)] * 2
     for leg, name in enumerate(("down weight", "up weight")):
-        at = _middle(press, dip, leg)
+        at = _mid_dip_samples(press, dip, leg)
         if jammed[at].any():
             values, u = [*values, math.nan], [*u, math.nan]
             remarks.append(f"{name}: jam, {_describe_jam(action, press, at[jammed[at]])}; not weighed")
             continue
         mean, scatter = _mean_force(press, at)
         values.append(mean)
-        u.append(math.hypot(scatter, mean - _mean_force(faster, _middle(faster, dip, leg))[0]))
+        u.append(math.hypot(scatter, mean - _mean_force(faster, _mid_dip_samples(faster, dip, leg))[0]))
         if 2.0 * u[-1] > STEADY_N:
             remarks.append(f"{name}: not steady, the press oscillates; u {u[-1]:.3f} N")
         try:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 import model
 from model.files.force_library import KNOTS
-from model.inside.seen_motion import see_motion
+from model.inside.seen_motion import observe_poses
 from model.parameters.quantity import allowed_range
 from model.parameters.write_toml import action_text
 from model.regulation.screws import limits
@@ -29,7 +29,7 @@ from validation.curves.display_signs import TITLE, degrees
 from validation.events.definitions import EVENTS
 from validation.events.detect import find_events
 from validation.measurement.geometry import geometry_of, motion_of
-from vision.output.colours import colour_of
+from vision.output.colours import body_colour
 
 MOST_CHANGES = 200
 MOST_TEXT = 4000  # letters of a scene's text, which is part of an address
@@ -228,7 +228,7 @@ def live_blow(name: str, changes: Sequence[str], blow: str, scene: str = "whole"
     action, force_n, solution, rest_rad = _blow(name, tuple(changes), blow, scene)
     times = solution.time_s
     rows = slice(None, None, EVERY)
-    seen = see_motion(
+    seen = observe_poses(
         model.build_scene(action),
         times[rows],
         solution.angle_rad[rows],
@@ -238,7 +238,7 @@ def live_blow(name: str, changes: Sequence[str], blow: str, scene: str = "whole"
     )
     shown = [body for body in solution.bodies if body in BODIES]
     channels = {
-        body: {"title": TITLE[body], "color": colour_of(body, BODIES.index(body)), "value": value}
+        body: {"title": TITLE[body], "color": body_colour(body, BODIES.index(body)), "value": value}
         for body, value in zip(shown, blow_curves(name, changes, blow, scene)["values"], strict=True)
     }
     return {

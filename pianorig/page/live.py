@@ -20,7 +20,7 @@ from rig.session import TrialData
 from rig.session.journal import JournalFollower, TrialHead
 from rig.session.sealed_trial import read_trial
 from validation.curves.display_signs import SIGN, TITLE
-from vision.output.colours import colour_of
+from vision.output.colours import body_colour
 
 MOST_FIGURES = 500
 
@@ -102,7 +102,7 @@ def _channels(head: TrialHead) -> list[dict[str, Any]]:
     columns = [{"name": "force", "title": "Force", "unit": "N", "color": ""}]
     for i, encoder in enumerate(head.encoders):
         title = TITLE.get(encoder.name, encoder.name)
-        columns.append({"name": encoder.name, "title": title, "unit": "°", "color": colour_of(encoder.name, i)})
+        columns.append({"name": encoder.name, "title": title, "unit": "°", "color": body_colour(encoder.name, i)})
     columns.append({"name": "motor_command", "title": "Motor command", "unit": "V", "color": ""})
     columns += [
         {"name": one.name, "title": shortened(one.name.replace("_", " ")), "unit": one.unit, "color": ""}

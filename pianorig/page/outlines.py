@@ -26,7 +26,7 @@ from pianorig.workflows.track import retrack
 from rig.atomic_write import write_text
 from rig.configuration.toml_file import dump_toml
 from rig.session import Session, Trial
-from vision.output.overlay import what_is_wrong, worst_of
+from vision.output.overlay import describe_problems, select_worst_rows
 from vision.results.flags import FAILURE
 
 MARKS_NAME = "marks.toml"
@@ -294,8 +294,8 @@ def worst_frames(subject: FilmSubject) -> list[dict[str, Any]]:
     flags = np.stack([table[f"{name}_flag"].to_numpy(dtype=int) for name in names], axis=1)
     quality = np.stack([table[f"{name}_quality"].to_numpy(dtype=float) for name in names], axis=1)
     rows = []
-    for row in worst_of((flags & int(FAILURE)) != 0, quality, WORST):
-        words = what_is_wrong(names, flags[row], quality[row])
+    for row in select_worst_rows((flags & int(FAILURE)) != 0, quality, WORST):
+        words = describe_problems(names, flags[row], quality[row])
         rows.append({"frame": int(table["frame"].iloc[row]), "words": words})
     return rows
 

@@ -19,7 +19,7 @@ import pandas as pd
 import model
 import vision
 from model.errors import ModelError
-from model.inside.seen_motion import see_motion
+from model.inside.seen_motion import observe_poses
 from pianorig.player.moving_action import drawing_times, measured_poses, moving_action, pack
 from pianorig.workflows.session_film import BODIES_NAME, STEP, SessionFilm
 from rig.atomic_write import sha256_of_file
@@ -34,7 +34,7 @@ from validation.events.session_events import predicted_motion
 from validation.measurement.trial import MeasuredTrial, measure
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedAngles, predict_trial
-from vision.output.colours import LOST, colour_of
+from vision.output.colours import LOST, body_colour
 from vision.results.flags import FAILURE
 
 MOST_OPEN = 4
@@ -170,7 +170,7 @@ def _outlines(
         views.append(
             {
                 "name": body.name,
-                "color": colour_of(body.name, i),
+                "color": body_colour(body.name, i),
                 "points": (body.polygon_px - (cols.mean(), rows.mean())).tolist(),
                 "frame": table["frame"].to_numpy(dtype=int).tolist(),
                 "turn": pack(vision.ccw_to_picture(angle)),
@@ -251,7 +251,7 @@ def _as_recorded(data: TrialData) -> dict[str, Any]:
     curve: dict[str, Any] = {
         encoder.name: {
             "title": TITLE.get(encoder.name, encoder.name),
-            "color": colour_of(encoder.name, i),
+            "color": body_colour(encoder.name, i),
             "measured": {
                 "time_s": pack(data.time_s),
                 "value": pack(np.degrees(angle[:, i]) * SIGN.get(encoder.name, 1.0)),
@@ -281,7 +281,7 @@ def _channels(measured: MeasuredTrial, predicted: list[_Predicted]) -> dict[str,
         at, change = found or (measured.time_s[:0], measured.time_s[:0])
         channels[body] = {
             "title": TITLE[body],
-            "color": colour_of(body, i),
+            "color": body_colour(body, i),
             "measured": None if found is None else {"time_s": pack(at), "value": pack(degrees(body, change))},
             "models": [
                 {"time_s": pack(angles.time_s), "value": pack(degrees(body, angles.change_rad(body)))}
@@ -334,7 +334,7 @@ def _drawing(measured: MeasuredTrial, tested: ModelUnderTest) -> dict[str, Any]:
     )  # fmt: skip
     force_n = np.interp(times, force.time_s, force.force_n)
     motion = solution.angle_rad, solution.speed_rad_per_s
-    seen = see_motion(scene, times, *motion, force_n, solution.contact_normal_n)
+    seen = observe_poses(scene, times, *motion, force_n, solution.contact_normal_n)
     angle = np.full((times.size, len(BODIES)), np.nan)
     for i, body in enumerate(BODIES):
         found = _measured_of(measured, body)

@@ -23,7 +23,7 @@ from model.inside.seen_motion import SeenMotion
 from pianorig.player.moving_action import moving_action, pack, unpack
 from rig.atomic_write import replace_when_complete
 from validation.curves.display_signs import TITLE, degrees
-from vision.output.colours import colour_of
+from vision.output.colours import body_colour
 
 WEB = Path(__file__).parent / "web"
 IMPORT = re.compile(r'^import \{(.*)\} from "\./(\w+)\.js";$', flags=re.MULTILINE)
@@ -177,7 +177,7 @@ def write_blow_animation(
     for i, body in enumerate(solution.bodies):
         if body in TITLE:
             change = degrees(body, solution.angle_rad[rows, i] - solution.angle_rad[0, i])
-            curves.append({"title": TITLE[body], "unit": "°", "color": colour_of(body, i), "value": pack(change)})
+            curves.append({"title": TITLE[body], "unit": "°", "color": body_colour(body, i), "value": pack(change)})
     times = pack(seen.time_s[rows])
     curves = [{**curve, "time_s": times} for curve in curves]
     text = animation_html(Animation(f"{action.name}: a blow", [("Model", drawing)], curves, []))

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 import model
 from model.inside.seen_motion import SeenMotion
 from model.inside.side_view import GROUND, side_view
-from vision.output.colours import colour_of
+from vision.output.colours import body_colour
 
 
 def pack(values: ArrayLike) -> dict[str, Any]:
@@ -73,7 +73,7 @@ def moving_action(
     bodies = [
         {
             "name": body,
-            "color": colour_of(body, i),
+            "color": body_colour(body, i),
             "surfaces": [shape.points.tolist() for shape in view.surfaces[body]],
             "sticks": view.sticks[body].tolist(),
         }

@@ -21,7 +21,7 @@ from pianorig.errors import CommandInputError
 from pianorig.workflows.session_film import STEP, SessionFilm
 from validation.measurement.film_offset import clock_offsets
 from vision.output.outline_drawing import grey_picture
-from vision.output.overlay import words_of
+from vision.output.overlay import describe_row
 from vision.reference.rectified_film import ASPECTS
 from vision.tracking.options import FitOptions, TrackOptions
 from vision.uncertainty.budget import TERMS
@@ -89,7 +89,7 @@ def preview_track(film: SessionFilm, picture: Path, count: int, **options: Unpac
         vision.write_contact_sheet(picture, source, bodies, result, count=count, columns=min(count, COLUMNS))
     lines = []
     for row in range(len(result.frame)):
-        where, remark = words_of(result, row)
+        where, remark = describe_row(result, row)
         angles = ", ".join(
             f"{body} {np.degrees(angle):+.3f} deg (u {1e3 * np.degrees(u):.1f} mdeg)"
             for body, angle, u in zip(result.bodies, result.angle_rad[row], result.u_angle_rad[row], strict=True)

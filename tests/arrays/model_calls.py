@@ -197,7 +197,7 @@ CALLS: dict[str, Callable[[], Arguments]] = {
     "model.observables.head_approach_m_per_s": lambda: {
         "action": action(), "coordinates": model.BODIES, "rows": states(), "rates": states(),
     },
-    "model.observables.along_string_normal": lambda: {"action": action(), "way": np.ones((3, 2))},
+    "model.observables.string_normal_component": lambda: {"action": action(), "way": np.ones((3, 2))},
     "model.observables.encoder_rad": lambda: {"angle_rad": ROWS, "lift_m": ROWS, "radius_m": 0.04},
     "model.observables.key_dip_m": lambda: {"action": action(), "angle_rad": states(), "rest_rad": rest()},
 }  # fmt: skip

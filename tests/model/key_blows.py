@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import model
-from model.derived.load import kernels_of
+from model.derived.load import load_kernels
 from model.kernels import workspace as W
 from tests.model.conftest import read_table
 
@@ -35,7 +35,7 @@ def key_truth(name: str) -> tuple[np.ndarray, np.ndarray]:
     """Times (m,) and angle, speed, acceleration (m, 3) of the key; the acceleration from the equations of motion."""
     time, force, forward = blow(name)
     scene = model.build_scene(model.load_action())
-    kernels, w, acceleration = kernels_of(scene.tables), np.zeros(W.SIZE), []
+    kernels, w, acceleration = load_kernels(scene.tables), np.zeros(W.SIZE), []
     for q, v, f in zip(forward.angle_rad, forward.speed_rad_per_s, force, strict=True):
         w[W.Q : W.Q + 5], w[W.V : W.V + 5] = q, v
         kernels.linearise(w, scene.vector, f)

@@ -296,7 +296,7 @@ def test_the_run_that_an_error_is_estimated_with_is_bound_ten_times_tighter_in_a
     scene = model.build_scene(sharp)
     state = model.State(0.0, scene.start.copy(), np.zeros(5))
     run = ForceDrivenRun(scene, *model.force_table("forte"), np.array([0.5]), 1e-5, "rodas4p")
-    own, judge = (run.planned(state, companion=which)[1].limits for which in (False, True))
+    own, judge = (run.plan_run(state, companion=which)[1].limits for which in (False, True))
     assert own.speed < 1e-5  # bound by the threshold
     assert judge.speed <= 0.1 * own.speed and judge.angle <= 0.1 * own.angle
 

@@ -533,7 +533,7 @@ class ForceRuns(PlacedRuns[Case]):
                     chosen = ForceDrivenOptions(tolerance=self.tolerance, output_time_s=when)
                     table = {trial.label: (trial.force_time_s, key[0].felt_n(trial))}
                     jobs += model.batch.make_jobs(known.action, table, {"": {}}, chosen, rest)
-        done = model.batch.run_jobs(model.batch.lanes.choose(jobs, None), executor=self.executor)
+        done = model.batch.run_jobs(model.batch.lanes.select_lane_jobs(jobs, None), executor=self.executor)
         for (key, (known, trial, rest)), member in zip(waiting.items(), done, strict=True):
             if member.error is not None and not isinstance(member.error, ModelError):
                 raise lost(member.error)  # a run that was lost is not a model that cannot run

@@ -19,7 +19,7 @@ from scipy.linalg import solveh_banded
 
 import model
 from model.batch.job import Job, make_jobs
-from model.batch.lanes import choose
+from model.batch.lanes import select_lane_jobs
 from model.batch.run import run_jobs
 from model.errors import ModelError
 from model.force_driven import ForceDrivenOptions
@@ -140,7 +140,9 @@ def _chosen(action: model.Action, runs: Sequence[Run]) -> list[Job]:
     mine = [model.choice_of(run.action) == own for run in runs]
     return [
         always if is_mine else many
-        for is_mine, always, many in zip(mine, choose(jobs, lanes=True), choose(jobs, lanes=None), strict=True)
+        for is_mine, always, many in zip(
+            mine, select_lane_jobs(jobs, lanes=True), select_lane_jobs(jobs, lanes=None), strict=True
+        )
     ]
 
 

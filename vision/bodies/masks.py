@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.bodies.outlines import Body, check_bodies, signed_distance
-from vision.each import Each, in_turn
+from vision.each import ItemMap, serial_map
 from vision.errors import BodyError
 from vision.film.source import SATURATED_SHARE
 
@@ -50,18 +50,18 @@ def build_masks(bodies: Sequence[Body], height: int, width: int) -> list[NDArray
     >>> len(masks), masks[0].shape
     (3, (212, 280))
     """
-    return masks_of(bodies, outline_distances(bodies, height, width))
+    return masks_from_distances(bodies, outline_distances(bodies, height, width))
 
 
 def outline_distances(
-    bodies: Sequence[Body], height: int, width: int, each: Each = in_turn
+    bodies: Sequence[Body], height: int, width: int, each: ItemMap = serial_map
 ) -> list[NDArray[np.float32]]:
     """`signed_distance` from each body's outline; raises `BodyError` for bodies that do not fit together."""
     check_bodies(bodies)
     return each(lambda body: signed_distance(body.polygon_px, height, width), bodies)
 
 
-def masks_of(bodies: Sequence[Body], distances: Sequence[NDArray[np.float32]]) -> list[NDArray[np.bool_]]:
+def masks_from_distances(bodies: Sequence[Body], distances: Sequence[NDArray[np.float32]]) -> list[NDArray[np.bool_]]:
     """As `build_masks`, from `outline_distances`."""
     height, width = distances[0].shape
     masks = []
@@ -80,7 +80,7 @@ def masks_of(bodies: Sequence[Body], distances: Sequence[NDArray[np.float32]]) -
     return masks
 
 
-def unsaturated(
+def exclude_saturated(
     bodies: Sequence[Body], masks: Sequence[NDArray[np.bool_]], saturated: NDArray[np.bool_]
 ) -> list[NDArray[np.bool_]]:
     """Masks without the saturated pixels and those near enough to take part of their grey value from them, for bodies

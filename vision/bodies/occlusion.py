@@ -27,7 +27,7 @@ GROUP = 64
 
 
 @cached_njit(_nrt=False)
-def seen_from(
+def relative_pose(
     here: NDArray[np.float64], centre: NDArray[np.float64], there: NDArray[np.float64], other: NDArray[np.float64]
 ) -> tuple[float, float, float]:
     """Pose of a body, at pose ``here``, seen from another at pose ``there``: its turn, and the shift of its ``centre``
@@ -70,7 +70,7 @@ def mark_covered(
     return count
 
 
-def _groups(offset: NDArray[np.float32]) -> NDArray[np.float64]:
+def _group_pixels(offset: NDArray[np.float32]) -> NDArray[np.float64]:
     """Centres and radii of the groups of a template's pixels, shape (3, n_groups)."""
     starts = range(0, offset.shape[1], GROUP)
     parts = [offset[:, start : start + GROUP].astype(float) for start in starts]
@@ -90,7 +90,7 @@ class Occlusion:
     ) -> None:
         self._bodies, self._templates = bodies, templates
         self._centres = [np.array(template.centre_px) for template in templates]
-        self.groups = [_groups(template.offset_px) for template in templates]
+        self.groups = [_group_pixels(template.offset_px) for template in templates]
         # of all bodies, (m, height, width)
         self.distances = distances if isinstance(distances, np.ndarray) else np.stack(distances)
         self.in_front = [
@@ -102,12 +102,14 @@ class Occlusion:
         """The same for other pixels of the same bodies."""
         return Occlusion(self._bodies, templates, self.distances)
 
-    def covered(self, body: int, pose: NDArray[np.float64], poses: dict[int, NDArray[np.float64]]) -> NDArray[np.uint8]:
+    def hidden_pixels(
+        self, body: int, pose: NDArray[np.float64], poses: dict[int, NDArray[np.float64]]
+    ) -> NDArray[np.uint8]:
         """Template pixels of a body, at ``pose``, that bodies in front hide at theirs; shape (n,), 1 is hidden."""
         template = self._templates[body]
         covered = np.zeros(template.n_pixels, dtype=np.uint8)
         for other, there in poses.items():
-            seen = seen_from(pose, self._centres[body], there, self._centres[other])
+            seen = relative_pose(pose, self._centres[body], there, self._centres[other])
             mark_covered(
                 template.offset_px, self.groups[body], seen, self.distances[other], self._centres[other], covered
             )

@@ -97,7 +97,7 @@ def check_bodies(bodies: Sequence[Body]) -> None:
             seen.append(parent)
 
 
-def parents_first(bodies: Sequence[Body]) -> list[int]:
+def sort_parents_first(bodies: Sequence[Body]) -> list[int]:
     """Order of the bodies, as indices, in which every parent comes before its children."""
     check_bodies(bodies)
     parents = {body.name: body.parent for body in bodies}

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from vision.angles import turn_matrix
-from vision.camera.model import CalibratedCamera, projection_of
+from vision.camera.model import CalibratedCamera, build_projection
 from vision.errors import VisionInputError
 from vision.film.source import FrameSource
 
@@ -111,7 +111,9 @@ def find_points(picture: NDArray[Any], target: Target) -> NDArray[np.float64] | 
             stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 50, 1e-4)
             points = cv2.cornerSubPix(grey, points.astype(np.float32), (half, half), (-1, -1), stop)
     else:
-        found, points = cv2.findCirclesGrid(grey, size, flags=cv2.CALIB_CB_SYMMETRIC_GRID, blobDetector=_blobs())
+        found, points = cv2.findCirclesGrid(
+            grey, size, flags=cv2.CALIB_CB_SYMMETRIC_GRID, blobDetector=_create_dot_detector()
+        )
         if found:
             points = _centroids(grey, np.asarray(points, dtype=float).reshape(-1, 2))
     return np.asarray(points, dtype=float).reshape(-1, 2) if found else None
@@ -159,22 +161,22 @@ def calibrate(film: FrameSource, target: Target, every: int = 1) -> Calibration:
             f"{len(range(0, film.n_frames, every))} frames; count inner corners, and keep all of it in view"
         )
     seen = [np.mean(view, axis=0) for view in views]
-    camera, residual_px, rest = _fit(film, target, seen)
+    camera, residual_px, rest = _fit_camera(film, target, seen)
     # a view in which a point was mistaken for another spoils the fit; its residual stands out
     spread = np.sqrt(np.mean(rest**2, axis=(1, 2)))
     good = [points for points, own in zip(seen, spread, strict=True) if own <= MISTAKEN * np.median(spread)]
     if len(good) < len(seen):
-        seen, (camera, residual_px, _) = good, _fit(film, target, good)
+        seen, (camera, residual_px, _) = good, _fit_camera(film, target, good)
     everything = np.concatenate(seen)
     span = np.ptp(everything, axis=0)
     coverage = float(span[0] * span[1] / (film.width * film.height))
-    effect, u_effect = effect_on_angles(camera, everything.min(axis=0), everything.max(axis=0))
+    effect, u_effect = angle_errors(camera, everything.min(axis=0), everything.max(axis=0))
     return Calibration(
         camera, residual_px, sum(v.shape[0] for v in seen), len(seen), n_frames, coverage, effect, u_effect
     )
 
 
-def effect_on_angles(
+def angle_errors(
     camera: CalibratedCamera,
     low_px: NDArray[np.float64],
     high_px: NDArray[np.float64],
@@ -184,7 +186,7 @@ def effect_on_angles(
     x, y = np.meshgrid(np.linspace(-0.5, 0.5, 13) * BLOCK_PX[0], np.linspace(-0.5, 0.5, 5) * BLOCK_PX[1])
     block = np.stack([x.ravel(), y.ravel()], axis=-1)
     size = camera.width, camera.height
-    seen_by = [projection_of(camera.parameters, *size), *(one.projection for one in camera.variants(*size))]
+    seen_by = [build_projection(camera.parameters, *size), *(one.projection for one in camera.variants(*size))]
     worst = u_worst = 0.0
     for place in (low_px + (high_px - low_px) * np.array([u, v]) for u in (0.15, 0.5, 0.85) for v in (0.15, 0.5, 0.85)):
         for start in np.radians([0.0, 45.0, 90.0, 135.0]):
@@ -195,12 +197,12 @@ def effect_on_angles(
     return worst, u_worst
 
 
-def _fit(
+def _fit_camera(
     film: FrameSource, target: Target, seen: Sequence[NDArray[np.float64]]
 ) -> tuple[CalibratedCamera, float, NDArray[np.float64]]:
     """The camera, the residual of a point (px), and those of all, shape (views, points, 2)."""
     board = target.points_m() - target.points_m().mean(axis=0)
-    centre = projection_of(np.zeros(5), film.width, film.height).centre_px
+    centre = build_projection(np.zeros(5), film.width, film.height).centre_px
     scales, places = [], []
     for points in seen:
         flat = board @ np.linalg.lstsq(board, points - points.mean(axis=0), rcond=None)[0]
@@ -210,7 +212,7 @@ def _fit(
     start = [np.zeros(5), np.array([np.mean(scales)]), *places]
 
     def residuals(x: NDArray[np.float64]) -> NDArray[np.float64]:
-        projection = projection_of(np.array([*x[:4], np.clip(x[4], -0.2, 0.2)]), film.width, film.height)
+        projection = build_projection(np.array([*x[:4], np.clip(x[4], -0.2, 0.2)]), film.width, film.height)
         off = []
         for i, points in enumerate(seen):
             turn, tx, ty = x[6 + 3 * i : 9 + 3 * i]
@@ -251,7 +253,7 @@ def _spacing(points: NDArray[np.float64]) -> float:
     return float(np.median(apart.min(axis=1)))
 
 
-def _blobs() -> Any:
+def _create_dot_detector() -> Any:
     """Detector for dark dots of any size."""
     wanted = cv2.SimpleBlobDetector.Params()
     wanted.minArea, wanted.maxArea = 12.0, 1e5

@@ -76,7 +76,7 @@ class Projection:
         """Where points of the plane, shape (..., 2), appear in the picture."""
         flat = _project(self.homography, as_points(rectified_px) - self.centre_px)
         if self.radial:
-            flat *= 1.0 + self.radial / self.half_diagonal_px**2 * _square(flat)
+            flat *= 1.0 + self.radial / self.half_diagonal_px**2 * _squared_norm(flat)
         flat += self.centre_px
         return flat
 
@@ -85,7 +85,7 @@ class Projection:
         bent = as_points(seen_px) - self.centre_px
         flat: NDArray[np.float64] = bent.copy()
         for _ in range(30):
-            better = bent / (1.0 + self.radial / self.half_diagonal_px**2 * _square(flat))
+            better = bent / (1.0 + self.radial / self.half_diagonal_px**2 * _squared_norm(flat))
             settled = bool(np.all(np.abs(better - flat) < 1e-11 * self.half_diagonal_px))
             flat = better
             if settled:
@@ -94,7 +94,7 @@ class Projection:
         return np.asarray(self.centre_px + _project(inverse, flat))
 
 
-def seen_turned(
+def project_posed_points(
     camera: Projection,
     points_px: NDArray[np.float64],
     cosine: NDArray[np.float64],
@@ -103,7 +103,7 @@ def seen_turned(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Where points (k, 2) of a body appear that is turned and set on places (n, 2) of the plane: x and y, each
     (n, k), from the picture's centre."""
-    x, y, depth = turned_points(points_px, cosine, sine, at_px - camera.centre_px, camera.homography)
+    x, y, depth = transform_points(points_px, cosine, sine, at_px - camera.centre_px, camera.homography)
     x /= depth
     y /= depth
     if camera.radial:
@@ -113,7 +113,7 @@ def seen_turned(
     return x, y
 
 
-def tilted(tilt_rad: float, direction_rad: float, distance_px: float) -> NDArray[np.float64]:
+def tilt_homography(tilt_rad: float, direction_rad: float, distance_px: float) -> NDArray[np.float64]:
     """Homography of a camera whose axis leans by ``tilt_rad`` from the normal of the plane.
 
     The plane recedes towards ``direction_rad`` (from x to y, picture axes); ``distance_px`` is the distance of
@@ -137,7 +137,7 @@ def _project(homography: NDArray[np.float64], points: NDArray[np.float64]) -> ND
     return mapped
 
 
-def turned_points(
+def transform_points(
     points: NDArray[np.float64],
     cosine: NDArray[np.float64],
     sine: NDArray[np.float64],
@@ -152,7 +152,7 @@ def turned_points(
     ]
 
 
-def _square(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _squared_norm(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Squared distance from the origin, shape (..., 1)."""
     x, y = points[..., :1], points[..., 1:]
     return np.asarray(x * x + y * y)
@@ -224,7 +224,7 @@ class AssumedCamera:
         """
         made = []
         for k in range(DIRECTIONS):
-            lean = tilted(
+            lean = tilt_homography(
                 math.sqrt(3.0) * self.u_tilt_rad, 2.0 * math.pi * k / DIRECTIONS, self.distance_widths * width
             )
             made.append(Variant("tilt", 1.0 / (3.0 * DIRECTIONS), Projection(width, height, lean)))
@@ -281,7 +281,7 @@ class CalibratedCamera:
                 f"camera calibration is for pictures of {self.width} x {self.height}, the film has {width} x {height}; "
                 "calibrate with the film's own settings"
             )
-        return projection_of(self.parameters, width, height)
+        return build_projection(self.parameters, width, height)
 
     def variants(self, width: int, height: int) -> list[Variant]:
         """One per independent direction of the covariance."""
@@ -291,7 +291,7 @@ class CalibratedCamera:
         for value, vector in zip(values, vectors.T, strict=True):
             step = math.sqrt(max(float(value), 0.0)) * vector
             term = "distortion" if abs(step[4]) > np.hypot(*step[2:4]) + np.hypot(*step[:2]) else "tilt"
-            made.append(Variant(term, 1.0, projection_of(self.parameters + step * scale, width, height)))
+            made.append(Variant(term, 1.0, build_projection(self.parameters + step * scale, width, height)))
         return made
 
     def description(self) -> str:
@@ -299,7 +299,7 @@ class CalibratedCamera:
         return f"camera calibrated: {self.scale_px_per_m / 1e3:.3f} px/mm, distortion {100 * self.parameters[4]:.3f} %"
 
 
-def projection_of(parameters: NDArray[np.float64], width: int, height: int) -> Projection:
+def build_projection(parameters: NDArray[np.float64], width: int, height: int) -> Projection:
     """Projection of the five parameters of `CalibratedCamera`."""
     a, b, p, q, k = (float(v) for v in parameters)
     half = float(np.hypot(0.5 * (width - 1), 0.5 * (height - 1)))

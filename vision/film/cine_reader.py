@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from vision.errors import FilmError, VisionWarning
 from vision.film.mmap_window import FileWindow
 from vision.film.mraw import unpack12_region
-from vision.film.source import Film, grey_of
+from vision.film.source import Film, to_grey
 
 FILE_HEADER = struct.Struct("<2sHHHiIiIIIIQ")
 BITMAP_HEADER = struct.Struct("<IiiHHI")
@@ -141,7 +141,7 @@ class CineFilm(Film):
         if self._colours == 1:
             return lines[:, x0:x1]
         colour = lines.reshape(y1 - y0, self.width, 3)[:, x0:x1]
-        return grey_of(np.ascontiguousarray(colour), self._channel)
+        return to_grey(np.ascontiguousarray(colour), self._channel)
 
     def _unused_low_bits(self) -> int:
         """By how many bits the values of 16 are to be shifted: programs write the camera's 10 or 12 in either half.

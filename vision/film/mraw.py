@@ -108,7 +108,7 @@ def read_header(path: Path, *, is_mraw: bool = True) -> FilmHeader:
         raise FilmError(f"{path}: {error}") from None
 
 
-def contradiction(header: FilmHeader) -> str | None:
+def find_contradiction(header: FilmHeader) -> str | None:
     """What a header says that cannot be true of its frames' times, in words; None when it agrees with itself."""
     recorded, step = header.recorded_frames, header.frame_step
     span = (header.n_frames - 1) * step + 1
@@ -143,7 +143,7 @@ def _fields_of_cih(data: bytes) -> dict[str, str]:
     return {key: lines.get(name, "") for key, (_, name) in _FIELDS.items()}
 
 
-def _whole(raw: dict[str, str], key: str, low: int, high: int, default: int | None = None) -> int:
+def _read_integer(raw: dict[str, str], key: str, low: int, high: int, default: int | None = None) -> int:
     text = raw[key]
     if not text and default is not None:
         return default
@@ -180,7 +180,7 @@ def _header(raw: dict[str, str], is_mraw: bool) -> FilmHeader:
     file_format = raw["file_format"] or "MRaw"
     if is_mraw and file_format.lower() != "mraw":
         raise FilmError(f"header says file format {file_format[:20]!r}, only MRaw is read; save the film as MRAW")
-    colour_bit = _whole(raw, "colour_bit", 1, 48)
+    colour_bit = _read_integer(raw, "colour_bit", 1, 48)
     kind = raw["colour_type"] or "Mono"
     if is_mraw and (kind.lower() not in ("mono", "raw") or colour_bit not in (8, 12, 16)):
         raise FilmError(
@@ -188,24 +188,24 @@ def _header(raw: dict[str, str], is_mraw: bool) -> FilmHeader:
             "with 8, 12 or 16; save the film in monochrome"
         )
     # one byte per sample holds at most eight bits, whatever the sensor had before saving
-    effective = min(_whole(raw, "effective_bit", 1, 16, colour_bit), colour_bit)
+    effective = min(_read_integer(raw, "effective_bit", 1, 16, colour_bit), colour_bit)
     side = (raw["bit_side"] or "lower").lower()
     if side not in ("lower", "higher"):
         raise FilmError(f"header field EffectiveBit Side is {side[:20]!r}, needs Lower or Higher")
     limit = 10**12
     return FilmHeader(
-        width=_whole(raw, "width", 1, 65535),
-        height=_whole(raw, "height", 1, 65535),
-        n_frames=_whole(raw, "n_frames", 1, limit),
+        width=_read_integer(raw, "width", 1, 65535),
+        height=_read_integer(raw, "height", 1, 65535),
+        n_frames=_read_integer(raw, "n_frames", 1, limit),
         colour_bit=colour_bit,
         effective_bit=effective,
         bit_side=side,
         colour_type=kind,
         frame_rate_hz=_rate(raw),
         exposure_s=_exposure(raw),
-        start_frame=_whole(raw, "start_frame", -limit, limit, 0),
-        frame_step=_whole(raw, "frame_step", 1, limit, 1),
-        recorded_frames=_whole(raw, "recorded_frames", 0, limit, 0) or None,
+        start_frame=_read_integer(raw, "start_frame", -limit, limit, 0),
+        frame_step=_read_integer(raw, "frame_step", 1, limit, 1),
+        recorded_frames=_read_integer(raw, "recorded_frames", 0, limit, 0) or None,
         comment=raw["comment"],
     )
 
@@ -245,7 +245,7 @@ def cihx_bytes(header: FilmHeader) -> bytes:
 HEADER_SUFFIXES = (".cihx", ".cih", ".CIHX", ".CIH")
 
 
-def take_header_beside(film: Film) -> None:
+def apply_sidecar_header(film: Film) -> None:
     """Give a film that a Photron viewer exported (AVI, TIFF, pictures) the times that the header beside it states.
 
     A header of another film, one that contradicts itself, and one without a rate are passed over, with a line.
@@ -259,7 +259,7 @@ def take_header_beside(film: Film) -> None:
         return
     try:
         header = read_header(found[0], is_mraw=False)
-        wrong = contradiction(header)
+        wrong = find_contradiction(header)
     except FilmError as error:
         wrong = str(error)
     else:
@@ -316,7 +316,7 @@ class MrawFilm(Film):
         self.bit_depth = header.effective_bit
         self.frame_rate_hz, self.exposure_s = header.frame_rate_hz, header.exposure_s
         self.n_frames = header.n_frames
-        wrong = contradiction(header)
+        wrong = find_contradiction(header)
         if wrong is not None:
             warnings.warn(
                 f"{header_path}: {wrong}; its frame times are not believed: give --frame-rate",
@@ -342,7 +342,7 @@ class MrawFilm(Film):
     @property
     def frame_time_s(self) -> NDArray[np.float64] | None:
         """Middle of each exposure, s after the camera's trigger, for the frames that were saved."""
-        if self.frame_rate_hz is None or contradiction(self.header) is not None:
+        if self.frame_rate_hz is None or find_contradiction(self.header) is not None:
             return None
         return saved_frame_times(self.header, self.n_frames)
 
@@ -520,7 +520,7 @@ def write_mraw(
                 comment=comment,
             )
             temporary_header.write_bytes(cihx_bytes(header))
-            _swap(path, temporary, header_path, temporary_header)
+            _replace_film(path, temporary, header_path, temporary_header)
         except OSError as error:
             raise FilmError(f"{path}: cannot be written ({error.strerror or error}); check folder and disk") from None
     finally:
@@ -539,7 +539,7 @@ def pack12(values: NDArray[np.uint16]) -> bytes:
     return out.tobytes()
 
 
-def _swap(path: Path, new_data: Path, header_path: Path, new_header: Path) -> None:
+def _replace_film(path: Path, new_data: Path, header_path: Path, new_header: Path) -> None:
     """Put a new film in place of an old one; an old header never describes new data, not even for a moment."""
     old_header = header_path.with_name(f".{header_path.name}.{os.getpid()}.old")
     had_header = header_path.exists()

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from vision.errors import FilmError
 from vision.film.cine_reader import CineFilm
-from vision.film.mraw import MrawFilm, take_header_beside
+from vision.film.mraw import MrawFilm, apply_sidecar_header
 from vision.film.picture_stack import PICTURE_SUFFIXES, TIFF_SUFFIXES, OnePicture, PictureFolder
 from vision.film.source import CHANNELS, Film, FrameSource
 from vision.film.tiff_reader import TiffFilm
@@ -78,12 +78,12 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False, ch
     reader = PictureFolder if path.is_dir() else READERS[suffix]
     film = reader(path, allow_truncated=allow_truncated, channel=channel)
     if not film.has_camera_times:
-        take_header_beside(film)
+        apply_sidecar_header(film)
         find_white(film)
     return film
 
 
-def film_of(path_or_source: str | os.PathLike[str] | FrameSource) -> AbstractContextManager[FrameSource]:
+def open_or_use(path_or_source: str | os.PathLike[str] | FrameSource) -> AbstractContextManager[FrameSource]:
     """A film to work with: from a path opened and closed again, else the one given, which stays open."""
     if isinstance(path_or_source, str | os.PathLike):
         return open_film(path_or_source)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import FilmError, VisionWarning
-from vision.film.source import Compression, Film, NewestFrame, decode_picture, grey_of, jpeg_ends, jpeg_steps
+from vision.film.source import Compression, Film, NewestFrame, decode_picture, jpeg_ends, jpeg_steps, to_grey
 
 JPEG_SUFFIXES, TIFF_SUFFIXES = (".jpg", ".jpeg"), (".tif", ".tiff")
 PICTURE_SUFFIXES = (".png", *TIFF_SUFFIXES, ".bmp", *JPEG_SUFFIXES)
@@ -36,7 +36,7 @@ class _Pictures(Film):
     def read(self, index: int) -> NDArray[Any]:
         """Whole frame, shape (height, width)."""
         self._check_index(index)
-        return self._newest.of(index, self._fitting)
+        return self._newest.get(index, self._fitting)
 
     def _fitting(self, index: int) -> NDArray[Any]:
         where, picture = self._decode_picture(index)
@@ -199,4 +199,4 @@ def _read_picture(path: Path, channel: str | None) -> NDArray[Any]:
         )
     if picture.dtype not in (np.uint8, np.uint16):
         raise FilmError(f"{path}: pixel type {picture.dtype}, readable are 8 and 16 bit; convert the picture")
-    return grey_of(picture, channel)
+    return to_grey(picture, channel)

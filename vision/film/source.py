@@ -95,7 +95,7 @@ CHANNELS = ("blue", "green", "red")
 """In the order of OpenCV, AVI and Windows bitmaps."""
 
 
-def grey_of(picture: NDArray[Any], channel: str | None) -> NDArray[Any]:
+def to_grey(picture: NDArray[Any], channel: str | None) -> NDArray[Any]:
     """Grey values (height, width) of a picture that is grey or (height, width, 3 or 4) blue, green, red.
 
     Weighted as the eye does, or of one ``channel``: a lamp or a paint of one colour shows best in its own, and a sensor
@@ -214,7 +214,7 @@ class NewestFrame(threading.local):
     index = -1
     picture: NDArray[Any] | None = None
 
-    def of(self, index: int, decode: Callable[[int], NDArray[Any]]) -> NDArray[Any]:
+    def get(self, index: int, decode: Callable[[int], NDArray[Any]]) -> NDArray[Any]:
         """Frame ``index``, decoded where the newest is another."""
         if self.index != index or self.picture is None:
             self.picture = None  # released first: one decoded picture at a time
@@ -445,7 +445,7 @@ class Repeats:
         """Row y and columns x0..x1-1 that differ between nearly all frames that are not repeated."""
         return self._kept[0], self._box[2], self._box[3]
 
-    def at(self, index: int) -> bool:
+    def is_repeat(self, index: int) -> bool:
         """True when frame ``index`` repeats frame ``index - 1``."""
         if not self.meaningful or index < 1:
             return False

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from vision.errors import FilmError, VisionWarning
 from vision.film.mmap_window import FileWindow
 from vision.film.orientation import MATRICES, turn_upright
-from vision.film.source import CHANNELS, Compression, Film, NewestFrame, decode_picture, grey_of
+from vision.film.source import CHANNELS, Compression, Film, NewestFrame, decode_picture, to_grey
 
 if TYPE_CHECKING:
     import tifffile
@@ -101,7 +101,7 @@ class TiffFilm(Film):
         self._check_index(index)
         self._check_region(y0, y1, x0, x1)
         if self._turned is not None:
-            return self._newest.of(index, self._read_turned)[y0:y1, x0:x1]
+            return self._newest.get(index, self._read_turned)[y0:y1, x0:x1]
         return self._read_stored(index, y0, y1, x0, x1)
 
     def _read_turned(self, index: int) -> NDArray[Any]:
@@ -114,7 +114,7 @@ class TiffFilm(Film):
         if start is None:
             if self._turned is not None:
                 return self._decode_page(index)
-            return self._newest.of(index, self._decode_page)[y0:y1, x0:x1]
+            return self._newest.get(index, self._decode_page)[y0:y1, x0:x1]
         width = self._stored[1]
         row = width * self._samples * self._type.itemsize
         data = self._file.view(start + y0 * row, start + y1 * row).view(self._type)
@@ -159,7 +159,7 @@ class TiffFilm(Film):
         if len(along) > 1:
             words = " and ".join(f"{count} along {axis}" for axis, count in along)
             raise FilmError(f"{self.path}: its pages have two axes ({words}); a film has one: save one of them")
-        chosen = self._chosen(size.get("C", 1), channel, len(along))
+        chosen = self._channel_index(size.get("C", 1), channel, len(along))
         grid = np.arange(int(np.prod([count for _, count in outer], dtype=np.int64))).reshape(
             [n for _, n in outer] or [1]
         )
@@ -193,7 +193,7 @@ class TiffFilm(Film):
         self._at = [(series, page) for page in range(min(found, said))]
         self.n_frames = len(self._at)
 
-    def _chosen(self, n_channels: int, channel: str | None, n_along: int) -> int:
+    def _channel_index(self, n_channels: int, channel: str | None, n_along: int) -> int:
         """Number of the channel, from 0, beside ``n_along`` axes of frames; ``self._colour`` is the name of one of a
         colour picture."""
         self._colour = channel if channel in CHANNELS else None
@@ -292,14 +292,14 @@ class TiffFilm(Film):
             raise FilmError(f"{self.path}: pixel type {picture.dtype}, readable are 8 and 16 bit; convert the picture")
         if self._key.bitspersample in PACKED_BITS:
             picture = picture >> (16 - self._key.bitspersample)
-        return grey_of(picture, self._colour)
+        return to_grey(picture, self._colour)
 
     def _grey(self, picture: NDArray[Any]) -> NDArray[Any]:
         """Grey of (height, width, samples) as stored; colours are red, green, blue there."""
         if not self._type.isnative:
             picture = picture.astype(self._type.newbyteorder("="))
         if self._samples >= 3:
-            return grey_of(np.ascontiguousarray(picture[..., 2::-1]), self._colour)
+            return to_grey(np.ascontiguousarray(picture[..., 2::-1]), self._colour)
         grey = picture[..., 0]
         return (2**self.bit_depth - 1) - grey if self._key.photometric == WHITE_IS_ZERO else grey
 

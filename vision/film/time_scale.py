@@ -59,7 +59,7 @@ class Spacing:
     missing: NDArray[np.int64]
 
 
-def spacing_of(stamp_s: F64, tick_s: float, nominal_s: float | None = None) -> Spacing:
+def classify_spacing(stamp_s: F64, tick_s: float, nominal_s: float | None = None) -> Spacing:
     """How stamps rounded to ``tick_s`` are spaced.
 
     Parameters
@@ -93,7 +93,7 @@ def spacing_of(stamp_s: F64, tick_s: float, nominal_s: float | None = None) -> S
     if multiple is None:
         # where most frames were left out, the shortest interval is that of the camera
         multiple = _multiples(intervals, tick_s, float(intervals.min()))
-    if _is_serial(intervals) and _paces(intervals) > (LEAST_RAMP if multiple is None else SURE_RAMP):
+    if _is_serial(intervals) and _pace_ratio(intervals) > (LEAST_RAMP if multiple is None else SURE_RAMP):
         return Spacing("ramp", median, none)
     if multiple is not None and multiple.max() > 1:
         return Spacing("gaps", float(intervals.sum() / multiple.sum()), multiple - 1)
@@ -143,7 +143,7 @@ def _is_serial(intervals: F64) -> bool:
     return (ratio - 2.0) / np.sqrt(20.0 / (5 * n + 7)) < RAMP_SCORE
 
 
-def _paces(intervals: F64) -> float:
+def _pace_ratio(intervals: F64) -> float:
     """Longest of the local intervals over the shortest."""
     runs = max(1, intervals.size // RUN)
     local = [float(np.median(part)) for part in np.array_split(intervals, runs)]
@@ -187,7 +187,7 @@ def frame_times_at_rate(film: FrameSource, frame_rate_hz: float) -> F64:
     even = (first + np.arange(film.n_frames)) / frame_rate_hz + half
     if own is None or film.n_frames < 2:
         return even
-    spacing = spacing_of_film(film, own)
+    spacing = film_spacing(film, own)
     if spacing.kind == "even":
         return even
     scale = 1.0 / (frame_rate_hz * spacing.interval_s)
@@ -201,12 +201,12 @@ def frame_times_at_rate(film: FrameSource, frame_rate_hz: float) -> F64:
     return (own - half) * scale + half
 
 
-def spacing_of_film(film: FrameSource, time_s: F64) -> Spacing:
+def film_spacing(film: FrameSource, time_s: F64) -> Spacing:
     """How a film's own times are spaced; `FilmError` for those of a slow-motion ramp."""
     spacing = getattr(film, "spacing", None)
     if spacing is None:
         try:
-            spacing = spacing_of(time_s, 0.0)
+            spacing = classify_spacing(time_s, 0.0)
         except FilmError as error:
             raise FilmError(f"{film.path}: {error}; export the film again") from None
     if spacing.kind == "ramp":
@@ -255,11 +255,11 @@ def _compare_with_camera(film: FrameSource, time_s: F64, frame_rate_hz: float) -
     )
 
 
-def missing_after(time_s: F64) -> dict[int, int]:
+def count_missing_frames(time_s: F64) -> dict[int, int]:
     """Number of frames that are missing after a frame, by its number; none where more are missing than there are."""
     if time_s.size < 3:
         return {}
-    missing = spacing_of(time_s, 0.0).missing
+    missing = classify_spacing(time_s, 0.0).missing
     if missing.sum() > time_s.size:
         return {}
     return {int(at): int(missing[at]) for at in np.flatnonzero(missing)}
@@ -269,7 +269,7 @@ def warn_of_uneven_times(film: FrameSource, time_s: F64) -> None:
     """Say that frames are missing, or the pace changes, where the times to be used show it (`VisionWarning`)."""
     if time_s.size < 3:
         return
-    spacing = spacing_of(time_s, 0.0)
+    spacing = classify_spacing(time_s, 0.0)
     if spacing.missing.any():
         words = describe_spacing(spacing, getattr(film, "first_frame", 0))
         words += ", as their times say; nothing is known of the motion there (in tables: rows of frame -1, flag 16384)"

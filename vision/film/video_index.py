@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from vision.errors import FilmError
 from vision.film.source import jpeg_ends, jpeg_segments
-from vision.film.time_scale import Spacing, spacing_of
+from vision.film.time_scale import Spacing, classify_spacing
 
 if TYPE_CHECKING:
     import av
@@ -101,7 +101,7 @@ class _Packets:
     is_damaged: bool = False
 
 
-def key_of(packet: av.Packet) -> tuple[Any, ...]:
+def packet_key(packet: av.Packet) -> tuple[Any, ...]:
     """What tells a packet from the others of its film."""
     return packet.pos, packet.pts, packet.dts, packet.size
 
@@ -116,7 +116,7 @@ def open_container(path: Path) -> av.container.InputContainer:
     try:
         container = av.open(str(path), metadata_errors="ignore")
     except (av.error.FFmpegError, ValueError, OSError) as error:
-        raise FilmError(f"{path}: cannot be decoded; the file is damaged or no video ({_said(error)})") from None
+        raise FilmError(f"{path}: cannot be decoded; the file is damaged or no video ({_error_text(error)})") from None
     if not container.streams.video:
         container.close()
         raise FilmError(f"{path}: cannot be decoded; it holds no video")
@@ -141,11 +141,11 @@ def _size_as_film(stream: Any) -> int:
     return int(context.width) * int(context.height)
 
 
-def _said(error: Exception) -> str:
+def _error_text(error: Exception) -> str:
     return str(getattr(error, "strerror", None) or error)
 
 
-def index_of(path: Path, allow_truncated: bool) -> VideoIndex:
+def index_video(path: Path, allow_truncated: bool) -> VideoIndex:
     """Index of a video, made once for a file that does not change."""
     if not path.is_file():
         raise FilmError(f"{path}: cannot be opened; give an existing film")
@@ -300,13 +300,13 @@ def _demux(path: Path, container: Any, stream: Any) -> _Packets:
                 found.first = bytes(packet)
             found.pts.append(packet.pts)
             found.dts.append(packet.dts)
-            found.key.append(key_of(packet))
+            found.key.append(packet_key(packet))
             found.shown.append(not (packet.is_discard or packet.is_corrupt))
             found.n_discarded += packet.is_discard
             found.is_key.append(packet.is_keyframe)
             found.is_damaged |= packet.is_corrupt
     except (av.error.FFmpegError, OSError) as error:
-        raise FilmError(f"{path}: cannot be read to its end ({_said(error)}); copy it again") from None
+        raise FilmError(f"{path}: cannot be read to its end ({_error_text(error)}); copy it again") from None
     if not any(found.shown):
         raise FilmError(f"{path}: holds no frame; the film is cut short or no video")
     return found
@@ -365,7 +365,7 @@ def _decode(path: Path, is_counted: bool, head: bytes) -> tuple[tuple[Any, str |
                 if is_counted:
                     break
         except (av.error.FFmpegError, OSError, ValueError) as error:
-            damage = f"frame {len(pts)} cannot be decoded ({_said(error)}); the film is damaged, copy it again"
+            damage = f"frame {len(pts)} cannot be decoded ({_error_text(error)}); the film is damaged, copy it again"
     if first is None:
         raise FilmError(f"{path}: {damage or 'frame 0 cannot be decoded; the film is damaged'}")
     return (first, first_field), pts, is_interlaced, damage
@@ -399,7 +399,7 @@ def _times(
         return None, None
     ticks = np.array(stamps, dtype=np.int64)
     stamp_s = (ticks - ticks[0]) * tick_s
-    spacing = spacing_of(stamp_s, tick_s, nominal_s)
+    spacing = classify_spacing(stamp_s, tick_s, nominal_s)
     if spacing.kind == "even":
         stamp_s = np.arange(ticks.size) * spacing.interval_s
     elif spacing.kind == "gaps":

@@ -24,16 +24,16 @@ from numpy.typing import NDArray
 
 from vision.errors import FilmError, VisionWarning
 from vision.film.orientation import Picture, turn_upright
-from vision.film.source import Compression, Film, NewestFrame, grey_of, jpeg_compression
+from vision.film.source import Compression, Film, NewestFrame, jpeg_compression, to_grey
 from vision.film.video_index import (
     NO_JPEG,
     VideoIndex,
     choose_video,
-    index_of,
+    index_video,
     is_limited,
     jpeg_is_whole,
-    key_of,
     open_container,
+    packet_key,
 )
 
 PACKED_LUMA = {"yuyv422": 0, "yvyu422": 0, "uyvy422": 1}
@@ -58,7 +58,7 @@ class VideoFilm(Film):
 
     def __init__(self, path: Path, *, allow_truncated: bool = False, channel: str | None = None) -> None:
         self.path, self._channel = path, channel
-        self._index = index = index_of(path, allow_truncated)
+        self._index = index = index_video(path, allow_truncated)
         self._local = threading.local()
         self._open: list[_Decoder] = []
         self._newest = NewestFrame()
@@ -92,7 +92,7 @@ class VideoFilm(Film):
     def read(self, index: int) -> Picture:
         """Whole frame, shape (height, width), uint8 or uint16; fastest in order."""
         self._check_index(index)
-        return self._newest.of(index, self._decode_frame)
+        return self._newest.get(index, self._decode_frame)
 
     def close(self) -> None:
         """Close the file; frames already read stay valid."""
@@ -241,7 +241,7 @@ class _Decoder:
         """Go to a packet, or to one before it."""
         self._container.seek(int(self._index.seek_ticks[wanted]), stream=self._stream, backward=True)
         first = next(packets := self._packets_of(self._container.demux(self._stream)), None)
-        landed = None if first is None else self._index.packet_number.get(key_of(first))
+        landed = None if first is None else self._index.packet_number.get(packet_key(first))
         if landed is None or landed > wanted:
             self.close()
             self._start()
@@ -274,7 +274,7 @@ def _grey(frame: Any, channel: str | None) -> Picture:
     form = frame.format
     name, height, width = form.name, frame.height, frame.width
     if channel is not None or (form.is_rgb and name != "pal8"):
-        return grey_of(_colours(frame), channel)
+        return to_grey(_colours(frame), channel)
     plane = frame.planes[0]
     is_upright = plane.line_size > 0
     if name in PACKED_LUMA and is_upright:

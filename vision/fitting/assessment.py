@@ -159,7 +159,7 @@ def block_ratios(
 
 
 @cached_njit()
-def assess(facts: BodyFacts, blocks: Blocks, fit: RigidFit, work: F32, weight: F32, out: Assessed) -> int:
+def assess_fit(facts: BodyFacts, blocks: Blocks, fit: RigidFit, work: F32, weight: F32, out: Assessed) -> int:
     """Fill in ``out`` from the last iteration of a fit; returns 0, or why it is not whole (`SUSPECTED` and beyond)."""
     sums, gain, covariance = fit.sums, fit.gain, out.covariance
     if sums.weight <= 6.0:
@@ -210,7 +210,7 @@ class Ratios(NamedTuple):
 UNKNOWN = Ratios(np.full((N_LEVELS, 3), np.nan), np.full((N_LEVELS, 3), np.nan))
 
 
-def blocks_of(offset_px: NDArray[np.float32]) -> Blocks:
+def build_blocks(offset_px: NDArray[np.float32]) -> Blocks:
     """The blocks of a template's pixels at ``offset_px`` (2, n)."""
     x, y = np.floor((offset_px - offset_px.min(axis=1, keepdims=True)) / TILE_PX).astype(np.int64)
     # runs of pixels in one square; in a template's order there is one run per square
@@ -232,10 +232,10 @@ def blocks_of(offset_px: NDArray[np.float32]) -> Blocks:
 
 def template_blocks(template: Template) -> Blocks:
     """The blocks of a template's pixels."""
-    return blocks_of(template.offset_px)
+    return build_blocks(template.offset_px)
 
 
-def ratios_of(
+def coherence_ratios(
     blocks: Blocks,
     columns: NDArray[np.float32],
     work: NDArray[np.float32],

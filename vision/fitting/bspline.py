@@ -35,7 +35,7 @@ _TAPS = prefilter_taps().astype(np.float32)
 def coefficients(picture: NDArray[Any]) -> NDArray[np.float32]:
     """B-spline coefficients of a picture, same shape (height, width)."""
     # a filter wider than the picture would mirror more than once; regions are always wider than the filter
-    return _filtered(picture, _TAPS, _TAPS)
+    return _correlate_separable(picture, _TAPS, _TAPS)
 
 
 def gradient(picture: NDArray[Any]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -43,10 +43,12 @@ def gradient(picture: NDArray[Any]) -> tuple[NDArray[np.float32], NDArray[np.flo
     coefficient = coefficients(picture)
     smooth = np.array([1.0, 4.0, 1.0], dtype=np.float32) / 6.0
     slope = np.array([-0.5, 0.0, 0.5], dtype=np.float32)
-    return _filtered(coefficient, slope, smooth), _filtered(coefficient, smooth, slope)
+    return _correlate_separable(coefficient, slope, smooth), _correlate_separable(coefficient, smooth, slope)
 
 
-def _filtered(picture: NDArray[Any], along_x: NDArray[np.float32], along_y: NDArray[np.float32]) -> NDArray[np.float32]:
+def _correlate_separable(
+    picture: NDArray[Any], along_x: NDArray[np.float32], along_y: NDArray[np.float32]
+) -> NDArray[np.float32]:
     """Correlate with one filter along x and one along y, mirrored at the border."""
     if picture.dtype not in (np.uint8, np.uint16, np.float32):
         picture = picture.astype(np.float32)

@@ -30,7 +30,7 @@ F32 = NDArray[np.float32]
 
 
 @inner_njit()
-def filter_along(line: F32, out: F32) -> None:
+def filter_line(line: F32, out: F32) -> None:
     """Filter a line, of which ``out`` lacks `HALF_TAPS` values at each end."""
     t0, t1, t2, t3, t4, t5, t6, t7 = TAPS
     for x in range(out.size):
@@ -41,14 +41,14 @@ def filter_along(line: F32, out: F32) -> None:
 
 
 @inner_njit()
-def add_times(factor: np.float32, one: F32, out: F32) -> None:
+def add_scaled(factor: np.float32, one: F32, out: F32) -> None:
     """Add ``factor`` times a line."""
     for x in range(out.size):
         out[x] += factor * one[x]
 
 
 @inner_njit()
-def less_times(factor: np.float32, one: F32, out: F32) -> None:
+def subtract_scaled(factor: np.float32, one: F32, out: F32) -> None:
     """Replace a line by ``factor`` times its difference from another."""
     for x in range(out.size):
         out[x] = factor * (one[x] - out[x])
@@ -69,20 +69,20 @@ def prefilter(picture: NDArray[Any], out: F32) -> int:
             brightest = max(brightest, int(here[x]))
         for k in range(1, HALF_TAPS + 1):
             line[HALF_TAPS - k], line[HALF_TAPS - 1 + width + k] = middle[k], middle[width - 1 - k]
-        filter_along(line, out[y])
+        filter_line(line, out[y])
     # the picture is mirrored at its edges
     factor = Z
     for k in range(1, START):
-        add_times(factor, out[k], out[0])
+        add_scaled(factor, out[k], out[0])
         factor *= Z
     for y in range(1, rows):
-        add_times(Z, out[y - 1], out[y])
+        add_scaled(Z, out[y - 1], out[y])
     last = out[rows - 1]
-    add_times(Z, out[rows - 2], last)
+    add_scaled(Z, out[rows - 2], last)
     for x in range(width):
         last[x] = END * last[x]
     for y in range(rows - 2, -1, -1):
-        less_times(Z, out[y + 1], out[y])
+        subtract_scaled(Z, out[y + 1], out[y])
     return brightest
 
 
@@ -114,7 +114,7 @@ class FilteredPart:
     picture: NDArray[Any]
     n_saturated: int
 
-    def saturated(self, top: int) -> NDArray[np.bool_] | None:
+    def saturated_pixels(self, top: int) -> NDArray[np.bool_] | None:
         """Pixels inside areas that reach ``top``, (h, w), None where there are none."""
         return saturated_areas(self.picture, top) if self.n_saturated else None
 
@@ -146,12 +146,12 @@ class FrameSpline:
         """The rectangle of frame ``index`` that was filtered last, None where it was another frame's."""
         return self._newest[1] if self._newest is not None and self._newest[0] == index else None
 
-    def part(self, index: int, box: Box) -> FilteredPart:
+    def filtered_part(self, index: int, box: Box) -> FilteredPart:
         """A filtered rectangle of frame ``index`` that holds ``box``, valid until the next one is asked for."""
-        if self._newest is not None and self._newest[0] == index and _inside(box, self._newest[1].box):
+        if self._newest is not None and self._newest[0] == index and _is_inside(box, self._newest[1].box):
             return self._newest[1]
         expected = self._expected[1] if self._expected[0] == index else None
-        whole = box if expected is None or not _inside(box, expected) else expected
+        whole = box if expected is None or not _is_inside(box, expected) else expected
         picture = np.ascontiguousarray(self.film.read_region(index, *whole))
         if picture.size > self._buffer.size:
             self._buffer = np.empty(picture.size, dtype=np.float32)
@@ -163,5 +163,5 @@ class FrameSpline:
         return part
 
 
-def _inside(box: Box, other: Box) -> bool:
+def _is_inside(box: Box, other: Box) -> bool:
     return box[0] >= other[0] and box[1] <= other[1] and box[2] >= other[2] and box[3] <= other[3]

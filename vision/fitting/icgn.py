@@ -27,8 +27,8 @@ from vision.fitting.assessment import (
     Assessed,
     BodyFacts,
     Ratios,
-    assess,
-    ratios_of,
+    assess_fit,
+    coherence_ratios,
     template_blocks,
 )
 from vision.fitting.base import FAILED, MARGIN_PX, Fit, Fitter, region_of
@@ -43,12 +43,21 @@ from vision.fitting.kernels import (
     Subset,
     fit_rigid,
     place_pixels,
-    sample,
+    sample_frame,
     tukey_weights,
 )
-from vision.fitting.light import LocalLight
+from vision.fitting.light import LocalIllumination
 from vision.fitting.pose_covariance import PATTERN_EXCESS, TUKEY_FACTOR, pose_covariance
-from vision.fitting.slow_changes import FOCUS, LIGHT, TILT, UNCHANGED, Changes, SlowChanges, added, without_light
+from vision.fitting.slow_changes import (
+    FOCUS,
+    LIGHT,
+    TILT,
+    UNCHANGED,
+    Changes,
+    SlowChanges,
+    combine_changes,
+    with_even_illumination,
+)
 from vision.fitting.template import Template
 
 
@@ -69,8 +78,8 @@ class FitMemory(NamedTuple):
         return cls(weight, work, np.zeros(n_pixels, dtype=np.int32), np.zeros(1), np.zeros(1, dtype=np.uint8))
 
 
-class Begun(NamedTuple):
-    """A first fit from the expected pose that compiled code has done and assessed, with the answer of `assess`."""
+class FirstFit(NamedTuple):
+    """A first fit from the expected pose that compiled code has done and assessed, with the answer of `assess_fit`."""
 
     found: RigidFit
     pose: NDArray[np.float64]
@@ -111,10 +120,10 @@ class IcgnFitter(Fitter):
     def __init__(self, template: Template, frames: FrameSpline | None = None, memory: FitMemory | None = None) -> None:
         self.template = template
         self._frames = frames
-        self._light = LocalLight(template)
+        self._light = LocalIllumination(template)
         self._followed = self._clipped = self._coded = False
         self._settings = fit_settings()
-        self.blocks = template.once(template_blocks)
+        self.blocks = template.get_or_make(template_blocks)
         self._facts = BodyFacts(
             template.columns,
             template.noise_normal,
@@ -140,7 +149,7 @@ class IcgnFitter(Fitter):
         self._scale[0] = 2.0
         self._changes: Changes = UNCHANGED
         self._light.reset()
-        self._note_apart()
+        self._note_special_case()
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Weights, noise, light and scale of the newest frame."""
@@ -152,7 +161,7 @@ class IcgnFitter(Fitter):
         self._weight[:], self._scale[0] = arrays["weight"], float(arrays["scale"])
         self._changes = tuple(arrays["changes"].tolist())
         self._light.restore(arrays)
-        self._note_apart()
+        self._note_special_case()
 
     def fit(
         self,
@@ -160,19 +169,19 @@ class IcgnFitter(Fitter):
         index: int,
         pose: NDArray[np.float64],
         covered: NDArray[np.uint8] | None,
-        begun: Begun | None = None,
+        begun: FirstFit | None = None,
     ) -> Fit:
         """Fit the body in frame ``index``, starting from ``pose``; ``begun`` is the first fit where that is done."""
         result = self._fit_once(film, index, pose, covered, begun)
         if result.converged and max(abs(result.pose[1] - pose[1]), abs(result.pose[2] - pose[2])) > FAR_PX:
             # the fit ended where the border of the spline filter spoils the samples
             result = self._fit_once(film, index, result.pose, covered)
-        self._note_apart()
+        self._note_special_case()
         return result
 
-    def _note_apart(self) -> None:
+    def _note_special_case(self) -> None:
         """Note whether the next fit needs more than the compiled loop."""
-        self._apart[0] = self._cautious or self._changes != UNCHANGED or self._light.is_looked_for
+        self._apart[0] = self._cautious or self._changes != UNCHANGED or self._light.needs_test
 
     def _fit_once(
         self,
@@ -180,7 +189,7 @@ class IcgnFitter(Fitter):
         index: int,
         start: NDArray[np.float64],
         covered: NDArray[np.uint8] | None,
-        begun: Begun | None = None,
+        begun: FirstFit | None = None,
     ) -> Fit:
         template = self.template
         region = region_of(template, start, film.height, film.width)
@@ -188,12 +197,15 @@ class IcgnFitter(Fitter):
             return FAILED
         if self._frames is None or self._frames.film is not film:
             self._frames = FrameSpline(film)
-        part = self._frames.part(index, region)
+        part = self._frames.filtered_part(index, region)
         coefficient, (y0, _, x0, _) = part.coefficient, part.box
         # turned pixels may fall on one another, two at most
         if 2 * part.n_saturated > SATURATED_SHARE * template.n_pixels:
-            saturated = part.saturated(saturated_grey(film))
-            if saturated is not None and self._under(saturated, start, y0, x0) > SATURATED_SHARE * template.n_pixels:
+            saturated = part.saturated_pixels(saturated_grey(film))
+            if (
+                saturated is not None
+                and self._count_marked(saturated, start, y0, x0) > SATURATED_SHARE * template.n_pixels
+            ):
                 # not a number: the compiled loop leaves out every sample that such a coefficient enters
                 coefficient = np.where(saturated, np.float32(np.nan), coefficient)
         self._clipped, self._coded = part.n_saturated > 0, film.compression is not None
@@ -201,21 +213,21 @@ class IcgnFitter(Fitter):
         if begun is None:
             result = self._solve(coefficient, (y0, x0), start, hidden)
         else:
-            result = self._concluded(begun.found, begun.pose, begun)
+            result = self._conclude_fit(begun.found, begun.pose, begun)
         self._followed = False
         for _ in range(CHANGE_ROUNDS):
-            if not result.converged or not self._changed(result):
+            if not result.converged or not self._update_slow_changes(result):
                 break
             result = self._solve(coefficient, (y0, x0), result.pose, hidden)
         for k in range(0 if self._clipped else LIGHT_ROUNDS):
-            if not result.converged or not self._light.changed(result, self._work, self._changes, k == 0):
+            if not result.converged or not self._light.update(result, self._work, self._changes, k == 0):
                 break
             # its squares say all that the gradients did
-            self._changes = without_light(self._changes)
+            self._changes = with_even_illumination(self._changes)
             result = self._solve(coefficient, (y0, x0), result.pose, hidden)
         return result
 
-    def _changed(self, fit: Fit) -> bool:
+    def _update_slow_changes(self, fit: Fit) -> bool:
         """Whether light and scale, as the residuals of a fit show them, ask for another."""
         more = UNCHANGED
         suspected = any(one > CHANGE_SUSPECTED for one in fit.coherence.ratio[-1].tolist())
@@ -225,21 +237,21 @@ class IcgnFitter(Fitter):
         if self._changes != UNCHANGED and not self._followed:
             # what is in use is a parameter like others, which no threshold holds back
             self._followed = True
-            more = self._slow_changes().followed(weight, residual, fit.gain, self._changes)
+            more = self._slow_changes().update(weight, residual, fit.gain, self._changes)
         elif suspected:
             noise2 = max(fit.noise_grey, SCALE_FLOOR_GREY) ** 2
             # where light is known from place to place, or grey values are cut off
             left_out: tuple[str, ...] = LIGHT if self._light.light is not None else TILT if self._clipped else ()
             left_out += FOCUS if self._coded else ()  # a codec blurs, too, and the budget has a term for it
             more = self._slow_changes().measure(weight, residual, fit.gain, noise2, left_out, self._changes)
-        both = added(self._changes, more)
+        both = combine_changes(self._changes, more)
         if more == UNCHANGED or both is None:
             return False
         self._changes = both
         return True
 
     def _slow_changes(self) -> SlowChanges:
-        return self.template.once(SlowChanges)
+        return self.template.get_or_make(SlowChanges)
 
     def _solve(
         self,
@@ -252,21 +264,21 @@ class IcgnFitter(Fitter):
         template, changed, offset_px = self.template, self._changes != UNCHANGED, self.template.offset_px
         columns = template.columns
         if changed:
-            coefficient = self._slow_changes().divided_out(coefficient, corner, start, self._changes)
+            coefficient = self._slow_changes().correct_coefficients(coefficient, corner, start, self._changes)
             offset_px = self._slow_changes().offset_px(self._changes)
             columns = self._slow_changes().columns(self._changes)
         pose = np.array(start, dtype=float)
-        coefficient = self._light.taken_off(coefficient, corner, start)
+        coefficient = self._light.correct_coefficients(coefficient, corner, start)
         self._facts = self._facts._replace(columns=columns)
         subset = Subset(offset_px, columns, hidden, *template.centre_px, template.radius_px)
         region = Region(coefficient, float(corner[1]), float(corner[0]))
         if self._cautious:
-            self._weigh(region, subset, pose)
+            self._initialise_weights(region, subset, pose)
             self._cautious = False
         state = State(pose, self._weight, self._work, self._at, float(self._scale[0]))
-        return self._concluded(fit_rigid(region, subset, self._settings, state), pose)
+        return self._conclude_fit(fit_rigid(region, subset, self._settings, state), pose)
 
-    def _concluded(self, found: RigidFit, pose: NDArray[np.float64], begun: Begun | None = None) -> Fit:
+    def _conclude_fit(self, found: RigidFit, pose: NDArray[np.float64], begun: FirstFit | None = None) -> Fit:
         """What the last iteration of a fit says, unless it broke down."""
         if found.iterations <= 0 or not math.isfinite(sum(pose.tolist())):
             self.reset()
@@ -276,14 +288,14 @@ class IcgnFitter(Fitter):
         if self._changes != UNCHANGED:
             root = np.sqrt(self._slow_changes().variance_factor(self._changes))
             fit = replace(fit, covariance=fit.covariance * root[:, None] * root)
-        return self._light.widened(fit)
+        return self._light.inflate_covariance(fit)
 
-    def _weigh(self, region: Region, subset: Subset, pose: NDArray[np.float64]) -> None:
+    def _initialise_weights(self, region: Region, subset: Subset, pose: NDArray[np.float64]) -> None:
         """Set weights and scale by the differences from the reference at a pose, but for what they have in common."""
         value, visible = self._work[0], self._work[1]
         places = Places(self._work[3], self._work[4], self._at)
         place_pixels(region, subset, pose, places, visible)
-        sample(region, places, value, visible)
+        sample_frame(region, places, value, visible)
         seen = visible > 0.0
         if seen.any():
             difference = value - subset.columns[3]
@@ -291,7 +303,7 @@ class IcgnFitter(Fitter):
             self._scale[0] = max(1.4826 * float(np.median(np.abs(difference[seen]))), SCALE_FLOOR_GREY)
             tukey_weights(difference, float(self._scale[0]), self._weight)
 
-    def _under(self, marked: NDArray[np.bool_], pose: NDArray[np.float64], y0: int, x0: int) -> int:
+    def _count_marked(self, marked: NDArray[np.bool_], pose: NDArray[np.float64], y0: int, x0: int) -> int:
         """Number of the body's pixels at a pose that are marked in the region whose corner is (y0, x0)."""
         dx, dy = self.template.offset_px
         cosine, sine = math.cos(pose[0]), math.sin(pose[0])
@@ -300,13 +312,13 @@ class IcgnFitter(Fitter):
         inside = (rows >= 0) & (rows < marked.shape[0]) & (columns >= 0) & (columns < marked.shape[1])
         return int(np.count_nonzero(marked[rows[inside], columns[inside]]))
 
-    def _assess(self, found: RigidFit, pose: NDArray[np.float64], begun: Begun | None = None) -> Fit:
+    def _assess(self, found: RigidFit, pose: NDArray[np.float64], begun: FirstFit | None = None) -> Fit:
         """Quality figures and covariance from the sums of the last iteration."""
         sums, n = found.sums, self.template.n_pixels
         if begun is None:
             ratios = np.empty((N_LEVELS, 3)), np.empty((N_LEVELS, 3))
             out = Assessed(np.empty(2), np.empty((3, 3)), np.empty((5, 5)), *ratios)
-            lacking = assess(self._facts, self.blocks, found, self._work, self._weight, out)
+            lacking = assess_fit(self._facts, self.blocks, found, self._work, self._weight, out)
         else:
             out, lacking = begun.out, begun.lacking
         if lacking == TOO_FEW:
@@ -337,4 +349,6 @@ class IcgnFitter(Fitter):
             return covariance, UNKNOWN
         white = covariance.diagonal() * (1.0 + gain**2 / template.n_averaged)
         influence = inverse[:3] / gain
-        return covariance, ratios_of(self.blocks, self._facts.columns, self._work, self._weight, influence, white)
+        return covariance, coherence_ratios(
+            self.blocks, self._facts.columns, self._work, self._weight, influence, white
+        )

@@ -159,11 +159,11 @@ def spline_sample(typing: Any, flat: Any, at: Any, width: Any, fx: Any, fy: Any)
         four, lanes = ir.VectorType(ir.FloatType(), 4), ir.VectorType(ir.IntType(32), 4)
         free, fused = ir.Constant(four, ir.Undefined), {"flags": ("contract",)}
 
-        def spread(vector: Any, order: list[int]) -> Any:
+        def shuffle(vector: Any, order: list[int]) -> Any:
             return builder.shuffle_vector(vector, free, ir.Constant(lanes, order))
 
         def basis(fraction: Any) -> Any:
-            f = spread(builder.insert_element(free, fraction, ir.Constant(ir.IntType(32), 0)), [0] * 4)
+            f = shuffle(builder.insert_element(free, fraction, ir.Constant(ir.IntType(32), 0)), [0] * 4)
             total = ir.Constant(four, list(BASIS[0]))
             for row in BASIS[1:]:
                 total = builder.fadd(builder.fmul(total, f, **fused), ir.Constant(four, list(row)), **fused)
@@ -173,11 +173,11 @@ def spline_sample(typing: Any, flat: Any, at: Any, width: Any, fx: Any, fy: Any)
         by, total = basis(across), ir.Constant(four, [0.0] * 4)
         for row in range(4):
             line = builder.load(builder.bitcast(builder.gep(data, [index]), four.as_pointer()), align=4)
-            total = builder.fadd(total, builder.fmul(spread(by, [row] * 4), line, **fused), **fused)
+            total = builder.fadd(total, builder.fmul(shuffle(by, [row] * 4), line, **fused), **fused)
             index = builder.add(index, step)
         total = builder.fmul(total, basis(along))
         for order in ([2, 3, 0, 1], [1, 0, 3, 2]):
-            total = builder.fadd(total, spread(total, order))
+            total = builder.fadd(total, shuffle(total, order))
         return builder.extract_element(total, ir.Constant(ir.IntType(32), 0))
 
     return types.float32(flat, types.int64, types.int64, types.float32, types.float32), code
@@ -207,7 +207,7 @@ def place_pixels(region: Region, subset: Subset, pose: F64, places: Places, visi
 
 
 @cached_njit(nogil=True)
-def sample(region: Region, places: Places, value: F32, visible: F32) -> None:
+def sample_frame(region: Region, places: Places, value: F32, visible: F32) -> None:
     """Sample the frame at every visible template pixel; the others, and what is not a number, become zero."""
     flat, width = region.coefficient.reshape(-1), region.coefficient.shape[1]
     zero = np.float32(0.0)
@@ -232,7 +232,7 @@ def mean_noise_gain(places: Places, visible: F32, gain_table: F64) -> float:
 
 
 @cached_njit(nogil=True, fastmath=FAST)
-def accumulate(columns: F32, value: F32, weight: F32, visible: F32, matrix: F64, right: F64) -> None:
+def normal_equations(columns: F32, value: F32, weight: F32, visible: F32, matrix: F64, right: F64) -> None:
     """Weighted normal equations of ``value = columns.T @ q[:4] + q[4]``."""
     at, ax, ay, ref = columns[0], columns[1], columns[2], columns[3]
     # named sums, so that the compiler keeps them in vector registers
@@ -290,7 +290,7 @@ def robust_scale(residual: F32, visible: F32, top: float, bin_of: I32) -> float:
 
 # These store: where arrays lie decides between vector and scalar loop, which without fast arithmetic give the same bits
 @inner_njit()
-def residuals(columns: F32, value: F32, q: F64, residual: F32) -> None:
+def linear_residuals(columns: F32, value: F32, q: F64, residual: F32) -> None:
     """Grey values less the linear fit ``q``."""
     at, ax, ay, ref = columns[0], columns[1], columns[2], columns[3]
     q0, q1, q2, q3, q4 = np.float32(q[0]), np.float32(q[1]), np.float32(q[2]), np.float32(q[3]), np.float32(q[4])
@@ -326,7 +326,7 @@ def weighted_sums(residual: F32, weight: F32, value: F32, visible: F32, scale: f
 
 
 @inner_njit()
-def step_in_u(matrix: F64, q: F64, sums: ResidualSums, right: F64, column: F64) -> float:
+def step_over_uncertainty(matrix: F64, q: F64, sums: ResidualSums, right: F64, column: F64) -> float:
     """Largest of turn, x and y of a step, each over its standard uncertainty."""
     largest = 0.0
     for k in range(3):
@@ -352,11 +352,11 @@ def fit_rigid(region: Region, subset: Subset, settings: Settings, state: State) 
     before, rate = np.inf, 0.0
     for iteration in range(1, settings.max_iterations + 1):
         place_pixels(region, subset, pose, places, visible)
-        sample(region, places, value, visible)
-        accumulate(subset.columns, value, weight, visible, matrix, right)
+        sample_frame(region, places, value, visible)
+        normal_equations(subset.columns, value, weight, visible, matrix, right)
         if not solve5(matrix, right, q) or abs(q[3]) < 1e-3:
             return RigidFit(-iteration, q[3], matrix, sums, 1.0)
-        residuals(subset.columns, value, q, residual)
+        linear_residuals(subset.columns, value, q, residual)
         top, found = 8.0 * max(sums.scale, settings.scale_floor), np.inf
         while found >= 0.175 * top and top < 1e7:
             found, top = robust_scale(residual, visible, top, state.at), 4.0 * top
@@ -372,7 +372,7 @@ def fit_rigid(region: Region, subset: Subset, settings: Settings, state: State) 
         pose[1] -= cosine * step_x - sine * step_y
         pose[2] -= sine * step_x + cosine * step_y
         # what is left if the next steps shrink as this one did; once at least with weights of this frame's residuals
-        step = step_in_u(matrix, q, sums, right, column)
+        step = step_over_uncertainty(matrix, q, sums, right, column)
         rate = max(min(step / before, 0.95), 0.7 * rate)
         before = step
         small = max(abs(turn) * subset.radius, max(abs(step_x), abs(step_y))) < settings.tolerance_px

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from vision.fitting.base import Fit
 from vision.fitting.bspline import noise_gain
 from vision.fitting.kernels import F32, F64, I32, I64
-from vision.fitting.slow_changes import Changes, light_factor
+from vision.fitting.slow_changes import Changes, illumination_factor
 from vision.fitting.template import Template
 from vision.kernel_cache import cached_njit, inner_njit
 
@@ -38,7 +38,7 @@ def row_median(values: F64) -> F64:
     return np.asarray(0.5 * (ordered[row, (count - 1) // 2] + ordered[row, count // 2]))
 
 
-def among_others(change: F64) -> F64:
+def drop_isolated_squares(change: F64) -> F64:
     """Squares that are believed without most of their neighbours are flat by chance, not the body's texture."""
     known = np.pad(np.isfinite(change).astype(int), 1)
     rows, columns = change.shape
@@ -50,7 +50,7 @@ def among_others(change: F64) -> F64:
     return np.where(2 * near >= there, change, np.nan)
 
 
-def filled(change: F64) -> F64:
+def fill_unknown_squares(change: F64) -> F64:
     """Squares that say nothing get the value of the nearest ones that do, step by step."""
     values = change.copy()
     while np.isnan(values).any():
@@ -93,7 +93,7 @@ MOST = 0.6
 
 
 @dataclass(frozen=True)
-class Light:
+class Illumination:
     """Change of the light in every square, (rows, columns): ``shade``, a share, and ``glow``, grey; whether the glow is
     what still changes."""
 
@@ -113,7 +113,7 @@ class Squares(NamedTuple):
 
 
 @inner_njit()
-def middle_of(values: F64, n: int) -> float:
+def select_median(values: F64, n: int) -> float:
     """Median of the first n values, which are left in another order."""
     low, high, at = 0, n - 1, n // 2
     while low < high:
@@ -142,7 +142,7 @@ def middle_of(values: F64, n: int) -> float:
 
 
 @cached_njit(nogil=True)
-def may_show_light(squares: Squares, visible: F32, residual: F32, gain: float, noise: float) -> bool:
+def can_show_illumination(squares: Squares, visible: F32, residual: F32, gain: float, noise: float) -> bool:
     """Whether enough squares may show a light, be it a shade or a glow, for `LightField.shown` to be asked.
 
     Never False where that finds one: a median beyond a bound has half of its values beyond it, and a scatter below one
@@ -173,7 +173,7 @@ def may_show_light(squares: Squares, visible: F32, residual: F32, gain: float, n
                 if visible[i] > 0.0:
                     room[n] = residual[i] if glows else residual[i] / max(gain * squares.grey[j], 1.0)
                     n += 1
-            change = middle_of(room, n) * (1.0 if glows else middle)
+            change = select_median(room, n) * (1.0 if glows else middle)
             size = abs(change)
             if size * math.sqrt(count) < 0.999 * SURE * 1.25 * noise or size > 1.001 * MOST * middle:
                 continue
@@ -189,7 +189,7 @@ def may_show_light(squares: Squares, visible: F32, residual: F32, gain: float, n
     return False
 
 
-class LightField:
+class IlluminationField:
     """The squares of one template."""
 
     def __init__(self, template: Template) -> None:
@@ -217,61 +217,68 @@ class LightField:
     @cached_property
     def _members(self) -> NDArray[np.intp]:
         """Pixels of each square."""
-        return _by_square(self._cell, self._middle_grey.size, self._cell.size)
+        return _pad_by_square(self._cell, self._middle_grey.size, self._cell.size)
 
     @cached_property
     def _pairs(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]]:
         """Neighbouring pixels, and which pairs of them begin in each square."""
         n = self._middle_grey.size
-        return [(one, other, _by_square(self._cell[one], n, one.size)) for one, other in _pairs(self._template)]
+        return [(one, other, _pad_by_square(self._cell[one], n, one.size)) for one, other in _pairs(self._template)]
 
-    def shown(
+    def detect(
         self, visible: NDArray[np.float32], residual: NDArray[np.float32], gain: float, noise: float
     ) -> F64 | None:
         """Change of light that residuals (n,) of a fit under even light show, grey, (rows, columns); None where they
         show none. ``noise`` is the standard deviation of a residual that is noise, grey."""
-        if not may_show_light(self.squares, visible, residual, gain, noise):
+        if not can_show_illumination(self.squares, visible, residual, gain, noise):
             return None
         seen, left = visible > 0.0, residual.astype(float)
-        found = self._change(None, left, seen, gain, noise)
+        found = self._fit_change(None, left, seen, gain, noise)
         if found is None or np.count_nonzero(found[1] > SURE) < LEAST_CELLS:
             return None
         change = found[0] / self._unit(found[2], gain)
-        before, after = (_misfit(one[seen], noise) for one in (left, left - self._at(change, self._offset)))
+        before, after = (
+            _clipped_chi_square(one[seen], noise) for one in (left, left - self._interpolate(change, self._offset))
+        )
         return change if after <= BETTER * before else None
 
-    def begun(
+    def start(
         self, factor: F64, visible: NDArray[np.float32], residual: NDArray[np.float32], gain: float, noise: float
-    ) -> Light | None:
+    ) -> Illumination | None:
         """The light that residuals of a fit under even light show; ``factor`` (rows, columns) is what that light was
         multiplied by in the squares' middles."""
-        found = self._change(None, residual.astype(float), visible > 0.0, gain, noise)
+        found = self._fit_change(None, residual.astype(float), visible > 0.0, gain, noise)
         if found is None:
             return None
-        return self._added(Light(factor - 1.0, np.zeros(self.shape), found[2]), found[0])
+        return self._add_change(Illumination(factor - 1.0, np.zeros(self.shape), found[2]), found[0])
 
-    def followed(
-        self, light: Light, visible: NDArray[np.float32], residual: NDArray[np.float32], gain: float, noise: float
-    ) -> Light | None:
+    def update(
+        self,
+        light: Illumination,
+        visible: NDArray[np.float32],
+        residual: NDArray[np.float32],
+        gain: float,
+        noise: float,
+    ) -> Illumination | None:
         """The light as the residuals of a fit under ``light`` show it; None where they ask for no other."""
-        found = self._change(light, residual.astype(float), visible > 0.0, gain, noise)
+        found = self._fit_change(light, residual.astype(float), visible > 0.0, gain, noise)
         if found is None:
             return None
         change, sure, glows = found
         if glows == light.glows:
-            return self._added(light, change) if sure.max() > SETTLED else None
+            return self._add_change(light, change) if sure.max() > SETTLED else None
         # what was taken for one is the other
         unit = self._unit(False, gain)
         if glows:
-            return self._added(Light(np.zeros(self.shape), light.shade / unit, True), change)
-        return self._added(Light(light.shade + light.glow * unit, np.zeros(self.shape), False), change)
+            return self._add_change(Illumination(np.zeros(self.shape), light.shade / unit, True), change)
+        return self._add_change(Illumination(light.shade + light.glow * unit, np.zeros(self.shape), False), change)
 
     def _unit(self, glows: bool, gain: float) -> F64:
         """What a change by one grey level in the middle of a square is: a grey level of glow, a share of shade."""
         return np.ones(self.shape) if glows else 1.0 / (gain * np.maximum(self._middle_grey, 1.0))
 
-    def _change(
-        self, light: Light | None, residual: F64, seen: NDArray[np.bool_], gain: float, noise: float
+    def _fit_change(
+        self, light: Illumination | None, residual: F64, seen: NDArray[np.bool_], gain: float, noise: float
     ) -> tuple[F64, F64, bool] | None:
         """Change of light per square, (rows, columns), those of the squares believed over their standard uncertainty,
         and whether it is glow; None where no square is believed."""
@@ -283,7 +290,7 @@ class LightField:
         off, grey = off[enough], gain * np.append(self._grey, np.nan)[self._members[enough]]
         middle = np.maximum(gain * self._middle_grey.reshape(-1)[enough], 1.0)
         change = row_median(off)
-        glows = self._glows(light, change, off, grey / middle[:, None], (middle, enough, noise))
+        glows = self._is_additive(light, change, off, grey / middle[:, None], (middle, enough, noise))
         if not glows:
             change = row_median(off / np.maximum(grey, 1.0)) * middle
         u = 1.25 * noise / np.sqrt(count[enough])  # of a median, against a mean's 1
@@ -293,15 +300,15 @@ class LightField:
         believed = (scatter < SAME_BODY * noise + EDGE * np.abs(change)) & (np.abs(change) < MOST * middle)
         left = np.full(residual.size + 1, np.nan)
         left[self._members[enough]] = off
-        believed &= self._roughness(left[:-1])[enough] < SAME_TEXTURE * noise
+        believed &= self._square_noise(left[:-1])[enough] < SAME_TEXTURE * noise
         whole[enough[believed]] = change[believed]
-        known = among_others(whole.reshape(self.shape)).reshape(-1)
+        known = drop_isolated_squares(whole.reshape(self.shape)).reshape(-1)
         sure = np.abs(known[enough]) / u
         if not np.isfinite(sure).any():
             return None
-        return filled(known.reshape(self.shape)) * self._unit(glows, gain), sure[np.isfinite(sure)], glows
+        return fill_unknown_squares(known.reshape(self.shape)) * self._unit(glows, gain), sure[np.isfinite(sure)], glows
 
-    def _roughness(self, left: F64) -> F64:
+    def _square_noise(self, left: F64) -> F64:
         """Noise of each square by the differences of neighbours, along the way in which they are larger."""
         rough = np.zeros(self._members.shape[0])
         for one, other, squares in self._pairs:
@@ -310,8 +317,13 @@ class LightField:
             rough[known] = np.maximum(rough[known], 1.4826 / np.sqrt(2.0) * row_median(apart[known]))
         return rough
 
-    def _glows(
-        self, light: Light | None, change: F64, off: F64, share: F64, squares: tuple[F64, NDArray[np.intp], float]
+    def _is_additive(
+        self,
+        light: Illumination | None,
+        change: F64,
+        off: F64,
+        share: F64,
+        squares: tuple[F64, NDArray[np.intp], float],
     ) -> bool:
         """Whether light is added and not multiplied, by whether the texture's contrast has changed with it.
 
@@ -329,7 +341,7 @@ class LightField:
         found = float(np.sum(contrast[use] * left[use])) / power if power > 0.0 else 0.0
         return found + (0.0 if light is None or light.glows else 1.0) < 0.5
 
-    def price(self) -> F64:
+    def variance_inflation(self) -> F64:
         """Factor of the variances of (turn, x, y), (3,): what is left of the information where each square has a light
         of its own."""
         if self._factor is None:
@@ -345,11 +357,13 @@ class LightField:
             self._factor = np.maximum(with_field / np.maximum(alone[:3], 1e-300), 1.0)
         return self._factor
 
-    def _added(self, light: Light, more: F64) -> Light:
+    def _add_change(self, light: Illumination, more: F64) -> Illumination:
         """Light with a measured change on top of it."""
         if light.glows:
-            return Light(light.shade, light.glow + more, True)
-        return Light(np.clip((1.0 + light.shade) * (1.0 + more) - 1.0, -MOST, MOST / (1.0 - MOST)), light.glow, False)
+            return Illumination(light.shade, light.glow + more, True)
+        return Illumination(
+            np.clip((1.0 + light.shade) * (1.0 + more) - 1.0, -MOST, MOST / (1.0 - MOST)), light.glow, False
+        )
 
     def middles_px(self) -> F64:
         """Offsets (2, rows, columns) of the squares' middles from the body's."""
@@ -357,8 +371,8 @@ class LightField:
         y, x = np.mgrid[0:rows, 0:columns] + 0.5
         return np.stack([x, y]) * self._size[:, None, None] + self._origin[:, None, None]
 
-    def taken_off(
-        self, coefficient: NDArray[np.float32], corner: tuple[int, int], pose: F64, light: Light
+    def correct_coefficients(
+        self, coefficient: NDArray[np.float32], corner: tuple[int, int], pose: F64, light: Illumination
     ) -> NDArray[np.float32]:
         """Spline coefficients of a region, whose first pixel is at (y, x), brought back to even light."""
         template = self._template
@@ -372,10 +386,10 @@ class LightField:
                 (cosine * down)[:, None] - (sine * right)[None, :],
             ]
         ).reshape(2, -1)
-        shade, glow = (self._at(one, place).reshape(height, width) for one in (light.shade, light.glow))
+        shade, glow = (self._interpolate(one, place).reshape(height, width) for one in (light.shade, light.glow))
         return np.asarray((coefficient - glow) / np.maximum(1.0 + shade, 1.0 - MOST), dtype=np.float32)
 
-    def _at(self, values: F64, offset: F64) -> F64:
+    def _interpolate(self, values: F64, offset: F64) -> F64:
         """Values of the squares at offsets (2, n) from the body's middle, linear between the squares' middles."""
         if not values.any():
             return np.zeros(offset.shape[1])
@@ -395,7 +409,7 @@ def _inverse_diagonal(normal: F64) -> F64:
     return np.asarray(np.linalg.pinv(normal * scale[:, None] * scale, hermitian=True).diagonal() * scale**2)
 
 
-def _by_square(square: NDArray[np.intp], n_squares: int, nothing: int) -> NDArray[np.intp]:
+def _pad_by_square(square: NDArray[np.intp], n_squares: int, nothing: int) -> NDArray[np.intp]:
     """Places (n_squares, most) of what lies in each square, padded with ``nothing``."""
     count = np.bincount(square, minlength=n_squares)
     order = np.argsort(square, kind="stable")
@@ -416,7 +430,7 @@ def _pairs(template: Template) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]
     return found
 
 
-def _misfit(residual: F64, noise: float) -> float:
+def _clipped_chi_square(residual: F64, noise: float) -> float:
     """Mean square of residuals over the noise, each cut at `OUTLYING`."""
     return float(np.mean(np.minimum(np.abs(residual) / noise, OUTLYING) ** 2)) if residual.size else 0.0
 
@@ -433,12 +447,12 @@ MEAN_NOISE_GAIN = float(noise_gain().mean())
 
 
 @cached_njit(nogil=True)
-def noise_left(noise_grey: float, gain: float, n_averaged: float) -> float:
+def residual_noise(noise_grey: float, gain: float, n_averaged: float) -> float:
     """Standard deviation of a residual that is noise, grey."""
     return max(noise_grey, LEAST_NOISE_GREY) * math.sqrt(MEAN_NOISE_GAIN**2 + gain**2 / n_averaged)
 
 
-class LocalLight:
+class LocalIllumination:
     """What the light of one body is; even at first."""
 
     def __init__(self, template: Template) -> None:
@@ -447,11 +461,11 @@ class LocalLight:
 
     def reset(self) -> None:
         """Forget the light of the frames before."""
-        self.light: Light | None = None
+        self.light: Illumination | None = None
         self._shown: F64 | None = None
 
     @property
-    def is_looked_for(self) -> bool:
+    def needs_test(self) -> bool:
         """Whether the next fit must be asked about the light, however good it is."""
         return self.light is not None or self._shown is not None
 
@@ -468,10 +482,10 @@ class LocalLight:
     def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
         """Continue from the light of another frame."""
         shade, shown = arrays["shade"], arrays["shown"]
-        self.light = Light(shade, arrays["glow"], bool(arrays["glows"])) if shade.size else None
+        self.light = Illumination(shade, arrays["glow"], bool(arrays["glows"])) if shade.size else None
         self._shown = shown if shown.size else None
 
-    def changed(self, fit: Fit, work: NDArray[np.float32], slow: Changes, first: bool) -> bool:
+    def update(self, fit: Fit, work: NDArray[np.float32], slow: Changes, first: bool) -> bool:
         """Whether the light, as the residuals of a fit show it, asks for another, beyond what the fit took for one that
         changes ``slow``; ``first`` of the frame's questions. Rows 1 and 2 of ``work`` are visible pixels, residuals."""
         hidden = fit.seen - fit.inlier > HIDDEN_SUSPECTED
@@ -482,35 +496,39 @@ class LocalLight:
             return False
         field, noise = self._squares(), self._noise(fit.gain)
         if self.light is not None:
-            light = field.followed(self.light, work[1], work[2], fit.gain, noise)
+            light = field.update(self.light, work[1], work[2], fit.gain, noise)
         else:
-            change = field.shown(work[1], work[2], fit.gain, noise) if field.price()[0] <= DEAREST else None
+            change = (
+                field.detect(work[1], work[2], fit.gain, noise) if field.variance_inflation()[0] <= DEAREST else None
+            )
             before, self._shown = self._shown, change
             if change is None or before is None or np.corrcoef(before.ravel(), change.ravel())[0, 1] < ALIKE:
                 return False
-            factor = light_factor(slow, *(field.middles_px() / self._template.radius_px))
-            light = field.begun(factor, work[1], work[2], fit.gain, noise)
+            factor = illumination_factor(slow, *(field.middles_px() / self._template.radius_px))
+            light = field.start(factor, work[1], work[2], fit.gain, noise)
         if light is None:
             return False
         self.light, self._shown = light, None
         return True
 
-    def taken_off(self, coefficient: NDArray[np.float32], corner: tuple[int, int], pose: F64) -> NDArray[np.float32]:
+    def correct_coefficients(
+        self, coefficient: NDArray[np.float32], corner: tuple[int, int], pose: F64
+    ) -> NDArray[np.float32]:
         """Spline coefficients of a region, whose first pixel is at (y, x), under even light."""
         if self.light is None:
             return coefficient
-        return self._squares().taken_off(coefficient, corner, pose, self.light)
+        return self._squares().correct_coefficients(coefficient, corner, pose, self.light)
 
-    def widened(self, fit: Fit) -> Fit:
+    def inflate_covariance(self, fit: Fit) -> Fit:
         """A fit with what the local light takes from the pose in its covariance."""
         if self.light is None:
             return fit
-        root = np.sqrt(self._squares().price())
+        root = np.sqrt(self._squares().variance_inflation())
         return replace(fit, covariance=fit.covariance * root[:, None] * root)
 
-    def _squares(self) -> LightField:
-        return self._template.once(LightField)
+    def _squares(self) -> IlluminationField:
+        return self._template.get_or_make(IlluminationField)
 
     def _noise(self, gain: float) -> float:
         """Standard deviation of a residual that is noise, grey."""
-        return noise_left(self._template.noise_grey, gain, float(self._template.n_averaged))
+        return residual_noise(self._template.noise_grey, gain, float(self._template.n_averaged))

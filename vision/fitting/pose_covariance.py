@@ -63,13 +63,13 @@ def pose_covariance(
     ``noise_gain`` the mean kappa of the samples.
     """
     noise = residual_variance / (noise_gain + gain**2 / template.n_averaged)
-    inverse = _without_noise(weighted_normal, noise, template)
+    inverse = _noise_corrected_inverse(weighted_normal, noise, template)
     if inverse is None or not np.isfinite(residual_variance):
         return np.full((3, 3), np.nan), None
     return TUKEY_FACTOR * noise * (inverse @ weighted_normal @ inverse)[:3, :3] / gain**2, inverse
 
 
-def _without_noise(
+def _noise_corrected_inverse(
     weighted_normal: NDArray[np.float64], noise: float, template: Template
 ) -> NDArray[np.float64] | None:
     """Inverse of the normal matrix less the part that tells nothing about the pose.

@@ -63,7 +63,7 @@ class SlowChanges:
         scale = -(template.columns[1] * dx + template.columns[2] * dy)
         along = template.columns[2] * dy - template.columns[1] * dx
         across = -(template.columns[1] * dy + template.columns[2] * dx)
-        self._blurred = _blurred(template)
+        self._blurred = _blurred_sensitivities(template)
         blur = (self._blurred[1, 3] - self._blurred[0, 3]) / BLURS[1]
         terms = np.stack([grey * x, grey * y, scale, grey * x * x, grey * x * y, grey * y * y, along, across, blur])
         design = np.vstack([template.columns.astype(float), np.ones(template.n_pixels)])
@@ -105,7 +105,7 @@ class SlowChanges:
         weighted = w * residual
         # sums, not products of matrices, whose order of adding may depend on threads
         right = np.sum(weighted * terms, axis=1)
-        by_noise = gain * float(np.sum(w)) * self._noise_blurred(changes[8])
+        by_noise = gain * float(np.sum(w)) * self._blur_noise_term(changes[8])
         right[8] -= by_noise
         if right[8] < by_noise:  # the noise of the reference is not known well enough to tell
             left_out = (*left_out, "focus")
@@ -114,14 +114,14 @@ class SlowChanges:
             if PERHAPS * right[part] @ self._inverses[part.start] @ right[part] < best * max(noise2, 1e-9):
                 continue  # far too little, whatever the weights
             rows = np.arange(N_TERMS)[part]
-            if self.variance_factor(_placed(rows, np.ones(rows.size)))[0] > DEAREST:
+            if self.variance_factor(_amplitude_vector(rows, np.ones(rows.size)))[0] > DEAREST:
                 continue
-            amplitude = self._solved(terms, rows, w, right)
+            amplitude = self._solve_terms(terms, rows, w, right)
             if amplitude is not None and (chi2 := float(amplitude @ right[part]) / max(noise2, 1e-9)) > best:
-                best, found = chi2, _placed(rows, amplitude / gain)
+                best, found = chi2, _amplitude_vector(rows, amplitude / gain)
         return found
 
-    def followed(
+    def update(
         self, weight: NDArray[np.float32], residual: NDArray[np.float32], gain: float, changes: Changes
     ) -> Changes:
         """How the groups in use have changed since ``changes``, by the residuals of a fit; `UNCHANGED` without any."""
@@ -130,11 +130,11 @@ class SlowChanges:
         right = np.zeros(N_TERMS)
         right[rows] = [float(np.sum(w * residual * terms[row])) for row in rows]
         if changes[8]:
-            right[8] -= gain * float(np.sum(w)) * self._noise_blurred(changes[8])
-        amplitude = self._solved(terms, rows, w, right) if rows.size else None
-        return UNCHANGED if amplitude is None else _placed(rows, amplitude / gain)
+            right[8] -= gain * float(np.sum(w)) * self._blur_noise_term(changes[8])
+        amplitude = self._solve_terms(terms, rows, w, right) if rows.size else None
+        return UNCHANGED if amplitude is None else _amplitude_vector(rows, amplitude / gain)
 
-    def _noise_blurred(self, variance: float) -> float:
+    def _blur_noise_term(self, variance: float) -> float:
         """What the reference's noise adds per pixel to the products of residuals and the blur's term, grey^2 / px^2: a
         blurred reference has less noise, so that frames seem the more blurred the noisier it is."""
         noise2 = self._template.noise_grey**2 / self._template.n_averaged
@@ -153,7 +153,7 @@ class SlowChanges:
         terms[8] = blur - np.linalg.lstsq(design @ design.T, design @ blur, rcond=None)[0] @ design
         return terms
 
-    def _solved(
+    def _solve_terms(
         self, terms: NDArray[np.float64], rows: NDArray[np.intp], w: NDArray[np.float64], right: NDArray[np.float64]
     ) -> NDArray[np.float64] | None:
         """Amplitudes of some of the terms; None where the pixels do not tell them apart."""
@@ -182,7 +182,7 @@ class SlowChanges:
         share = np.float32((changes[8] - BLURS[k - 1]) / (BLURS[k] - BLURS[k - 1]))
         return np.asarray(self._blurred[k - 1] + share * (self._blurred[k] - self._blurred[k - 1]))
 
-    def divided_out(
+    def correct_coefficients(
         self, coefficient: NDArray[np.float32], corner: tuple[int, int], pose: NDArray[np.float64], changes: Changes
     ) -> NDArray[np.float32]:
         """Spline coefficients of a region, whose first pixel is at (y, x), under even light."""
@@ -193,7 +193,7 @@ class SlowChanges:
         down = np.arange(corner[0], corner[0] + height) - (template.centre_px[1] + pose[2])
         x = (cosine * right)[None, :] + (sine * down)[:, None]
         y = (cosine * down)[:, None] - (sine * right)[None, :]
-        return np.asarray(coefficient / np.maximum(light_factor(changes, x, y), 0.4), dtype=np.float32)
+        return np.asarray(coefficient / np.maximum(illumination_factor(changes, x, y), 0.4), dtype=np.float32)
 
 
 def _next_blur(changes: Changes) -> int:
@@ -201,7 +201,7 @@ def _next_blur(changes: Changes) -> int:
     return min(int(np.searchsorted(BLURS, changes[8], side="right")), len(BLURS) - 1)
 
 
-def _blurred(template: Template) -> NDArray[np.float32]:
+def _blurred_sensitivities(template: Template) -> NDArray[np.float32]:
     """Sensitivities (k, 4, n) of the template blurred by each of `BLURS`."""
     found = np.repeat(template.columns[None], len(BLURS), axis=0)
     if template.patch is None:
@@ -216,18 +216,18 @@ def _blurred(template: Template) -> NDArray[np.float32]:
     return found
 
 
-def light_factor(changes: Changes, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+def illumination_factor(changes: Changes, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
     """What the light is multiplied by at places in units of the body's radius."""
     along_x, along_y, _, xx, xy, yy, _, _, _ = changes
     return np.asarray(1.0 + x * (along_x + xx * x + xy * y) + y * (along_y + yy * y))
 
 
-def without_light(changes: Changes) -> Changes:
+def with_even_illumination(changes: Changes) -> Changes:
     """The same scale and tilt under even light."""
     return tuple((np.array(changes) * SHAPE).tolist())
 
 
-def added(one: Changes, other: Changes) -> Changes | None:
+def combine_changes(one: Changes, other: Changes) -> Changes | None:
     """Both changes together; None where that is more than is followed. Nothing is sharper than the still frames."""
     both = np.add(one, other)
     both[8] = max(both[8], 0.0)
@@ -240,7 +240,7 @@ def _rows_in_use(changes: Changes) -> NDArray[np.intp]:
     return np.concatenate(used) if used else np.zeros(0, dtype=np.intp)
 
 
-def _placed(rows: NDArray[np.intp], amplitude: NDArray[np.float64]) -> Changes:
+def _amplitude_vector(rows: NDArray[np.intp], amplitude: NDArray[np.float64]) -> Changes:
     whole = np.zeros(N_TERMS)
     whole[rows] = amplitude
     return tuple(whole.tolist())

@@ -57,7 +57,7 @@ class Template:
     patch_corner_px: tuple[int, int] = (0, 0)
     _made: dict[Callable[[Template], Any], Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
-    def once(self, make: Callable[[Template], T]) -> T:
+    def get_or_make(self, make: Callable[[Template], T]) -> T:
         """What ``make`` makes of this template: made when first asked for, the same for every fitter."""
         if make not in self._made:
             self._made[make] = make(self)
@@ -120,7 +120,7 @@ def build_template(
         mean_grey=mean_grey,
         normal=columns.T @ columns,
         radius_px=float(np.hypot(dx, dy).max()),
-        noise_normal=noise_normal_of(dx, dy, noise_grey**2 / n_averaged),
+        noise_normal=noise_normal_matrix(dx, dy, noise_grey**2 / n_averaged),
         n_averaged=n_averaged,
         box_px=(float(dx.min()), float(dx.max()), float(dy.min()), float(dy.max())),
         noise_grey=noise_grey,
@@ -129,7 +129,7 @@ def build_template(
     )
 
 
-def thinned(template: Template, max_pixels: int) -> Template:
+def thin_template(template: Template, max_pixels: int) -> Template:
     """A template with only the pixels that tell most about the pose; its centre stays."""
     design = np.vstack([template.columns, np.ones(template.n_pixels)]).T.astype(float)
     inverse = invert_normal(template.normal)
@@ -142,7 +142,7 @@ def thinned(template: Template, max_pixels: int) -> Template:
         offset_px=np.ascontiguousarray(template.offset_px[:, best]),
         columns=np.ascontiguousarray(template.columns[:, best]),
         normal=columns.T @ columns,
-        noise_normal=noise_normal_of(dx, dy, template.noise_grey**2 / template.n_averaged),
+        noise_normal=noise_normal_matrix(dx, dy, template.noise_grey**2 / template.n_averaged),
         radius_px=float(np.hypot(dx, dy).max()),
         box_px=(float(dx.min()), float(dx.max()), float(dy.min()), float(dy.max())),
     )
@@ -166,7 +166,7 @@ def invert_normal(normal: NDArray[np.float64]) -> NDArray[np.float64] | None:
     return inverse * both
 
 
-def noise_normal_of(dx: NDArray[np.float64], dy: NDArray[np.float64], variance: float) -> NDArray[np.float64]:
+def noise_normal_matrix(dx: NDArray[np.float64], dy: NDArray[np.float64], variance: float) -> NDArray[np.float64]:
     """Expected normal matrix of white noise alone: its slopes look like texture, as much in x as in y."""
     noise = np.diag([np.sum(dx * dx + dy * dy), dx.size, dx.size, 0.0, 0.0])
     noise[0, 1] = noise[1, 0] = -np.sum(dy)

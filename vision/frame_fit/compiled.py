@@ -1,9 +1,9 @@
 """The compiled frame fit: all bodies through one frame in one call, and through many frames of a film in memory.
 
-`go_on` expects, covers, fits, assesses and accepts a body, and goes on to its children, until a fit is doubtful: that
-body Python fits at length (`tracking.body_tracker`, `fitting.icgn`). `walk` does so for frame after frame: compare with
-the frame before, expect the bodies, filter the part of the frame that holds them, fit them, store the fits. At the
-first doubt it stops in the middle of the frame, and Python goes on there, by the same functions.
+`fit_remaining_bodies` expects, covers, fits, assesses and accepts a body, and goes on to its children, until a fit is
+doubtful: that body Python fits at length (`tracking.body_tracker`, `fitting.icgn`). `track_rows` does so for frame
+after frame: compare with the frame before, expect the bodies, filter the part of the frame that holds them, fit them,
+store the fits. At the first doubt it stops in the middle of the frame, and Python goes on there, by the same functions.
 
 Elements of arrays are copied one by one: whole slices would compile messages about their shapes, for seconds.
 
@@ -20,15 +20,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.bodies.occlusion import mark_covered, seen_from
+from vision.bodies.occlusion import mark_covered, relative_pose
 from vision.film.source import SATURATED_SHARE
-from vision.fitting.assessment import Assessed, Blocks, BodyFacts, assess
+from vision.fitting.assessment import Assessed, Blocks, BodyFacts, assess_fit
 from vision.fitting.frame_spline import prefilter, saturated_inside
 from vision.fitting.icgn import CHANGE_SUSPECTED, FAR_PX, QUIET
 from vision.fitting.kernels import F32, F64, I32, I64, Region, Settings, State, Subset, fit_rigid
-from vision.fitting.light import HIDDEN_SUSPECTED, Squares, may_show_light, noise_left
+from vision.fitting.light import HIDDEN_SUSPECTED, Squares, can_show_illumination, residual_noise
 from vision.fitting.pose_covariance import PATTERN_EXCESS, TUKEY_FACTOR
-from vision.frame_fit.judgement import Figures, Standards, has_odd_gain, judge, learn_usual
+from vision.frame_fit.judgement import Figures, Standards, has_odd_gain, judge_fit, update_usual_quality
 from vision.frame_fit.motion import Motion, expect_bodies, expect_body, is_placed, place_body, placed_parent
 from vision.kernel_cache import cached_njit, inner_njit
 from vision.results.flags import FAILURE
@@ -85,7 +85,7 @@ class States(NamedTuple):
     coefficient: F32
 
 
-class Found(NamedTuple):
+class FitOutputs(NamedTuple):
     """What is filled in, per body: expected pose and region (y0, y1, x0, x1; y0 = -1 where too little of the body is
     inside), pose, covariance, coherence; ``figures`` (m, 6) are `Figures`; ``sums`` (m, 10) the numbers of
     `kernels.RigidFit`; ``normal``, ``inverse`` (m, 5, 5); ``lacking`` (m,) of `fitting.assessment.assess`, which gave
@@ -151,18 +151,18 @@ class Stop(NamedTuple):
 
 
 ALL_DONE, NOT_BEGUN, DOUBTFUL, OUTSIDE = 0, 1, 2, 3
-"""How `go_on` ends: no body is left; Python must fit the next, whose covered pixels are marked; the next is fitted, and
-Python must judge it; the next is not inside the part of the frame."""
+"""How `fit_remaining_bodies` ends: no body is left; Python must fit the next, whose covered pixels are marked; the next
+is fitted, and Python must judge it; the next is not inside the part of the frame."""
 
 
 @inner_njit(_nrt=False)
-def is_good(states: States, found: Found, body: int) -> bool:
+def is_accepted(states: States, found: FitOutputs, body: int) -> bool:
     """Whether a fit needs no second look: it is believed, near where it began, under the light it was."""
     for k in range(3):
         if found.ratio[body, -1, k] > CHANGE_SUSPECTED:
             return False
-    pose, expected, figures = found.pose[body], found.expected[body], figures_of(found, body)
-    flag = judge(states.standards, body, figures, pose, expected, found.covariance[body])
+    pose, expected, figures = found.pose[body], found.expected[body], read_figures(found, body)
+    flag = judge_fit(states.standards, body, figures, pose, expected, found.covariance[body])
     found.flag[body] = flag
     if flag & FAILED or has_odd_gain(states.standards, body, figures.gain):
         return False
@@ -170,14 +170,14 @@ def is_good(states: States, found: Found, body: int) -> bool:
 
 
 @inner_njit(_nrt=False)
-def figures_of(found: Found, body: int) -> Figures:
+def read_figures(found: FitOutputs, body: int) -> Figures:
     """What the fit of a body says of itself."""
     figures = found.figures[body]
     return Figures(figures[0], figures[1], figures[2], figures[3], figures[4], figures[5])
 
 
 @inner_njit()
-def cover(bodies: Bodies, states: States, found: Found, body: int, step: int) -> Any:
+def mark_hidden_pixels(bodies: Bodies, states: States, found: FitOutputs, body: int, step: int) -> Any:
     """Mark the pixels of a body that those in front hide, at their poses where placed, else where expected; returns a
     view of ``states.covered``."""
     start, count = bodies.start[body], bodies.n_pixels[body]
@@ -191,18 +191,18 @@ def cover(bodies: Bodies, states: States, found: Found, body: int, step: int) ->
         if bodies.in_front[body, other] == 0:
             continue
         there = found.pose[other] if is_placed(states.motion, other, step) else found.expected[other]
-        seen = seen_from(found.expected[body], centre[body], there, centre[other])
+        seen = relative_pose(found.expected[body], centre[body], there, centre[other])
         mark_covered(offset, around, seen, bodies.distance[other], centre[other], covered)
     return covered
 
 
 @inner_njit()
 def fit_body(
-    part: Region, settings: Settings, bodies: Bodies, states: States, found: Found, body: int, step: int
+    part: Region, settings: Settings, bodies: Bodies, states: States, found: FitOutputs, body: int, step: int
 ) -> bool:
     """Fit one body from its expected pose and say whether it is good; ``found`` is filled in either way."""
     start, count = bodies.start[body], bodies.n_pixels[body]
-    covered = cover(bodies, states, found, body, step)
+    covered = mark_hidden_pixels(bodies, states, found, body, step)
     offset = bodies.offset[2 * start : 2 * (start + count)].reshape(2, count)
     columns = bodies.columns[4 * start : 4 * (start + count)].reshape(4, count)
     weight, at = states.weight[start : start + count], states.at[start : start + count]
@@ -237,12 +237,12 @@ def fit_body(
     out = Assessed(
         found.variance[body], found.covariance[body], found.inverse[body], found.ratio[body], found.blocks[body]
     )
-    found.lacking[body] = assess(facts, Blocks(starts, groups, bodies.freedom[body]), fit, work, weight, out)
+    found.lacking[body] = assess_fit(facts, Blocks(starts, groups, bodies.freedom[body]), fit, work, weight, out)
     if found.lacking[body] != 0:
         return False
     figures[0], figures[1], figures[2] = out.figures[1], sums.inlier / count, math.sqrt(out.figures[0])
     figures[3], figures[4], figures[5] = fit.gain, sums.seen / count, sums.value / max(sums.weight, 1.0)
-    if not is_good(states, found, body):
+    if not is_accepted(states, found, body):
         return False
     if not figures[4] - figures[1] > HIDDEN_SUSPECTED:
         return True
@@ -253,18 +253,18 @@ def fit_body(
         bodies.squares.first[begin + body : begin + body + n_squares + 1],
         bodies.squares.middle[begin : begin + n_squares],
     )
-    noise = noise_left(states.standards.noise_grey[body], fit.gain, bodies.averaged[body])
-    return not may_show_light(squares, work[1], work[2], fit.gain, noise)
+    noise = residual_noise(states.standards.noise_grey[body], fit.gain, bodies.averaged[body])
+    return not can_show_illumination(squares, work[1], work[2], fit.gain, noise)
 
 
 @cached_njit(nogil=True)
-def go_on(
+def fit_remaining_bodies(
     part: Region,
     n_saturated: int,
     settings: Settings,
     bodies: Bodies,
     states: States,
-    found: Found,
+    found: FitOutputs,
     at: I64,
 ) -> int:
     """Fit the bodies in order from the ``at[0]``-th on at step ``at[1]``, in the filtered ``part`` of a frame.
@@ -285,19 +285,19 @@ def go_on(
         if not (is_apart or inside):
             return OUTSIDE
         if is_apart or 2 * n_saturated > SATURATED_SHARE * bodies.n_pixels[body]:
-            cover(bodies, states, found, body, step)
+            mark_hidden_pixels(bodies, states, found, body, step)
             return NOT_BEGUN
         if not fit_body(part, settings, bodies, states, found, body, step):
             return DOUBTFUL
         states.scale[body] = found.sums[body, 3]
-        learn_usual(states.standards, body, figures_of(found, body))
+        update_usual_quality(states.standards, body, read_figures(found, body))
         place_body(states.motion, body, step, found.pose[body])
     at[0] = bodies.order.size
     return ALL_DONE
 
 
 @inner_njit(_nrt=False)
-def repeats(film: Film, k: int) -> bool:
+def is_repeated(film: Film, k: int) -> bool:
     """Whether the watched pixels of a frame are those of the frame before."""
     here, before = film.frames[k, film.watched_y], film.frames[k - 1, film.watched_y]
     same = True
@@ -314,7 +314,7 @@ def copy_box(one: I64, other: I64) -> None:
 
 
 @inner_njit()
-def filtered(film: Film, k: int, box: I64, buffer: F32) -> tuple[Any, int]:
+def filter_region(film: Film, k: int, box: I64, buffer: F32) -> tuple[Any, int]:
     """Coefficients of a rectangle of a frame, in ``buffer``, and the number of its pixels inside saturated areas."""
     y0, y1, x0, x1 = box[0], box[1], box[2], box[3]
     height, width = y1 - y0, x1 - x0
@@ -329,7 +329,7 @@ def filtered(film: Film, k: int, box: I64, buffer: F32) -> tuple[Any, int]:
 
 
 @inner_njit(_nrt=False)
-def store(rows: Rows, row: int, found: Found) -> None:
+def store_row(rows: Rows, row: int, found: FitOutputs) -> None:
     """Store the fits of all bodies."""
     for body in range(found.pose.shape[0]):
         figures, rows.flag[row, body] = found.figures[body], found.flag[body]
@@ -346,12 +346,12 @@ def store(rows: Rows, row: int, found: Found) -> None:
 
 
 @cached_njit(nogil=True)
-def walk(
+def track_rows(
     film: Film,
     settings: Settings,
     bodies: Bodies,
     states: States,
-    found: Found,
+    found: FitOutputs,
     rows: Rows,
     stop: Stop,
 ) -> int:
@@ -361,7 +361,7 @@ def walk(
     for done in range(rows.frame.size):
         index, row, at[0], at[1] = rows.frame[done], rows.first + done, 0, rows.first_step + done
         k, stop.begun[0] = index - film.first, 0
-        if index >= film.watched_from and k >= 1 and repeats(film, k):
+        if index >= film.watched_from and k >= 1 and is_repeated(film, k):
             return done
         for body in range(bodies.order.size):
             if states.motion.absolute.known[body] == 0:
@@ -370,10 +370,10 @@ def walk(
         if not inside or found.region[bodies.order[0], 0] < 0:
             return done
         copy_box(expected, box)
-        coefficient, stop.n_saturated[0] = filtered(film, k, box, states.coefficient)
+        coefficient, stop.n_saturated[0] = filter_region(film, k, box, states.coefficient)
         while True:
             part = Region(coefficient, float(box[2]), float(box[0]))
-            ended = go_on(part, stop.n_saturated[0], settings, bodies, states, found, at)
+            ended = fit_remaining_bodies(part, stop.n_saturated[0], settings, bodies, states, found, at)
             if ended == ALL_DONE:
                 break
             stop.begun[0] = ended
@@ -383,6 +383,6 @@ def walk(
             inside = region[0] >= expected[0] and region[1] <= expected[1]
             inside &= region[2] >= expected[2] and region[3] <= expected[3]
             copy_box(expected if inside else region, box)
-            coefficient, stop.n_saturated[0] = filtered(film, k, box, states.coefficient)
-        store(rows, row, found)
+            coefficient, stop.n_saturated[0] = filter_region(film, k, box, states.coefficient)
+        store_row(rows, row, found)
     return rows.frame.size

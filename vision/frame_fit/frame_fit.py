@@ -16,19 +16,19 @@ from vision.film.source import FrameSource, Repeats
 from vision.fitting.assessment import N_LEVELS, Assessed, Ratios, template_blocks
 from vision.fitting.base import NO_REGION, Fit
 from vision.fitting.frame_spline import Box, FilteredPart
-from vision.fitting.icgn import Begun, FitMemory, fit_settings
+from vision.fitting.icgn import FirstFit, FitMemory, fit_settings
 from vision.fitting.kernels import Region, ResidualSums, RigidFit
-from vision.fitting.light import LightField, Squares
+from vision.fitting.light import IlluminationField, Squares
 from vision.fitting.template import Template
 from vision.frame_fit.compiled import (
     Bodies,
     Film,
-    Found,
+    FitOutputs,
     Rows,
     States,
     Stop,
-    go_on,
-    walk,
+    fit_remaining_bodies,
+    track_rows,
 )
 from vision.frame_fit.judgement import Standards
 from vision.frame_fit.motion import Motion, expect_bodies
@@ -53,7 +53,7 @@ class FrameFit:
         count = [template.n_pixels for template in templates]
         padded = [-(-n // ALIGNED) * ALIGNED for n in count]
         self._start, n = [sum(padded[:i]) for i in range(len(count))], sum(padded)
-        motion, standards = Motion.of(templates, parents), Standards.of(templates)
+        motion, standards = Motion.from_templates(templates, parents), Standards.from_templates(templates)
         self.states = _empty_states(motion, standards, n, occlusion.distances[0].size)
         self.found = _empty_found(len(count))
         self._bodies = self._pack_bodies(occlusion, n)
@@ -66,14 +66,14 @@ class FrameFit:
             offset[2 * start : 2 * end] = template.offset_px.reshape(-1)
             columns[4 * start : 4 * end] = template.columns.reshape(-1)
         pixel, grey = np.zeros(n, dtype=np.int32), np.zeros(n)
-        squares = [template.once(LightField).squares for template in templates]
+        squares = [template.get_or_make(IlluminationField).squares for template in templates]
         for start, one in zip(self._start, squares, strict=True):
             pixel[start : start + one.pixel.size], grey[start : start + one.pixel.size] = one.pixel, one.grey
         in_front = np.zeros((m, m), dtype=np.uint8)
         for i, others in enumerate(occlusion.in_front):
             in_front[i, others] = 1
         around = [group.reshape(-1) for group in occlusion.groups]
-        blocks = [template.once(template_blocks) for template in templates]
+        blocks = [template.get_or_make(template_blocks) for template in templates]
         return Bodies(
             order=np.array(self._order, dtype=np.int64),
             start=np.array(self._start, dtype=np.int64),
@@ -119,33 +119,35 @@ class FrameFit:
         region = self.found.region[body]
         return None if region[0] == NO_REGION else _make_box(region)
 
-    def covered(self, body: int) -> NDArray[np.uint8]:
-        """Template pixels of the body at which `go_on` has stopped that those in front hide, (n,), 1 is hidden."""
+    def hidden_pixels(self, body: int) -> NDArray[np.uint8]:
+        """Template pixels (n,) of the body at which the compiled fit has stopped: 1 where hidden."""
         start = self._start[body]
         return self.states.covered[start : start + self.templates[body].n_pixels]
 
     def go_on(self, part: FilteredPart, position: int, step: int) -> tuple[int, int]:
-        """Fit bodies from the ``position``-th in order on; returns where that ended and how (`compiled.go_on`)."""
+        """Fit bodies from the ``position``-th in order on; returns where and how that ended."""
         y0, _, x0, _ = part.box
         at, region = self.stop.at, Region(part.coefficient, float(x0), float(y0))
         at[0], at[1] = position, step
-        ended = go_on(region, part.n_saturated, self._settings, self._bodies, self.states, self.found, at)
+        ended = fit_remaining_bodies(
+            region, part.n_saturated, self._settings, self._bodies, self.states, self.found, at
+        )
         return int(at[0]), ended
 
-    def walk(self, film: Film, rows: Rows) -> int:
+    def track_rows(self, film: Film, rows: Rows) -> int:
         """Track rows of a film; returns how many were done. `stop` says where in the next one it ended."""
-        return int(walk(film, self._settings, self._bodies, self.states, self.found, rows, self.stop))
+        return int(track_rows(film, self._settings, self._bodies, self.states, self.found, rows, self.stop))
 
-    def begun(self, body: int) -> Begun:
+    def first_fit(self, body: int) -> FirstFit:
         """The fit of a body that Python has to judge."""
         found = self.found
         numbers = found.sums[body].tolist()
         fit = RigidFit(int(numbers[0]), numbers[1], found.normal[body].copy(), ResidualSums(*numbers[3:]), numbers[2])
         arrays = (found.variance, found.covariance, found.inverse, found.ratio, found.blocks)
         out = Assessed(*(array[body].copy() for array in arrays))
-        return Begun(fit, found.pose[body].copy(), out, int(found.lacking[body]))
+        return FirstFit(fit, found.pose[body].copy(), out, int(found.lacking[body]))
 
-    def fit_of(self, body: int) -> Fit:
+    def accepted_fit(self, body: int) -> Fit:
         """The fit of a body that was found good."""
         found = self.found
         zncc, inlier, noise, gain, seen, level = found.figures[body].tolist()
@@ -190,8 +192,8 @@ def _empty_states(motion: Motion, standards: Standards, n: int, n_frame: int) ->
     )
 
 
-def _empty_found(m: int) -> Found:
-    return Found(
+def _empty_found(m: int) -> FitOutputs:
+    return FitOutputs(
         expected=np.zeros((m, 3)),
         region=np.full((m, 4), NO_REGION, dtype=np.int64),
         pose=np.zeros((m, 3)),
@@ -217,12 +219,12 @@ Watch = tuple[int, int, tuple[int, int, int]]
 those whose pixels x0 .. x1 - 1 of row y are those of the frame before; ``n_still`` frames at the start are at rest."""
 
 
-def watch(repeats: Repeats, n_still: int) -> Watch:
+def build_repeat_watch(repeats: Repeats, n_still: int) -> Watch:
     """What finds the frames that are to be looked at for repeating the one before."""
     return (n_still, max(n_still, 1) if repeats.meaningful else NEVER, repeats.line)
 
 
-def frames_around(film: FrameSource, index: NDArray[np.int64]) -> tuple[int, NDArray[Any], int] | None:
+def read_frames_around(film: FrameSource, index: NDArray[np.int64]) -> tuple[int, NDArray[Any], int] | None:
     """Frames that hold those numbered ``index`` (n,) and the one before each: number of the first, frames read-only,
     and how many of ``index`` they hold; None of a film whose frames do not lie in memory as they are read."""
     # a class that only inherits this may read differently

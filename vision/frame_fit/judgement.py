@@ -57,7 +57,7 @@ class Standards(NamedTuple):
     usual: F64
 
     @classmethod
-    def of(cls, templates: Sequence[Template]) -> Standards:
+    def from_templates(cls, templates: Sequence[Template]) -> Standards:
         """Of bodies before their first fit."""
         rows = []
         for template in templates:
@@ -93,7 +93,7 @@ def has_odd_gain(standards: Standards, body: int, gain: float) -> bool:
 
 
 @inner_njit(_nrt=False)
-def is_lit_otherwise(standards: Standards, body: int, figures: Figures) -> bool:
+def has_other_illumination(standards: Standards, body: int, figures: Figures) -> bool:
     """Whether a fit of odd gain is as good as the body's would be, were it only lit otherwise: where light falls, what
     is wrong with the fit falls with it, but the noise stays."""
     usual_zncc, usual_gain = standards.usual[body, 0], standards.usual[body, 1]
@@ -109,10 +109,10 @@ def is_lit_otherwise(standards: Standards, body: int, figures: Figures) -> bool:
 
 
 @cached_njit(nogil=True, _nrt=False)
-def judge(standards: Standards, body: int, figures: Figures, pose: F64, expected: F64, covariance: F64) -> int:
+def judge_fit(standards: Standards, body: int, figures: Figures, pose: F64, expected: F64, covariance: F64) -> int:
     """Flags of a fit that converged, from where it was ``expected``; ``covariance`` (3, 3) is that of its pose."""
     flag, is_odd = 0, has_odd_gain(standards, body, figures.gain)
-    is_lit = is_odd and is_lit_otherwise(standards, body, figures)
+    is_lit = is_odd and has_other_illumination(standards, body, figures)
     # residuals that are the still frames' noise need no better correlation, however low that noise makes it
     is_noise = figures.noise_grey <= NOISE_ONLY * standards.noise_grey[body] * max(figures.gain, 1.0)
     is_usual = is_noise or is_lit or figures.zncc >= USUAL_SHARE * standards.usual[body, 0]
@@ -139,7 +139,7 @@ def judge(standards: Standards, body: int, figures: Figures, pose: F64, expected
 
 
 @cached_njit(nogil=True, _nrt=False)
-def learn_usual(standards: Standards, body: int, figures: Figures) -> None:
+def update_usual_quality(standards: Standards, body: int, figures: Figures) -> None:
     """Let a fit that is believed count for the usual correlation and gain; a lamp that was switched stays as it is."""
     usual, is_odd = standards.usual[body], has_odd_gain(standards, body, figures.gain)
     usual[0] = figures.zncc if usual[0] == 0.0 or is_odd else 0.9 * usual[0] + 0.1 * figures.zncc

@@ -43,7 +43,7 @@ class Motion(NamedTuple):
     relative: History
 
     @classmethod
-    def of(cls, templates: Sequence[Template], parents: Sequence[int | None] | None = None) -> Motion:
+    def from_templates(cls, templates: Sequence[Template], parents: Sequence[int | None] | None = None) -> Motion:
         """Of bodies that have never been placed, without parents where none are given."""
         m = len(templates)
         numbers = [-1 if parent is None else parent for parent in parents or [None] * m]

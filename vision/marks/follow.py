@@ -19,20 +19,20 @@ from numpy.typing import ArrayLike, NDArray
 from vision.angles import picture_to_ccw, turn_matrix
 from vision.arrays import ArrayRecord
 from vision.errors import TrackingError, VisionInputError
-from vision.film.open import film_of
+from vision.film.open import open_or_use
 from vision.film.source import FrameSource
 from vision.fitting.frame_spline import FrameSpline
 from vision.marks.mark import LineMark, Mark
 from vision.marks.mark_fitter import UNTURNED, MarkFitter, mark_template
-from vision.reference.still_average import average_still_frames, still_count
+from vision.reference.still_average import average_still_frames, count_still_frames
 from vision.results.flags import FrameFlag, is_failed
-from vision.results.pose_table import PoseTable, turned_covariance
+from vision.results.pose_table import PoseTable, rotate_covariance
 from vision.tracking.body_tracker import BodyTracker
-from vision.tracking.film_tracker import repeats_around
+from vision.tracking.film_tracker import build_repeat_detector
 from vision.tracking.options import check_count
 from vision.tracking.prepare import FIRST_AVERAGED, frame_times
 from vision.tracking.square_film import refuse_interlaced
-from vision.uncertainty.coherence import variance_factor, widened
+from vision.uncertainty.coherence import inflate_covariance, variance_factor
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -83,9 +83,11 @@ class MarkResult(ArrayRecord):
     info: dict[str, Any] = field(default_factory=dict)
 
     @property
-    def failed(self) -> NDArray[np.bool_]:
+    def is_lost(self) -> NDArray[np.bool_]:
         """True where a mark was lost, shape (n, m)."""
         return is_failed(self.flag)
+
+    failed = is_lost  # its former name, for one release
 
     def column(self, mark: str) -> int:
         """Index of a mark; raises `VisionInputError` for an unknown name."""
@@ -154,16 +156,16 @@ def follow_marks(
     >>> import vision
     >>> x, y = vision.load_bodies("bodies.toml")[0].polygon_px.mean(axis=0)
     >>> result = vision.follow_marks("film.mraw", [vision.PointMark("spot", (x, y), 12.0)], every=10)
-    >>> result.x_px.shape, int(result.failed.sum())
+    >>> result.x_px.shape, int(result.is_lost.sum())
     ((15, 1), 0)
     """
-    with film_of(path_or_source) as film:
+    with open_or_use(path_or_source) as film:
         refuse_interlaced(film)
         if not marks:
             raise VisionInputError(f"{film.path}: no marks given; name at least one point or line")
         check_count("every", every)
         time_s = frame_times(film, frame_time_s)
-        trackers, n_still = _prepared(film, marks, n_still)
+        trackers, n_still = _prepare_trackers(film, marks, n_still)
         table = PoseTable.empty(np.arange(0, film.n_frames, every), len(marks))
         _follow(film, trackers, table, n_still, progress)
         return _result(film, marks, trackers, table, time_s, n_still)
@@ -175,10 +177,10 @@ def _trackers(film: FrameSource, marks: Sequence[Mark], n_still: int) -> list[Bo
     if not region.any():
         raise VisionInputError(f"{film.path}: no mark lies inside the {film.width} x {film.height} picture")
     reference, frames = average_still_frames(film, region, n_still), FrameSpline(film)
-    return [BodyTracker.alone(MarkFitter(*mark_template(mark, reference), frames)) for mark in marks]
+    return [BodyTracker.create_single(MarkFitter(*mark_template(mark, reference), frames)) for mark in marks]
 
 
-def _prepared(film: FrameSource, marks: Sequence[Mark], n_still: int | None) -> tuple[list[BodyTracker], int]:
+def _prepare_trackers(film: FrameSource, marks: Sequence[Mark], n_still: int | None) -> tuple[list[BodyTracker], int]:
     """Trackers of all marks, and the number of still frames, found where it is not given."""
     if n_still is None:
         region = np.logical_or.reduce([mark.mask(film.height, film.width) for mark in marks])
@@ -187,11 +189,11 @@ def _prepared(film: FrameSource, marks: Sequence[Mark], n_still: int | None) -> 
         table = PoseTable.empty(np.arange(candidates), len(marks))
         _follow(film, trackers, table, candidates, None)
         u = np.sqrt(np.diagonal(table.covariance, axis1=2, axis2=3))
-        n_still = still_count(table.pose.reshape(candidates, -1), u.reshape(candidates, -1))
+        n_still = count_still_frames(table.pose.reshape(candidates, -1), u.reshape(candidates, -1))
     trackers = _trackers(film, marks, n_still)
     table = PoseTable.empty(np.arange(n_still), len(marks))
     _follow(film, trackers, table, n_still, None)
-    for mark, lost in zip(marks, table.failed.mean(axis=0), strict=True):
+    for mark, lost in zip(marks, table.is_lost.mean(axis=0), strict=True):
         if lost > 0.5:
             raise TrackingError(
                 f"{film.path}: mark {mark.name} is found in {round((1.0 - lost) * n_still)} of the {n_still} still "
@@ -211,9 +213,9 @@ def _follow(
     progress: Callable[[int, int], None] | None,
 ) -> None:
     """Fill the table, row by row."""
-    repeats = repeats_around(film, [tracker.template for tracker in trackers], n_still)
+    repeats = build_repeat_detector(film, [tracker.template for tracker in trackers], n_still)
     for row, index in enumerate(table.frame.tolist()):
-        repeated = index >= n_still and repeats.at(index)
+        repeated = index >= n_still and repeats.is_repeat(index)
         for i, tracker in enumerate(trackers):
             if repeated:
                 tracker.skip(row, FrameFlag.REPEATED)
@@ -233,7 +235,7 @@ def _result(
     n_still: int,
 ) -> MarkResult:
     """Positions and offsets with their uncertainties, the common part of the reference included."""
-    covariance = widened(table.covariance, variance_factor(table.ratio, table.blocks))
+    covariance = inflate_covariance(table.covariance, variance_factor(table.ratio, table.blocks))
     moving = table.frame >= n_still
     typical = np.nanmedian(covariance[moving] if moving.any() else covariance, axis=0)
     covariance = covariance + np.nan_to_num(typical) / n_still
@@ -253,7 +255,7 @@ def _result(
         else:
             x, y = tracker.template.centre_px
             columns["x_px"][:, i], columns["y_px"][:, i] = x + pose[:, 1], y + pose[:, 2]
-            seen = turned_covariance(own, pose[:, 0])
+            seen = rotate_covariance(own, pose[:, 0])
             columns["u_x_px"][:, i], columns["u_y_px"][:, i] = np.sqrt(seen[:, 1, 1]), np.sqrt(seen[:, 2, 2])
     return MarkResult(
         marks=tuple(marks),

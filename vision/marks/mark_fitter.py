@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from vision.angles import turn_matrix
 from vision.errors import BodyError
 from vision.film.source import FrameSource, saturated_grey
-from vision.fitting.assessment import ratios_of, template_blocks
+from vision.fitting.assessment import coherence_ratios, template_blocks
 from vision.fitting.base import FAILED, MARGIN_PX, Fit, Fitter, region_of
 from vision.fitting.bspline import noise_gain
 from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.icgn import QUIET, SCALE_FLOOR_GREY
-from vision.fitting.kernels import Places, Region, Subset, mean_noise_gain, place_pixels, sample, tukey_weights
+from vision.fitting.kernels import Places, Region, Subset, mean_noise_gain, place_pixels, sample_frame, tukey_weights
 from vision.fitting.pose_covariance import MOST_PATTERN, TUKEY_FACTOR
-from vision.fitting.template import Template, design_columns, noise_normal_of
+from vision.fitting.template import Template, design_columns, noise_normal_matrix
 from vision.marks.mark import LineMark, Mark
 from vision.reference.still_average import Reference
 
@@ -65,7 +65,7 @@ def mark_template(mark: Mark, reference: Reference) -> tuple[Template, F64]:
         mean_grey=float(reference.picture[mask].mean()),
         normal=columns.T @ columns,
         radius_px=float(np.hypot(dx, dy).max()),
-        noise_normal=noise_normal_of(dx, dy, noise**2 / reference.n_averaged),
+        noise_normal=noise_normal_matrix(dx, dy, noise**2 / reference.n_averaged),
         n_averaged=reference.n_averaged,
         box_px=(float(dx.min()), float(dx.max()), float(dy.min()), float(dy.max())),
         noise_grey=noise,
@@ -79,10 +79,10 @@ def _motions(mark: Mark, template: Template) -> F64:
     else:
         choices = [np.eye(3), np.eye(3)[:, 1:]]
     for motions in choices:
-        inverse = _inverse(template.normal - template.noise_normal, motions)
+        inverse = _restricted_inverse(template.normal - template.noise_normal, motions)
         if inverse is None:
             continue
-        u = template.noise_grey * np.sqrt(np.diag(_expanded(motions) @ inverse @ _expanded(motions).T)[:3])
+        u = template.noise_grey * np.sqrt(np.diag(_expand_motions(motions) @ inverse @ _expand_motions(motions).T)[:3])
         if u[0] < TURN_U_RAD * (1.0 if motions.shape[1] == 3 else 100.0) and max(u[1], u[2]) < LEAST_U_PX:
             return motions
     what = "edge" if isinstance(mark, LineMark) else "spot with contrast in all directions"
@@ -98,8 +98,8 @@ class MarkFitter(Fitter):
         self._along = np.array([-motions[2, 1], motions[1, 1]]) if is_line else None
         self._frames = frames
         self._design = np.vstack([template.columns, np.ones(template.n_pixels)]).astype(float)
-        self._reduced = _expanded(motions).T @ self._design  # (k + 2, n)
-        self._blocks = template.once(template_blocks)
+        self._reduced = _expand_motions(motions).T @ self._design  # (k + 2, n)
+        self._blocks = template.get_or_make(template_blocks)
         n = template.n_pixels
         self._work, self._at = np.zeros((5, n), dtype=np.float32), np.zeros(n, dtype=np.int32)
         self._nothing = np.zeros(n, dtype=np.uint8)
@@ -121,9 +121,9 @@ class MarkFitter(Fitter):
         box = region_of(template, start, film.height, film.width)
         if box is None:
             return FAILED
-        part = self._frames.part(index, box)
+        part = self._frames.filtered_part(index, box)
         coefficient = part.coefficient
-        saturated = part.saturated(saturated_grey(film))
+        saturated = part.saturated_pixels(saturated_grey(film))
         if saturated is not None:
             coefficient = np.where(saturated, np.float32(np.nan), coefficient)
         region = Region(coefficient, float(part.box[2]), float(part.box[0]))
@@ -134,10 +134,10 @@ class MarkFitter(Fitter):
         pose, before, rate = np.array(start, dtype=float), np.inf, 0.0
         for iteration in range(1, MAX_ITERATIONS + 1):
             place_pixels(region, subset, pose, places, visible)
-            sample(region, places, value, visible)
+            sample_frame(region, places, value, visible)
             weight = (self._weight * visible).astype(float)
             normal = (self._reduced * weight) @ self._reduced.T
-            inverse = _inverted(normal)
+            inverse = _invert_or_none(normal)
             if inverse is None:
                 return FAILED
             q = inverse @ (self._reduced @ (weight * value))
@@ -180,17 +180,17 @@ class MarkFitter(Fitter):
         explained = 1.0 - variance * free / spread if spread > 0.0 else 0.0
         normal = (self._design * weight) @ self._design.T
         noise = variance / (kappa + gain**2 / template.n_averaged)
-        inverse = _inverse(normal - normal[4, 4] / template.n_pixels * template.noise_normal, self.motions)
+        inverse = _restricted_inverse(normal - normal[4, 4] / template.n_pixels * template.noise_normal, self.motions)
         if inverse is None:
-            inverse = _inverse(normal * (1.0 - MOST_PATTERN), self.motions)
+            inverse = _restricted_inverse(normal * (1.0 - MOST_PATTERN), self.motions)
         if inverse is None:
             return FAILED
-        out = _expanded(self.motions)
+        out = _expand_motions(self.motions)
         influence = out @ inverse @ out.T  # of all five parameters per score
         covariance = TUKEY_FACTOR * noise * (influence @ normal @ influence)[:3, :3] / gain**2
         covariance[0, 0] = max(covariance[0, 0], UNTURNED)
         white = np.maximum(covariance.diagonal() * (1.0 + gain**2 / template.n_averaged), 1e-30)
-        ratios = ratios_of(self._blocks, template.columns, self._work, self._weight, influence[:3] / gain, white)
+        ratios = coherence_ratios(self._blocks, template.columns, self._work, self._weight, influence[:3] / gain, white)
         return Fit(
             pose=pose.copy(),
             covariance=covariance,
@@ -205,7 +205,7 @@ class MarkFitter(Fitter):
         )
 
 
-def _expanded(motions: F64) -> F64:
+def _expand_motions(motions: F64) -> F64:
     """Columns (5, k + 2) of the five parameters: the motions, gain and offset."""
     k = motions.shape[1]
     out = np.zeros((5, k + 2))
@@ -213,12 +213,12 @@ def _expanded(motions: F64) -> F64:
     return out
 
 
-def _inverse(normal: F64, motions: F64) -> F64 | None:
+def _restricted_inverse(normal: F64, motions: F64) -> F64 | None:
     """Inverse of a normal matrix (5, 5) restricted to the motions, gain and offset."""
-    return _inverted(_expanded(motions).T @ normal @ _expanded(motions))
+    return _invert_or_none(_expand_motions(motions).T @ normal @ _expand_motions(motions))
 
 
-def _inverted(normal: F64) -> F64 | None:
+def _invert_or_none(normal: F64) -> F64 | None:
     """Inverse of a normal matrix; None where it is not positive."""
     diagonal = normal.diagonal()
     if not (diagonal.min() > 0.0 and np.isfinite(normal.sum())):

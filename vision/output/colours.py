@@ -11,12 +11,12 @@ OTHERS = ("#56B4E9", "#E69F00", "#CC79A7", "#F0E442", "#8FBF3F")
 LOST = "#FF3C3C"
 
 
-def colour_of(name: str, index: int) -> str:
+def body_colour(name: str, index: int) -> str:
     """Colour of a body as ``#RRGGBB``: its own by name, else one by its place among the bodies."""
     return BODY_COLOURS.get(name) or OTHERS[index % len(OTHERS)]
 
 
-def bgr(colour: str) -> tuple[int, int, int]:
+def to_bgr(colour: str) -> tuple[int, int, int]:
     """``#RRGGBB`` in the order of OpenCV."""
     red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
     return blue, green, red

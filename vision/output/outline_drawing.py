@@ -18,7 +18,7 @@ from vision.bodies.outlines import Body, signed_distance
 from vision.errors import FilmError
 from vision.files import whole_file
 from vision.film.source import FrameSource
-from vision.output.colours import bgr, colour_of
+from vision.output.colours import body_colour, to_bgr
 
 MIN_WIDTH_PX = 800
 MARGIN_PX = 44
@@ -68,13 +68,13 @@ def draw_bodies(picture: ArrayLike, bodies: Sequence[Body], bit_depth: int, *, g
     )
     _draw_scales(colour, grey.shape, factor, grid)
     for i, body in enumerate(bodies):
-        tint = bgr(colour_of(body.name, i))
+        tint = to_bgr(body_colour(body.name, i))
         points = np.rint((body.polygon_px + 0.5) * factor).astype(np.int32) + MARGIN_PX
         cv2.polylines(colour, [points], True, tint, 2, cv2.LINE_AA)
     for i, body in enumerate(bodies):  # over all outlines
-        x, y = _inmost(body.polygon_px, *grey.shape)
+        x, y = _innermost_pixel(body.polygon_px, *grey.shape)
         _write(colour, body.name, int((x + 0.5) * factor) + MARGIN_PX, int((y + 0.5) * factor) + MARGIN_PX,
-               bgr(colour_of(body.name, i)), 0.6)  # fmt: skip
+               to_bgr(body_colour(body.name, i)), 0.6)  # fmt: skip
     return np.asarray(colour, dtype=np.uint8)
 
 
@@ -86,7 +86,7 @@ def grey_picture(picture: ArrayLike, bit_depth: int) -> NDArray[np.uint8]:
     return np.asarray((grey / 2.0 ** (bit_depth - 8)).clip(0, 255).astype(np.uint8))
 
 
-def _inmost(polygon_px: NDArray[np.float64], height: int, width: int) -> tuple[int, int]:
+def _innermost_pixel(polygon_px: NDArray[np.float64], height: int, width: int) -> tuple[int, int]:
     """The pixel (x, y) of the picture furthest inside an outline: there a name lies on its body."""
     y, x = np.unravel_index(int(np.argmax(signed_distance(polygon_px, height, width))), (height, width))
     return int(x), int(y)

@@ -24,7 +24,7 @@ from vision.bodies.outlines import Body
 from vision.errors import VisionInputError
 from vision.film.avi_writer import write_avi
 from vision.film.source import FrameSource
-from vision.output.colours import LOST, bgr, colour_of
+from vision.output.colours import LOST, body_colour, to_bgr
 from vision.output.outline_drawing import WHITE, grey_picture, put_text, text_size, write_picture
 from vision.results.flags import FAILURE, FrameFlag
 from vision.results.track_result import TrackResult
@@ -79,9 +79,9 @@ def write_overlay(
             words = f"{int(result.frame[row])}  {result.time_s[row] * 1e3:.2f} ms"
             put_text(picture, words, (4, 12), WHITE, 0.4, rim=3)
             for i, body in enumerate(result.bodies):
-                lost = bool(result.failed[row, i])
-                name, colour = (f"{body} lost", LOST) if lost else (body, colour_of(body, i))
-                put_text(picture, name, (4, 26 + 14 * i), bgr(colour), 0.4, rim=3)
+                lost = bool(result.is_lost[row, i])
+                name, colour = (f"{body} lost", LOST) if lost else (body, body_colour(body, i))
+                put_text(picture, name, (4, 26 + 14 * i), to_bgr(colour), 0.4, rim=3)
             yield picture
 
     report = None if progress is None else (lambda done: progress(done, len(rows)))
@@ -113,7 +113,7 @@ class OutlineDrawer:
         result, film = self._result, self._film
         colour = cv2.cvtColor(grey_picture(film.read(int(result.frame[row])), film.bit_depth), cv2.COLOR_GRAY2BGR)
         for i, shape in enumerate(self._shapes):
-            lost = bool(result.failed[row, i])
+            lost = bool(result.is_lost[row, i])
             before = self._found[i][self._found[i] <= row]
             if before.size == 0:
                 continue
@@ -125,7 +125,7 @@ class OutlineDrawer:
             turned = (shape * square) @ np.array([[c, s], [-s, c]]) / square
             points = turned + (result.x_px[at, i], result.y_px[at, i])
             whole = np.rint(points * 2**SUBPIXEL_BITS).astype(np.int32)
-            tint = bgr(LOST if lost else colour_of(result.bodies[i], i))
+            tint = to_bgr(LOST if lost else body_colour(result.bodies[i], i))
             cv2.polylines(colour, [whole], True, tint, 1, cv2.LINE_AA, SUBPIXEL_BITS)
         return colour
 
@@ -181,15 +181,15 @@ def write_contact_sheet(
     """
     path = Path(path)
     draw = OutlineDrawer(film, bodies, result)
-    rows = worst_of(result.failed, result.zncc, count)
-    tiles = [_tile(draw.picture(row), words_of(result, row)) for row in rows]
+    rows = select_worst_rows(result.is_lost, result.zncc, count)
+    tiles = [_tile(draw.picture(row), describe_row(result, row)) for row in rows]
     tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % columns)
     strips = [np.hstack(tiles[i : i + columns]) for i in range(0, len(tiles), columns)]
     write_picture(path, np.vstack([_legend(strips[0].shape[1], Path(result.film).name, result.bodies), *strips]))
     return [int(result.frame[row]) for row in rows]
 
 
-def worst_of(failed: NDArray[np.bool_], zncc: NDArray[np.float64], count: int) -> list[int]:
+def select_worst_rows(failed: NDArray[np.bool_], zncc: NDArray[np.float64], count: int) -> list[int]:
     """Rows to inspect first: most bodies lost, then lowest correlation of any body.
 
     Neighbours show the same, so rows that are not lost and close to one already chosen come last. Given is whether each
@@ -209,24 +209,24 @@ def worst_of(failed: NDArray[np.bool_], zncc: NDArray[np.float64], count: int) -
     return [*taken, *later][:count]
 
 
-def words_of(result: TrackResult, row: int) -> tuple[str, str]:
-    """Frame and time of a row, and `what_is_wrong`."""
+def describe_row(result: TrackResult, row: int) -> tuple[str, str]:
+    """Frame and time of a row, and `describe_problems`."""
     first = f"frame {int(result.frame[row])}, {result.time_s[row] * 1e3:.2f} ms"
-    return first, what_is_wrong(result.bodies, result.flag[row], result.zncc[row])
+    return first, describe_problems(result.bodies, result.flag[row], result.zncc[row])
 
 
-def what_is_wrong(names: Sequence[str], flag: NDArray[np.integer], zncc: NDArray[np.float64]) -> str:
+def describe_problems(names: Sequence[str], flag: NDArray[np.integer], zncc: NDArray[np.float64]) -> str:
     """Bodies (m) lost in a frame with their reason, else the least correlation and its remarks, by flags and
     correlations (m,)."""
     failures = zip(names, (int(one) & int(FAILURE) for one in flag), strict=True)
-    if lost := [f"{name} lost: {reasons(failure)}" for name, failure in failures if failure]:
+    if lost := [f"{name} lost: {flag_texts(failure)}" for name, failure in failures if failure]:
         return "; ".join(lost)
     worst = int(np.argmin(zncc))
-    remarks = reasons(int(flag[worst]))
+    remarks = flag_texts(int(flag[worst]))
     return f"{names[worst]} correlates {zncc[worst]:.3f}{', ' if remarks else ''}{remarks}"
 
 
-def reasons(flag: int) -> str:
+def flag_texts(flag: int) -> str:
     """The bits of a flag in words."""
     return ", ".join(bit.name.lower().replace("_", " ") for bit in FrameFlag if bit and flag & bit and bit.name)
 
@@ -245,8 +245,8 @@ def _legend(width: int, film: str, bodies: tuple[str, ...]) -> Picture:
     strip = np.zeros((LINE_PX + 8, width, 3), dtype=np.uint8)
     at = _write_label(strip, film, (6, LINE_PX), WHITE, 0.5)
     for i, body in enumerate(bodies):
-        at = _write_label(strip, body, (at + 16, LINE_PX), bgr(colour_of(body, i)), 0.5)
-    _write_label(strip, "lost", (at + 16, LINE_PX), bgr(LOST), 0.5)
+        at = _write_label(strip, body, (at + 16, LINE_PX), to_bgr(body_colour(body, i)), 0.5)
+    _write_label(strip, "lost", (at + 16, LINE_PX), to_bgr(LOST), 0.5)
     return strip
 
 

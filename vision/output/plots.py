@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from vision.errors import FilmError
 from vision.files import whole_file
-from vision.output.colours import colour_of
+from vision.output.colours import body_colour
 from vision.results.track_result import TrackResult
 
 
@@ -48,7 +48,7 @@ def write_plot(path: str | os.PathLike[str], result: TrackResult) -> None:
     gaps = [row + 1 for row in result.info.get("missing_after", {})]
     time_s = np.insert(result.time_s, gaps, np.nan)
     for i, body in enumerate(result.bodies):
-        colour = colour_of(body, i)
+        colour = body_colour(body, i)
         if result.parents[i] is None:
             name, angle = body, result.angle_rad[:, i]
             u, total = result.u_angle_rad[:, i], result.u_total_rad[:, i]
@@ -64,7 +64,7 @@ def write_plot(path: str | os.PathLike[str], result: TrackResult) -> None:
         u_axes.plot(time_s, np.degrees(total) * 1e3, colour, linewidth=0.8, linestyle=":")
         noise_axes.plot(time_s, noise, colour, linewidth=0.8)
         share_axes.plot(time_s, share, colour, linewidth=0.8)
-        lost = result.time_s[result.failed[:, i]]
+        lost = result.time_s[result.is_lost[:, i]]
         angle_axes.plot(
             lost, np.full(lost.size, 0.02 + 0.02 * i), colour, transform=angle_axes.get_xaxis_transform(),
             marker="|", linestyle="none",

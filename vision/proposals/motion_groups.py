@@ -47,7 +47,7 @@ class Distances:
     same_px: float = 3.0
     """Up to which two motions are one: points drift by as much along an edge or along the grain of wood."""
 
-    def scaled(self, factor: float) -> Distances:
+    def scale_by(self, factor: float) -> Distances:
         """All of them times a factor."""
         return Distances(self.rests_px * factor, self.keeps_px * factor, self.same_px * factor)
 
@@ -62,7 +62,7 @@ class Motion:
     turn: F64
     shift: F64
 
-    def at(self, points: F64) -> F64:
+    def transform(self, points: F64) -> F64:
         """Where points (n, 2) of the reference are, (n, t, 2)."""
         return np.einsum("tij,nj->nti", self.turn, points) + self.shift
 
@@ -90,20 +90,20 @@ def group_by_motion(tracks: PointTracks, within: Distances = USUAL) -> Groups:
     usable = known.mean(axis=1) > FOLLOWED
     rest = Motion(np.tile(np.eye(2), (key.size, 1, 1)), np.zeros((key.size, 2)))
     group = np.full(len(first), -1, dtype=np.intp)
-    group[usable & (_off(rest, first, place) < within.rests_px)] = 0
+    group[usable & (_motion_distance(rest, first, place) < within.rests_px)] = 0
     motions, free = [rest], usable & (group < 0)
     while len(motions) <= MOST_BODIES:
-        found = _most_shared(first, place, free, within.keeps_px)
+        found = _find_shared_motion(first, place, free, within.keeps_px)
         if found is None:
             break
-        keeps = free & (_off(found, first, place) < within.keeps_px)
+        keeps = free & (_motion_distance(found, first, place) < within.keeps_px)
         motions.append(found)
         group[keeps] = len(motions) - 1
         free &= ~keeps
-    return _settled(Groups(motions, group, key, within), first, place, usable)
+    return _merge_groups(Groups(motions, group, key, within), first, place, usable)
 
 
-def rigid(first: F64, place: F64) -> Motion | None:
+def fit_rigid_motion(first: F64, place: F64) -> Motion | None:
     """Least-squares rigid motion of points (n, 2) to their places (n, t, 2), by the points known in each frame; None
     where a frame has fewer than three."""
     known = np.isfinite(place[..., 0])
@@ -122,16 +122,16 @@ def rigid(first: F64, place: F64) -> Motion | None:
     return Motion(turn, mean1 - np.einsum("tij,tj->ti", turn, mean0))
 
 
-def _off(motion: Motion, first: F64, place: F64) -> F64:
+def _motion_distance(motion: Motion, first: F64, place: F64) -> F64:
     """Distance of each point from a motion that four of five of its frames stay below, px; infinite where unknown."""
-    distance = np.hypot(*np.moveaxis(motion.at(first) - place, 2, 0))
+    distance = np.hypot(*np.moveaxis(motion.transform(first) - place, 2, 0))
     distance = np.sort(np.where(np.isnan(distance), np.inf, distance), axis=1)  # unknown ones last
     count = np.isfinite(distance).sum(axis=1)
     at = np.maximum(np.ceil(0.8 * count).astype(int) - 1, 0)
     return np.asarray(distance[np.arange(len(first)), at])
 
 
-def _most_shared(first: F64, place: F64, free: NDArray[np.bool_], keeps_px: float) -> Motion | None:
+def _find_shared_motion(first: F64, place: F64, free: NDArray[np.bool_], keeps_px: float) -> Motion | None:
     """The motion that most of the free points share; None where too few share any."""
     at = np.flatnonzero(free)
     if at.size < LEAST_POINTS:
@@ -139,27 +139,27 @@ def _most_shared(first: F64, place: F64, free: NDArray[np.bool_], keeps_px: floa
     best: tuple[int, Motion] | None = None
     for seed in at[np.unique(np.linspace(0, at.size - 1, SEEDS).astype(int))]:
         near = at[np.argsort(np.sum((first[at] - first[seed]) ** 2, axis=1), kind="stable")[:NEIGHBOURS]]
-        motion = rigid(first[near], place[near])
+        motion = fit_rigid_motion(first[near], place[near])
         for _ in range(3):  # from the neighbours outwards
             if motion is None:
                 break
-            keeps = at[_off(motion, first[at], place[at]) < keeps_px]
+            keeps = at[_motion_distance(motion, first[at], place[at]) < keeps_px]
             if keeps.size < LEAST_POINTS // 2:
                 break
             if best is None or keeps.size > best[0]:
                 best = keeps.size, motion
-            motion = rigid(first[keeps], place[keeps])
+            motion = fit_rigid_motion(first[keeps], place[keeps])
     return best[1] if best is not None and best[0] >= LEAST_POINTS else None
 
 
-def _settled(groups: Groups, first: F64, place: F64, usable: NDArray[np.bool_]) -> Groups:
+def _merge_groups(groups: Groups, first: F64, place: F64, usable: NDArray[np.bool_]) -> Groups:
     """Motions that are one joined, those of few points left out, and every point with the one it keeps to best."""
     motions, group = groups.motions, groups.group.copy()
     _join(motions, group, first, groups.within.same_px)
     kept = [i for i in range(1, len(motions)) if np.count_nonzero(group == i) >= LEAST_POINTS]
-    fitted = [rigid(first[group == i], place[group == i]) for i in kept]
+    fitted = [fit_rigid_motion(first[group == i], place[group == i]) for i in kept]
     motions = [motions[0], *(motion for motion in fitted if motion is not None)]
-    off = np.stack([_off(motion, first, place) for motion in motions])
+    off = np.stack([_motion_distance(motion, first, place) for motion in motions])
     best = np.argmin(off, axis=0)
     best[~usable | (off.min(axis=0) > 2.0 * groups.within.keeps_px)] = -1
     return Groups(motions, np.asarray(best, dtype=np.intp), groups.key, groups.within)
@@ -169,16 +169,16 @@ def _join(motions: list[Motion], group: NDArray[np.intp], first: F64, same_px: f
     """Give the points of motions that are one to the first of them, from the last motion on."""
     for i in range(len(motions) - 1, 0, -1):
         for j in range(i):
-            if apart(motions[i], motions[j], first[(group == i) | (group == j)]) < same_px:
+            if motion_difference(motions[i], motions[j], first[(group == i) | (group == j)]) < same_px:
                 group[group == i] = j
                 break
 
 
-def apart(one: Motion, other: Motion, points: F64) -> float:
+def motion_difference(one: Motion, other: Motion, points: F64) -> float:
     """How far two motions bring most points apart in most frames, px."""
     if len(points) == 0:
         return 0.0
-    distance = np.hypot(*np.moveaxis(one.at(points) - other.at(points), 2, 0))
+    distance = np.hypot(*np.moveaxis(one.transform(points) - other.transform(points), 2, 0))
     return float(np.quantile(np.quantile(distance, 0.9, axis=1), 0.8))
 
 
@@ -189,11 +189,11 @@ FOUND = 0.7
 """Share of the frames in which a fit must hold for its motion to be taken."""
 
 
-def refined(tracks: PointTracks, groups: Groups) -> Groups:
+def refine_groups(tracks: PointTracks, groups: Groups) -> Groups:
     """The same groups with refined motions, joined where they are one."""
     motions, group = list(groups.motions), groups.group.copy()
     for i in range(1, len(motions)):
-        motions[i] = _refined(tracks, groups, i) or motions[i]
+        motions[i] = _refine_motion(tracks, groups, i) or motions[i]
     _join(motions, group, tracks.place_px[:, 0], groups.within.same_px)
     kept = [0, *(i for i in range(1, len(motions)) if np.count_nonzero(group == i) >= LEAST_POINTS)]
     renamed = np.full(len(motions), -1, dtype=np.intp)
@@ -202,7 +202,7 @@ def refined(tracks: PointTracks, groups: Groups) -> Groups:
     return replace(groups, motions=[motions[i] for i in kept], group=group)
 
 
-def _refined(tracks: PointTracks, groups: Groups, i: int) -> Motion | None:
+def _refine_motion(tracks: PointTracks, groups: Groups, i: int) -> Motion | None:
     """Motion of a group in the key frames by fits; None where they do not hold."""
     points = tracks.place_px[groups.group == i]
     mask = np.zeros(tracks.reference.shape, dtype=np.uint8)
@@ -216,7 +216,7 @@ def _refined(tracks: PointTracks, groups: Groups, i: int) -> Motion | None:
     pose, found = np.zeros((tracks.frame.size, 3)), np.zeros(tracks.frame.size, dtype=bool)
     found[0] = True
     for step in range(1, tracks.frame.size):
-        moved = _moved_on(template, pose[step - 1], points[:, step - 1], points[:, step])
+        moved = _advance_pose(template, pose[step - 1], points[:, step - 1], points[:, step])
         pose[step] = moved
         for guess in (moved, 2.0 * pose[step - 1] - pose[max(step - 2, 0)]):
             fit = fitter.fit(film, step, guess, None)
@@ -227,14 +227,14 @@ def _refined(tracks: PointTracks, groups: Groups, i: int) -> Motion | None:
     return _motion(template, pose[groups.key]) if found.mean() > FOUND else None
 
 
-def _moved_on(
+def _advance_pose(
     template: Template, pose: NDArray[np.float64], before: NDArray[np.float64], after: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """The pose carried along by points (n, 2) from one frame to the next."""
     both = np.isfinite(before[:, 0]) & np.isfinite(after[:, 0])
     if np.count_nonzero(both) < 3:
         return pose
-    step = rigid(before[both], after[both, None])
+    step = fit_rigid_motion(before[both], after[both, None])
     if step is None:
         return pose
     centre = np.array(template.centre_px)

@@ -64,21 +64,21 @@ def track_points(film: FrameSource) -> PointTracks:
     low, high = np.quantile(first, [0.002, 0.998])
     factor = 255.0 / max(float(high - low), 1.0)
 
-    def stretched(grey: NDArray[Any]) -> Picture:
+    def stretch_contrast(grey: NDArray[Any]) -> Picture:
         smooth = cv2.GaussianBlur((grey - low) * factor, (0, 0), SMOOTH_PX)
         return np.asarray(np.clip(smooth, 0.0, 255.0), dtype=np.uint8)
 
-    reference = stretched(first)
+    reference = stretch_contrast(first)
     # most pixels differ by noise, whatever moves
     noise = float(1.4826 * np.median(np.abs(second - first))) / np.sqrt(2.0) * factor
     noise = max(noise / (2.0 * np.sqrt(np.pi) * SMOOTH_PX), 0.3)
     frame = frames_by_activity(film)
-    light = _light_by(first)
+    light = _illumination_statistic(first)
     pictures = []
     for index in frame:
         grey = film.read(int(index)).astype(np.float32)
-        pictures.append(stretched(grey * (float(light(first)) / max(float(light(grey)), 1e-6))))
-    points, spacing = _chosen_points(reference, noise)
+        pictures.append(stretch_contrast(grey * (float(light(first)) / max(float(light(grey)), 1e-6))))
+    points, spacing = _select_points(reference, noise)
     place = np.full((len(points), frame.size, 2), np.nan)
     place[:, 0] = points
     alive = np.arange(len(points))
@@ -86,7 +86,7 @@ def track_points(film: FrameSource) -> PointTracks:
     for step in range(1, frame.size):
         if alive.size == 0:
             break
-        there, kept = _followed(before, pictures[step], place[alive, step - 1])
+        there, kept = _track_to_next(before, pictures[step], place[alive, step - 1])
         alive = alive[kept]
         place[alive, step] = there[kept]
         before = pictures[step]
@@ -102,7 +102,7 @@ def frames_by_activity(film: FrameSource) -> NDArray[np.intp]:
     for index in looked_at:
         grey = film.read(int(index)).astype(np.float32)
         small = np.asarray(cv2.resize(grey, None, fx=0.125, fy=0.125, interpolation=cv2.INTER_AREA), dtype=np.float32)
-        light = light or _light_by(small)
+        light = light or _illumination_statistic(small)
         small /= max(float(light(small)), 1e-6)
         if before is not None:
             change.append(float(np.abs(small - before).mean()))
@@ -113,12 +113,12 @@ def frames_by_activity(film: FrameSource) -> NDArray[np.intp]:
     return np.unique(np.rint(np.interp(np.linspace(0.0, way[-1], MOST_FRAMES), way, looked_at)).astype(int))
 
 
-def _light_by(first: NDArray[Any]) -> Callable[[NDArray[Any]], Any]:
+def _illumination_statistic(first: NDArray[Any]) -> Callable[[NDArray[Any]], Any]:
     """What tells the light: the median, which hardly follows what moves, or the mean if the first is mostly black."""
     return np.median if np.median(first) > BLACK * np.quantile(first, 0.998) else np.mean
 
 
-def _chosen_points(reference: Picture, noise: float) -> tuple[NDArray[np.float64], float]:
+def _select_points(reference: Picture, noise: float) -> tuple[NDArray[np.float64], float]:
     """The most textured point (x, y) of each cell that has texture, and the side of the cells."""
     height, width = reference.shape
     spacing = max(LEAST_SPACING_PX, float(np.sqrt(height * width / MOST_POINTS)))
@@ -143,7 +143,7 @@ def weakest_slope2(reference: Picture) -> NDArray[np.float32]:
     return np.asarray(0.5 * (xx + yy - np.sqrt((xx - yy) ** 2 + 4.0 * xy * xy)), dtype=np.float32)
 
 
-def _followed(
+def _track_to_next(
     before: Picture, after: Picture, place: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Places of points in the next picture, and which of them come back when followed from there."""

@@ -3,7 +3,7 @@
 Meant for the first film of a camera setting; the tracker never uses a proposal that nobody has seen.
 
 Method: textured points are followed through the film (`point_tracks`) and sorted into rigid motions (`motion_groups`),
-which fits refine (`motion_groups.refined`); the pixels that each motion explains become its region; pins
+which fits refine (`motion_groups.refine_groups`); the pixels that each motion explains become its region; pins
 and overlaps tell parents and layers. Where most points are lost before the film ends (large turns, glare), its
 beginning is tried as well; where nothing moves by a pixel, smaller motions are looked for; the attempt whose outlines
 hold most points that move with them is given. Bodies that never move relative to each other are one outline; what shows
@@ -33,7 +33,7 @@ from scipy.spatial import KDTree
 from vision.bodies.outlines import Body, signed_distance
 from vision.errors import TrackingError
 from vision.film.source import FrameSource
-from vision.proposals.motion_groups import USUAL, Distances, Groups, Motion, group_by_motion, refined
+from vision.proposals.motion_groups import USUAL, Distances, Groups, Motion, group_by_motion, refine_groups
 from vision.proposals.point_tracks import PointTracks, track_points
 
 SMOOTH_PX = 2.0
@@ -56,7 +56,7 @@ MOST_CORNERS = 20
 Mask = NDArray[np.uint8]
 
 
-def left_over(tracks: PointTracks, groups: Groups) -> NDArray[np.float32]:
+def motion_residuals(tracks: PointTracks, groups: Groups) -> NDArray[np.float32]:
     """What each motion leaves of the frames at every pixel of the reference, over the noise, (m, height, width)."""
     reference = tracks.reference.astype(np.float32)
     left = []
@@ -64,7 +64,9 @@ def left_over(tracks: PointTracks, groups: Groups) -> NDArray[np.float32]:
         most = DIFFERENT * tracks.noise_grey
         frames = [
             cv2.GaussianBlur(
-                np.minimum(np.abs(turned_back(tracks.pictures[step], matrix) - reference), most), (0, 0), SMOOTH_PX
+                np.minimum(np.abs(warp_to_reference(tracks.pictures[step], matrix) - reference), most),
+                (0, 0),
+                SMOOTH_PX,
             )
             for step, matrix in zip(groups.key, motion.matrices(), strict=True)
         ]
@@ -72,16 +74,16 @@ def left_over(tracks: PointTracks, groups: Groups) -> NDArray[np.float32]:
     return np.asarray(left, dtype=np.float32)
 
 
-def turned_back(picture: NDArray[np.uint8], matrix: NDArray[np.float64]) -> NDArray[np.float32]:
+def warp_to_reference(picture: NDArray[np.uint8], matrix: NDArray[np.float64]) -> NDArray[np.float32]:
     """A frame with the body where it is in the reference; far from any grey value where the frame does not show it."""
     size, flags = picture.shape[::-1], cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     grey = picture.astype(np.float32)
     return np.asarray(cv2.warpAffine(grey, matrix, size, flags=flags, borderMode=cv2.BORDER_CONSTANT, borderValue=1e4))
 
 
-def regions(tracks: PointTracks, groups: Groups) -> list[tuple[Motion, Mask]]:
+def find_regions(tracks: PointTracks, groups: Groups) -> list[tuple[Motion, Mask]]:
     """Each motion with its region, largest first; motions of which no region is left are left out."""
-    left = left_over(tracks, groups)
+    left = motion_residuals(tracks, groups)
     order = np.sort(left, axis=0)
     sure = (order[0] < np.maximum(CLEARLY_BETTER * order[1], order[1] - LARGEST)) & (order[0] < LARGEST)
     best = np.where(sure, np.argmin(left, axis=0), -1)
@@ -89,19 +91,19 @@ def regions(tracks: PointTracks, groups: Groups) -> list[tuple[Motion, Mask]]:
     near = np.zeros(best.shape, dtype=np.uint8)
     for i in range(1, len(groups.motions)):
         points = tracks.place_px[groups.group == i, 0]
-        own = _with_points(_opened(np.asarray(best == i, dtype=np.uint8), 3), points, tracks.spacing_px)
+        own = _parts_near_points(_open_mask(np.asarray(best == i, dtype=np.uint8), 3), points, tracks.spacing_px)
         if np.count_nonzero(own) < MIN_AREA_PX // 8:
             continue
         marks[own > 0] = i + 1
         hull = cv2.convexHull(np.argwhere(own > 0)[:, ::-1].astype(np.int32))
-        near |= _dilated(np.asarray(cv2.fillConvexPoly(np.zeros_like(near), hull, 1), dtype=np.uint8), AROUND_PX)
+        near |= _dilate(np.asarray(cv2.fillConvexPoly(np.zeros_like(near), hull, 1), dtype=np.uint8), AROUND_PX)
     marks[(marks == 0) & ((best == 0) | (near == 0))] = 1
     colour = cv2.cvtColor(cv2.GaussianBlur(tracks.reference, (0, 0), 1.0), cv2.COLOR_GRAY2BGR)
     grown = cv2.watershed(colour, marks)
     found = []
     for i, motion in enumerate(groups.motions[1:], start=1):
         own = grown == i + 1
-        mask = _whole(np.asarray(own & ~flat_rim(own, grown == 1, tracks), dtype=np.uint8), widened=True)
+        mask = _largest_part(np.asarray(own & ~flat_rim(own, grown == 1, tracks), dtype=np.uint8), widened=True)
         if mask is not None:
             found.append((motion, mask))
     found.sort(key=lambda item: -int(np.count_nonzero(item[1])))
@@ -120,16 +122,16 @@ def flat_rim(region: NDArray[np.bool_], rests: NDArray[np.bool_], tracks: PointT
     return np.asarray(beside[labels])
 
 
-def outlines(masks: Sequence[Mask]) -> list[NDArray[np.float64] | None]:
+def trace_outlines(masks: Sequence[Mask]) -> list[NDArray[np.float64] | None]:
     """An outline (k, 2) for each region, largest first, simple and without overlap; None where too little is left."""
     taken = np.zeros(masks[0].shape, dtype=bool) if masks else np.zeros((0, 0), dtype=bool)
     result: list[NDArray[np.float64] | None] = []
     for mask in reversed(masks):  # the smaller lies in front more often
         polygon = None
         for widened in (0, 3, 6, 9):
-            free = mask & ~_dilated(taken.astype(np.uint8), widened)
-            whole = _whole(free)
-            polygon = None if whole is None else _simple(whole)
+            free = mask & ~_dilate(taken.astype(np.uint8), widened)
+            whole = _largest_part(free)
+            polygon = None if whole is None else _simple_outline(whole)
             if polygon is None or not np.any((signed_distance(polygon, *mask.shape) > 0.0) & taken):
                 break
         else:
@@ -140,7 +142,7 @@ def outlines(masks: Sequence[Mask]) -> list[NDArray[np.float64] | None]:
     return result[::-1]
 
 
-def _simple(mask: Mask) -> NDArray[np.float64] | None:
+def _simple_outline(mask: Mask) -> NDArray[np.float64] | None:
     contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     largest = max(contours, key=cv2.contourArea)
     for tolerance in np.arange(1.0, 12.0, 0.5):
@@ -150,11 +152,11 @@ def _simple(mask: Mask) -> NDArray[np.float64] | None:
     return None
 
 
-def _whole(mask: Mask, widened: bool = False) -> Mask | None:
+def _largest_part(mask: Mask, widened: bool = False) -> Mask | None:
     """The largest connected part, smoothed and without holes; None where it is too small. ``widened`` is what smoothing
     has made too wide."""
-    narrow = np.asarray(cv2.erode(mask, _disc(5)), dtype=np.uint8) if widened else mask
-    smooth = _opened(np.asarray(cv2.morphologyEx(narrow, cv2.MORPH_CLOSE, _disc(5)), dtype=np.uint8), 5)
+    narrow = np.asarray(cv2.erode(mask, _disc_kernel(5)), dtype=np.uint8) if widened else mask
+    smooth = _open_mask(np.asarray(cv2.morphologyEx(narrow, cv2.MORPH_CLOSE, _disc_kernel(5)), dtype=np.uint8), 5)
     contours, _ = cv2.findContours(smooth, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     if not contours:
         return None
@@ -164,23 +166,23 @@ def _whole(mask: Mask, widened: bool = False) -> Mask | None:
     return np.asarray(cv2.drawContours(np.zeros_like(mask), [largest], -1, 1, cv2.FILLED), dtype=np.uint8)
 
 
-def _with_points(mask: Mask, points: NDArray[np.float64], spacing_px: float) -> Mask:
+def _parts_near_points(mask: Mask, points: NDArray[np.float64], spacing_px: float) -> Mask:
     """Only the parts of a mask near points of the same motion."""
     near = np.zeros_like(mask)
     for x, y in np.rint(points).astype(int):
         near[y, x] = 1
-    return mask & _dilated(near, int(max(3.0 * spacing_px, 16.0)))
+    return mask & _dilate(near, int(max(3.0 * spacing_px, 16.0)))
 
 
-def _dilated(mask: Mask, by_px: int) -> Mask:
-    return np.asarray(cv2.dilate(mask, _disc(2 * by_px + 1)), dtype=np.uint8)
+def _dilate(mask: Mask, by_px: int) -> Mask:
+    return np.asarray(cv2.dilate(mask, _disc_kernel(2 * by_px + 1)), dtype=np.uint8)
 
 
-def _opened(mask: Mask, size: int) -> Mask:
-    return np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, _disc(size)), dtype=np.uint8)
+def _open_mask(mask: Mask, size: int) -> Mask:
+    return np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, _disc_kernel(size)), dtype=np.uint8)
 
 
-def _disc(size: int) -> Mask:
+def _disc_kernel(size: int) -> Mask:
     return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)), dtype=np.uint8)
 
 
@@ -197,17 +199,17 @@ CLEARLY = 1.5
 Region = tuple[Motion, NDArray[np.uint8]]
 
 
-def parents_of(regions: Sequence[Region]) -> list[int | None]:
+def find_parents(regions: Sequence[Region]) -> list[int | None]:
     """Index of the body each is pinned to; None for the ground, or where no pin is found."""
     rest = Motion(np.tile(np.eye(2), (len(regions[0][0].turn), 1, 1)), np.zeros((len(regions[0][0].turn), 2)))
     outside = [cv2.distanceTransform(np.asarray(1 - mask, np.uint8), cv2.DIST_L2, 5) for _, mask in regions]
 
     def miss(i: int, j: int | None) -> float:
-        found = pin(regions[i][0], rest if j is None else regions[j][0])
+        found = find_pin(regions[i][0], rest if j is None else regions[j][0])
         if found is None:
             return np.inf
         point, off = found
-        near = all(_at(outside[k], point) < NEAR_PX for k in (i, j) if k is not None)
+        near = all(_value_at(outside[k], point) < NEAR_PX for k in (i, j) if k is not None)
         return off if near else np.inf
 
     # from the ground outwards, the surest pin first
@@ -224,7 +226,7 @@ def parents_of(regions: Sequence[Region]) -> list[int | None]:
     return [placed.get(i) for i in range(len(regions))]
 
 
-def pin(one: Motion, other: Motion) -> tuple[NDArray[np.float64], float] | None:
+def find_pin(one: Motion, other: Motion) -> tuple[NDArray[np.float64], float] | None:
     """The point of the reference (x, y) that two motions keep together best, and its distance, root mean square; None
     where they do not turn against each other."""
     turn, shift = one.turn - other.turn, other.shift - one.shift
@@ -235,7 +237,7 @@ def pin(one: Motion, other: Motion) -> tuple[NDArray[np.float64], float] | None:
     return point, float(np.sqrt(np.mean(off**2)))
 
 
-def layers_of(tracks: PointTracks, key: NDArray[np.intp], regions: Sequence[Region]) -> list[int]:
+def order_layers(tracks: PointTracks, key: NDArray[np.intp], regions: Sequence[Region]) -> list[int]:
     """Layer of each body, the larger in front; equal where the film does not tell."""
     behind: list[set[int]] = [set() for _ in regions]
     for i in range(len(regions)):
@@ -270,7 +272,7 @@ def _difference_ratio(tracks: PointTracks, key: NDArray[np.intp], one: Region, o
     return float(total[0] / max(total[1], 1e-9)) if count >= OVERLAP_PX else 1.0
 
 
-def _at(distance: NDArray[Any], point: NDArray[np.float64]) -> float:
+def _value_at(distance: NDArray[Any], point: NDArray[np.float64]) -> float:
     """Distance at a point, which may lie outside the picture."""
     height, width = distance.shape
     inside = np.clip(np.rint(point), 0.0, [width - 1.0, height - 1.0])
@@ -318,16 +320,16 @@ def propose_bodies(film: FrameSource) -> list[Body]:
     if film.n_frames < LEAST_FRAMES:
         raise TrackingError(f"{film.path}: {film.n_frames} frames; a proposal needs at least {LEAST_FRAMES}")
     tracks = track_points(film)
-    whole = _attempt(tracks, USUAL)
-    others = [_attempt(tracks.beginning(n), USUAL) for n in _shorter(tracks)]
+    whole = _try_outlines(tracks, USUAL)
+    others = [_try_outlines(tracks.beginning(n), USUAL) for n in _shortened_lengths(tracks)]
     rests = len(whole.groups.motions) == 1 and np.count_nonzero(whole.groups.group == 0) > 0.5 * len(tracks.place_px)
     if rests and not whole.bodies and not any(other.bodies for other in others):
-        within = USUAL.scaled(_finer(tracks))
-        if not _shakes(tracks, within.rests_px):
-            others.append(_attempt(tracks, within))
+        within = USUAL.scale_by(_distance_scale(tracks))
+        if not _is_camera_shaking(tracks, within.rests_px):
+            others.append(_try_outlines(tracks, within))
     best = max([whole, *others], key=lambda attempt: attempt.points)
     if not best.bodies:
-        raise TrackingError(f"{film.path}: {_reason(tracks, whole.groups)}; draw outlines by hand")
+        raise TrackingError(f"{film.path}: {_explain_failure(tracks, whole.groups)}; draw outlines by hand")
     return best.bodies
 
 
@@ -340,15 +342,15 @@ class _Attempt:
     groups: Groups
 
 
-def _attempt(tracks: PointTracks, within: Distances) -> _Attempt:
-    groups = refined(tracks, group_by_motion(tracks, within))
-    found = regions(tracks, groups) if len(groups.motions) > 1 else []
-    polygons = outlines([mask for _, mask in found])
+def _try_outlines(tracks: PointTracks, within: Distances) -> _Attempt:
+    groups = refine_groups(tracks, group_by_motion(tracks, within))
+    found = find_regions(tracks, groups) if len(groups.motions) > 1 else []
+    polygons = trace_outlines([mask for _, mask in found])
     kept = [(region, polygon) for region, polygon in zip(found, polygons, strict=True) if polygon is not None]
     if not kept:
         return _Attempt([], 0, groups)
     own = [region for region, _ in kept]
-    parents, layers = parents_of(own), layers_of(tracks, groups.key, own)
+    parents, layers = find_parents(own), order_layers(tracks, groups.key, own)
     names = [f"body{i + 1}" for i in range(len(kept))]
     bodies = [
         Body(name, polygon, None if parent is None else names[parent], layer)
@@ -362,7 +364,7 @@ def _attempt(tracks: PointTracks, within: Distances) -> _Attempt:
     return _Attempt(bodies, points, groups)
 
 
-def _shorter(tracks: PointTracks) -> list[int]:
+def _shortened_lengths(tracks: PointTracks) -> list[int]:
     """Numbers of frames after which the points of the first frame have become few."""
     followed = np.isfinite(tracks.place_px[..., 0]).sum(axis=0) / max(len(tracks.place_px), 1)
     if followed[-1] > LOST:
@@ -371,7 +373,7 @@ def _shorter(tracks: PointTracks) -> list[int]:
     return sorted(n for n in ends if LEAST_FRAMES <= n < tracks.frame.size)
 
 
-def _shakes(tracks: PointTracks, rests_px: float) -> bool:
+def _is_camera_shaking(tracks: PointTracks, rests_px: float) -> bool:
     """Whether most points only shift, all alike: the camera moves."""
     place = tracks.place_px[:, np.isfinite(tracks.place_px[..., 0]).any(axis=0)]
     moved = place - place[:, :1]
@@ -379,7 +381,7 @@ def _shakes(tracks: PointTracks, rests_px: float) -> bool:
     return float(np.mean(np.nanquantile(off, 0.8, axis=1) < rests_px)) > SHAKEN
 
 
-def _finer(tracks: PointTracks) -> float:
+def _distance_scale(tracks: PointTracks) -> float:
     """Share of the usual distances that the noise of the followed points permits: neighbours move alike."""
     moved = tracks.place_px - tracks.place_px[:, :1]
     _, near = KDTree(tracks.place_px[:, 0]).query(tracks.place_px[:, 0], 2)
@@ -388,7 +390,7 @@ def _finer(tracks: PointTracks) -> float:
     return float(np.clip(NOISES * noise / USUAL.rests_px, LEAST_FACTOR, 1.0))
 
 
-def _reason(tracks: PointTracks, groups: Groups) -> str:
+def _explain_failure(tracks: PointTracks, groups: Groups) -> str:
     """Why no outline is proposed."""
     n = len(tracks.place_px)
     if n == 0:

@@ -50,7 +50,7 @@ NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], dtype=np.uint8)
 AROUND = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
 
 
-class WithoutDefects(Corrected):
+class DefectCorrectedFilm(Corrected):
     """A film whose defect pixels (rows, columns) have the median grey value of their neighbours."""
 
     def __init__(self, film: FrameSource, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> None:
@@ -62,46 +62,46 @@ class WithoutDefects(Corrected):
         grey = np.array(self.film.read_region(index, y0, y1, x0, x1))
         inside = (self.rows >= y0) & (self.rows < y1) & (self.columns >= x0) & (self.columns < x1)
         rows, columns = self.rows[inside] - y0, self.columns[inside] - x0
-        grey[rows, columns] = np.median(_beside(grey, rows, columns), axis=0)
+        grey[rows, columns] = np.median(_neighbours(grey, rows, columns), axis=0)
         return grey
 
 
-def _beside(grey: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[Any]:
+def _neighbours(grey: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[Any]:
     """The eight neighbours of each pixel, (8, k)."""
     last_y, last_x = grey.shape[0] - 1, grey.shape[1] - 1
     return np.stack([grey[np.clip(rows + dy, 0, last_y), np.clip(columns + dx, 0, last_x)] for dy, dx in AROUND])
 
 
-def without_defects(film: FrameSource) -> FrameSource:
+def correct_defects(film: FrameSource) -> FrameSource:
     """The film itself, or less its defect pixels where it has any."""
-    first = _apart(film.read(0), film.bit_depth)
+    first = _classify_outliers(film.read(0), film.bit_depth)
     count = np.count_nonzero(first)
     if not 0 < count <= MOST_SHARE * first.size:
         return film
     # of a film that must be decoded in order only the beginning is near
     last = min(FRAMES if getattr(film, "in_order", True) else film.n_frames, film.n_frames) - 1
     frames = np.unique(np.linspace(0, last, FRAMES).astype(int))
-    alike = sum((_apart(film.read(int(k)), film.bit_depth) == first).astype(int) for k in frames)
+    alike = sum((_classify_outliers(film.read(int(k)), film.bit_depth) == first).astype(int) for k in frames)
     rows, columns = np.nonzero((first != 0) & (alike >= min(AGREE, frames.size)))
-    stays = _stays(film, rows, columns, last) if rows.size else np.zeros(0, dtype=bool)
-    return WithoutDefects(film, rows[stays], columns[stays]) if stays.any() else film
+    stays = _is_fixed(film, rows, columns, last) if rows.size else np.zeros(0, dtype=bool)
+    return DefectCorrectedFilm(film, rows[stays], columns[stays]) if stays.any() else film
 
 
-def _stays(film: FrameSource, rows: NDArray[np.intp], columns: NDArray[np.intp], last: int) -> NDArray[np.bool_]:
+def _is_fixed(film: FrameSource, rows: NDArray[np.intp], columns: NDArray[np.intp], last: int) -> NDArray[np.bool_]:
     """Which pixels still differ from their neighbours where these have changed: texture of a body that rests in most
     frames goes with them."""
     beside, off = [], []
     for k in np.unique(np.linspace(0, last, MORE_FRAMES).astype(int)):
         grey = film.read(int(k))
         light = float(np.median(grey[::8, ::8])) + 1.0
-        beside.append(_beside(grey, rows, columns) / light)
+        beside.append(_neighbours(grey, rows, columns) / light)
         off.append(grey[rows, columns] / light - np.median(beside[-1], axis=0))
     out = np.array(off) * np.sign(off[0]) > OUT * np.abs(off[0])
     most = np.argsort(-np.abs(np.array(beside) - beside[0]).sum(axis=1), axis=0, kind="stable")[:CHANGED]
     return np.asarray(2 * np.take_along_axis(out, most, axis=0).sum(axis=0) > len(most))
 
 
-def _apart(frame: NDArray[Any], bit_depth: int) -> NDArray[np.int8]:
+def _classify_outliers(frame: NDArray[Any], bit_depth: int) -> NDArray[np.int8]:
     """1 where a pixel is far brighter than its neighbours, -1 where far darker, else 0."""
     grey = np.ascontiguousarray(frame)
     if grey.dtype not in (np.uint8, np.uint16):
@@ -127,7 +127,7 @@ OUTLYING = 3.0
 ROUNDS = 3
 
 
-class WithoutRowFlicker(Corrected):
+class FlickerCorrectedFilm(Corrected):
     """A film whose even and odd rows are brought to the same light, frame by frame; saturated pixels stay so.
 
     Grey values are float32. ``box`` (y0, y1, x0, x1) is where the light is looked at.
@@ -142,33 +142,33 @@ class WithoutRowFlicker(Corrected):
         """By how much the even rows of a frame are brighter than the mean of all, as a share."""
         if index not in self._amplitudes:
             grey = self.film.read_region(index, *self.box)
-            self._amplitudes[index] = alternation(grey, self.box[0], self._top)[0]
+            self._amplitudes[index] = row_flicker_share(grey, self.box[0], self._top)[0]
         return self._amplitudes[index]
 
     def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
         """Rectangle of a frame."""
         grey = self.film.read_region(index, y0, y1, x0, x1)
-        factor = (1.0 / (1.0 + self.amplitude(index) * even_rows(y0, y1))).astype(np.float32)
+        factor = (1.0 / (1.0 + self.amplitude(index) * row_parity(y0, y1))).astype(np.float32)
         return np.where(grey >= self._top, np.float32(self._top), grey * factor[:, None])
 
 
-def without_row_flicker(film: FrameSource, box: tuple[int, int, int, int]) -> FrameSource:
+def correct_row_flicker(film: FrameSource, box: tuple[int, int, int, int]) -> FrameSource:
     """The film itself, or with even light in its rows where that flickers inside a rectangle (y0, y1, x0, x1)."""
     if film.n_frames < 3 or box[1] - box[0] < 8:
         return film
     top = saturated_grey(film)
     frames = range(min(FIRST, film.n_frames))
-    amplitude, u = np.array([alternation(film.read_region(k, *box), box[0], top) for k in frames]).T
+    amplitude, u = np.array([row_flicker_share(film.read_region(k, *box), box[0], top) for k in frames]).T
     changing = float(np.std(amplitude))
-    return WithoutRowFlicker(film, box) if changing > max(LEAST, SURE * float(u.max())) else film
+    return FlickerCorrectedFilm(film, box) if changing > max(LEAST, SURE * float(u.max())) else film
 
 
-def even_rows(y0: int, y1: int) -> NDArray[np.float64]:
+def row_parity(y0: int, y1: int) -> NDArray[np.float64]:
     """1 for the even and -1 for the odd of rows ``y0..y1-1``."""
     return np.asarray(1.0 - 2.0 * (np.arange(y0, y1) % 2), dtype=np.float64)
 
 
-def alternation(grey: NDArray[Any], first_row: int, top: int) -> tuple[float, float]:
+def row_flicker_share(grey: NDArray[Any], first_row: int, top: int) -> tuple[float, float]:
     """Share by which the even rows of a rectangle are brighter than the mean of all, and its standard uncertainty.
 
     Pixels at or above ``top`` are left out. Zero and infinite where nothing can be said.
@@ -177,7 +177,7 @@ def alternation(grey: NDArray[Any], first_row: int, top: int) -> tuple[float, fl
     beside = light[:-2] + light[2:]
     # of a row and its neighbours, the mean does not change with the amplitude and the difference is all of it
     mean, off = 0.25 * (2.0 * light[1:-1] + beside), 0.25 * (2.0 * light[1:-1] - beside)
-    off *= even_rows(first_row + 1, first_row + grey.shape[0] - 1)[:, None]
+    off *= row_parity(first_row + 1, first_row + grey.shape[0] - 1)[:, None]
     below = light < top
     use = below[1:-1] & below[:-2] & below[2:] & (mean > 0.0)
     share = 0.0
@@ -201,7 +201,7 @@ LEAST_VALUES = 3
 """Fewer grey values are no texture."""
 
 
-def grey_step(film: FrameSource, box: tuple[int, int, int, int]) -> float:
+def find_grey_step(film: FrameSource, box: tuple[int, int, int, int]) -> float:
     """Smallest difference of two grey values that occur in a rectangle (y0, y1, x0, x1) of the first frame."""
     while hasattr(film, "film"):  # what was taken off a frame has no steps
         if isinstance(film, RectifiedFilm):
@@ -211,7 +211,7 @@ def grey_step(film: FrameSource, box: tuple[int, int, int, int]) -> float:
     return float(np.diff(values.astype(np.float64)).min()) if values.size >= LEAST_VALUES else np.inf
 
 
-def in_coarse_steps(template: Template, step: float) -> bool:
+def is_coarsely_quantised(template: Template, step: float) -> bool:
     """Whether a body is seen in steps of grey that neither its texture nor its noise make fine."""
     return step > OF_TEXTURE * float(np.std(template.columns[3])) and step > OF_NOISE * template.noise_grey
 

@@ -102,8 +102,8 @@ class RectifiedFilm(Corrected):
         step, start = (1, 0) if self.field is None else (2, self.field)
         at_x, at_y = at[..., 0], (at[..., 1] - start) / step
         height, width = -(-(self.film.height - start) // step), self.film.width
-        left, right = _range(at_x, width)
-        top, bottom = _range(at_y, height)
+        left, right = _source_range(at_x, width)
+        top, bottom = _source_range(at_y, height)
         first = top * step + start
         grey = self.film.read_region(index, first, first + (bottom - top - 1) * step + 1, left, right)
         grey = np.ascontiguousarray(grey[::step], dtype=np.float32)
@@ -112,7 +112,7 @@ class RectifiedFilm(Corrected):
         return out
 
 
-def _range(at: NDArray[np.float64], size: int) -> tuple[int, int]:
+def _source_range(at: NDArray[np.float64], size: int) -> tuple[int, int]:
     """First and end of the film's rows or columns that points need, at least two coefficients' filters wide."""
     low = int(np.clip(math.floor(float(at.min())) - MARGIN_PX, 0, max(size - 2 * MARGIN_PX, 0)))
     high = int(np.clip(math.ceil(float(at.max())) + MARGIN_PX + 1, min(low + 2 * MARGIN_PX, size), size))

@@ -5,16 +5,16 @@ common to all frames: ten give a third of one frame's noise.
 
 Method: frames are compared one by one with the running mean inside the bodies' regions, after fitting gain, offset
 and two gradients, which takes out flicker. The still run ends where the difference exceeds what the noise of the first
-frames explains. That test is quick but sees only coarse motion; `still_count` judges the
+frames explains. That test is quick but sees only coarse motion; `count_still_frames` judges the
 poses of the bodies themselves.
 
 A fit resolves motion of a hundredth of a pixel, long before grey values differ by more than their noise; a reference
 that contains such frames would be smeared and its zero shifted.
 
-Method of `still_count`: each pose coordinate of each body, over its standard uncertainty, is compared with the mean of
-the frames before, alone and as the mean of the last 2, 4, 8 and 16 frames. The first window that differs by more than
-`LIMIT` standard deviations ends the still run, one window's length and `GUARD` frames before that window: a motion that
-starts gently is seen only some time after its start.
+Method of `count_still_frames`: each pose coordinate of each body, over its standard uncertainty, is compared with the
+mean of the frames before, alone and as the mean of the last 2, 4, 8 and 16 frames. The first window that differs by
+more than `LIMIT` standard deviations ends the still run, one window's length and `GUARD` frames before that window: a
+motion that starts gently is seen only some time after its start.
 """
 
 from __future__ import annotations
@@ -164,7 +164,7 @@ FIRST, FIRST_LIMIT = 4, 8.0
 """With fewer frames before it, only gross motion ends the run."""
 
 
-def still_count(pose: NDArray[np.float64], u_pose: NDArray[np.float64]) -> int:
+def count_still_frames(pose: NDArray[np.float64], u_pose: NDArray[np.float64]) -> int:
     """Number of still frames at the start, 1 to n, by the pose coordinates (n, k) of all bodies, frame by frame, NaN
     where lost, and the standard uncertainty of each from that frame's noise."""
     n = len(pose)

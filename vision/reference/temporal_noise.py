@@ -53,7 +53,7 @@ _LINE[[0, STEP_PX, -1]] = 1.0, -2.0, 1.0
 SECOND_DIFFERENCE = np.outer(_LINE, _LINE) / np.float32(6.0)
 
 
-def delay_in_frames(film: FrameSource, n_still: int, level: float = LEVEL) -> float:
+def estimate_delay_frames(film: FrameSource, n_still: int, level: float = LEVEL) -> float:
     """Delay of steady motion by filtering in time, in frames; 0 where the noise of the still frames is white.
 
     Fewer than `LEAST_FRAMES` still frames, and pictures without noise, cannot tell: 0.
@@ -111,17 +111,17 @@ def _noise_by_tile(frames: NDArray[np.float32], top: float) -> NDArray[np.float3
     chosen = whole[np.argsort(texture, kind="stable")[: max(LEAST_TILES, int(FLAT_SHARE * whole.size))]]
     y, x = np.mgrid[0:height, 0:width].astype(np.float32)
     turned = slope_y * (x - np.float32(width / 2)) - slope_x * (y - np.float32(height / 2))
-    design = np.stack([_high_passed(one, chosen) for one in (mean, slope_x, slope_y, turned)]).reshape(4, -1)
+    design = np.stack([_second_difference(one, chosen) for one in (mean, slope_x, slope_y, turned)]).reshape(4, -1)
     follow = np.linalg.pinv(design.astype(float).T, rcond=1e-6)
     found = []
     for frame in frames:
-        noise = _high_passed(frame - mean, chosen)
+        noise = _second_difference(frame - mean, chosen)
         amplitude = follow @ noise.ravel().astype(float)
         found.append(noise - (amplitude @ design).reshape(noise.shape).astype(np.float32))
     return np.stack(found)
 
 
-def _high_passed(picture: NDArray[np.float32], chosen: NDArray[np.intp]) -> NDArray[np.float32]:
+def _second_difference(picture: NDArray[np.float32], chosen: NDArray[np.intp]) -> NDArray[np.float32]:
     """Second difference of a picture in some tiles, (tiles, pixels)."""
     return _tiles(np.asarray(cv2.filter2D(picture, cv2.CV_32F, SECOND_DIFFERENCE), dtype=np.float32))[chosen]
 

@@ -47,7 +47,7 @@ class PoseTable:
         return cls(frame, pose, covariance, zncc, inlier, noise, gain, flag, ratio, blocks)
 
     @property
-    def failed(self) -> NDArray[np.bool_]:
+    def is_lost(self) -> NDArray[np.bool_]:
         """True where a body is lost, shape (n, m)."""
         return is_failed(self.flag)
 
@@ -84,7 +84,7 @@ class PoseTable:
             getattr(self, name)[at] = getattr(other, name)[there]
 
 
-def turned_covariance(covariance: NDArray[np.float64], turn_rad: NDArray[np.float64] | float) -> NDArray[np.float64]:
+def rotate_covariance(covariance: NDArray[np.float64], turn_rad: NDArray[np.float64] | float) -> NDArray[np.float64]:
     """Covariances (..., 3, 3) of (turn, x, y) along a body's own axes as along the picture's, where the body has turned
     by ``turn_rad`` (...)."""
     whole = np.zeros(covariance.shape)
@@ -92,7 +92,7 @@ def turned_covariance(covariance: NDArray[np.float64], turn_rad: NDArray[np.floa
     return np.asarray(whole @ covariance @ np.swapaxes(whole, -1, -2))
 
 
-def apart(pose: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+def pose_difference(pose: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
     """A pose (3,) of a body less another, the shift along the body's own axes."""
     off = pose - other
     return np.array([off[0], *(off[1:] @ turn_matrix(other[0]))])

@@ -79,9 +79,11 @@ class TrackResult(ArrayRecord):
     info: dict[str, Any] = field(default_factory=dict)
 
     @property
-    def failed(self) -> NDArray[np.bool_]:
+    def is_lost(self) -> NDArray[np.bool_]:
         """True where a body was lost, shape (n, m)."""
         return is_failed(self.flag)
+
+    failed = is_lost  # its former name, for one release
 
     def column(self, body: str) -> int:
         """Index of a body; raises `VisionInputError` for an unknown name."""
@@ -151,7 +153,7 @@ class TrackResult(ArrayRecord):
                     "body": body,
                     "from": self.parents[i] or "the picture",
                     "frames": len(self.frame),
-                    "lost": int(self.failed[:, i].sum()),
+                    "lost": int(self.is_lost[:, i].sum()),
                     "least, °": angle[known].min() if known.any() else np.nan,
                     "largest, °": angle[known].max() if known.any() else np.nan,
                     "median u, mdeg": 1e3 * np.median(u[known]) if known.any() else np.nan,

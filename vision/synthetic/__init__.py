@@ -6,8 +6,17 @@ tests and the benchmarks; nothing here is part of tracking.
 
 from __future__ import annotations
 
-from vision.camera.model import Projection, tilted
-from vision.synthetic.scene import Scene, Sensor, SyntheticBody, background, box, thick_line, total_noise, turned
+from vision.camera.model import Projection, tilt_homography
+from vision.synthetic.scene import (
+    Scene,
+    Sensor,
+    SyntheticBody,
+    background,
+    box,
+    thick_line,
+    total_noise,
+    transform_points,
+)
 from vision.synthetic.textures import BlobTexture, speckle, wood_grain
 
 __all__ = [
@@ -20,8 +29,10 @@ __all__ = [
     "box",
     "speckle",
     "thick_line",
-    "tilted",
+    "tilt_homography",
     "total_noise",
-    "turned",
+    "transform_points",
     "wood_grain",
 ]
+
+tilted, turned = tilt_homography, transform_points  # their former names, for one release

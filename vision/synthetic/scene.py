@@ -67,7 +67,7 @@ def thick_line(points: ArrayLike, thickness: float | ArrayLike) -> NDArray[np.fl
     return np.vstack([line + offset, (line - offset)[::-1]])
 
 
-def turned(points: ArrayLike, phi_rad: float, pivot: tuple[float, float]) -> NDArray[np.float64]:
+def transform_points(points: ArrayLike, phi_rad: float, pivot: tuple[float, float]) -> NDArray[np.float64]:
     """Points turned by ``[[cos, -sin], [sin, cos]]`` about the origin and moved to a pivot."""
     return np.asarray(points, dtype=float) @ turn_matrix(phi_rad).T + np.asarray(pivot, dtype=float)
 
@@ -100,14 +100,14 @@ class SyntheticBody:
         x0, y0 = (float(v) for v in np.floor(self.polygon_px.min(axis=0) - margin))
         x1, y1 = np.ceil(self.polygon_px.max(axis=0) + margin)
         columns, rows = int((x1 - x0) * OVERSAMPLING) + 1, int((y1 - y0) * OVERSAMPLING) + 1
-        grey = self.texture.on_grid(x0, y0, 1.0 / OVERSAMPLING, rows, columns)
+        grey = self.texture.evaluate_grid(x0, y0, 1.0 / OVERSAMPLING, rows, columns)
         distance = signed_distance((self.polygon_px - (x0, y0)) * OVERSAMPLING, rows, columns) / OVERSAMPLING
         alpha = np.clip(0.5 + distance, 0.0, 1.0).astype(np.float32)
         return TextureTable(coefficients(grey), alpha, float(OVERSAMPLING), x0, y0)
 
     def outline(self, angle_rad: float, x_px: float, y_px: float) -> NDArray[np.float64]:
         """Outline in the picture at a pose."""
-        return turned(self.polygon_px, float(ccw_to_picture(angle_rad)), (x_px, y_px))
+        return transform_points(self.polygon_px, float(ccw_to_picture(angle_rad)), (x_px, y_px))
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ class BlobTexture:
     across: NDArray[np.float64]
     direction: NDArray[np.float64]  # (n,), angle of the long axis from x towards y, rad
 
-    def at(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+    def evaluate(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
         """Grey value at scattered points, straight from the formula."""
         x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
         grey = np.full(np.broadcast(x, y).shape, self.mean_grey)
@@ -40,7 +40,7 @@ class BlobTexture:
             grey += self._blob(i, x - self.x[i], y - self.y[i])
         return grey
 
-    def on_grid(self, x0: float, y0: float, step: float, rows: int, columns: int) -> NDArray[np.float32]:
+    def evaluate_grid(self, x0: float, y0: float, step: float, rows: int, columns: int) -> NDArray[np.float32]:
         """Grey values on a grid with its first point at (x0, y0), shape (rows, columns)."""
         grey = np.full((rows, columns), self.mean_grey)
         grid_x = x0 + step * np.arange(columns)

@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 
 from vision.angles import picture_to_ccw
 from vision.camera.model import Projection
-from vision.each import Each, in_turn
+from vision.each import ItemMap, serial_map
 from vision.errors import TrackingError
 from vision.fitting.pose_covariance import predicted_u_angle
-from vision.reference.camera_faults import in_coarse_steps
+from vision.reference.camera_faults import is_coarsely_quantised
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FrameFlag
-from vision.results.pose_table import PoseTable, turned_covariance
+from vision.results.pose_table import PoseTable, rotate_covariance
 from vision.results.track_result import TrackResult
-from vision.tracking.film_tracker import FilmTracker, first_poses
+from vision.tracking.film_tracker import FilmTracker, track_first_frames
 from vision.tracking.options import FitSettings
-from vision.uncertainty.budget_terms import UNDECLARED_FACTOR, PoseResponse, TrackedAngles, budget_of
-from vision.uncertainty.coherence import expected_ratio, variance_factor, widened
+from vision.uncertainty.budget_terms import UNDECLARED_FACTOR, PoseResponse, TrackedAngles, compute_budget
+from vision.uncertainty.coherence import expected_ratio, inflate_covariance, variance_factor
 
 PRECISE_U_RAD = np.radians(0.05) / 4.0
 """Up to this an error of 0.05 degrees is at least four standard uncertainties away."""
@@ -34,7 +34,7 @@ LINEAR_PX = 0.5
 """Beyond this u at the rim of a body neighbouring places of a texture fit alike, and u tells too little."""
 
 
-def widened_from(predicted_u_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+def widened_threshold(predicted_u_rad: NDArray[np.float64]) -> NDArray[np.float64]:
     """Standard uncertainty above which a row is flagged `WIDENED`, by what is expected of the body, rad."""
     usual = np.nan_to_num(USUAL_SHARE * predicted_u_rad, nan=PRECISE_U_RAD)
     return np.asarray(np.clip(usual, PRECISE_U_RAD, MOST_PRECISE_U_RAD))
@@ -44,13 +44,13 @@ def _width_flags(
     ready: PreparedFilm, predicted_u_rad: NDArray[np.float64], u_rad: NDArray[np.float64]
 ) -> NDArray[np.uint16]:
     """`WIDENED` and `IMPRECISE` of standard uncertainties (n, m)."""
-    film_tells = np.array([not in_coarse_steps(template, ready.grey_step) for template in ready.templates])
+    film_tells = np.array([not is_coarsely_quantised(template, ready.grey_step) for template in ready.templates])
     film_tells &= not ready.skips_blocks
     # what the best quarter of a body's rows have at most; 0 where it is lost in all of them
     best = [np.quantile(u[np.isfinite(u)], 0.25) if np.isfinite(u).any() else 0.0 for u in u_rad.T]
     usual = USUAL_SHARE * np.array(best)
     linear = LINEAR_PX / np.array([template.radius_px for template in ready.templates])
-    limit = widened_from(predicted_u_rad)
+    limit = widened_threshold(predicted_u_rad)
     wide = u_rad > np.where(film_tells, np.maximum(limit, np.minimum(usual, linear)), limit)
     usable = film_tells & (u_rad <= MOST_PRECISE_U_RAD)
     widened, imprecise = np.uint16(int(FrameFlag.WIDENED)), np.uint16(int(FrameFlag.IMPRECISE))
@@ -69,19 +69,19 @@ class Zero:
     """(m,): still frames in which the body was found."""
 
 
-def zero_of_still_frames(ready: PreparedFilm) -> Zero:
+def estimate_zero(ready: PreparedFilm) -> Zero:
     """Zero of the angles; raises `TrackingError` for a body found in fewer than half of the still frames."""
-    pose, u = first_poses(FilmTracker(ready), ready.reference.n_averaged)
-    return _zero(ready, pose[..., 0], u[..., 0])
+    pose, u = track_first_frames(FilmTracker(ready), ready.reference.n_averaged)
+    return _mean_zero(ready, pose[..., 0], u[..., 0])
 
 
-def zero_of_rows(ready: PreparedFilm, table: PoseTable) -> Zero:
-    """As `zero_of_still_frames`, from the rows of these frames once they are tracked."""
+def estimate_zero_from_rows(ready: PreparedFilm, table: PoseTable) -> Zero:
+    """As `estimate_zero`, from the rows of these frames once they are tracked."""
     still = table.frame < ready.reference.n_averaged
-    return _zero(ready, table.pose[still, :, 0], table.u_turn[still])
+    return _mean_zero(ready, table.pose[still, :, 0], table.u_turn[still])
 
 
-def _zero(ready: PreparedFilm, turn: NDArray[np.float64], u: NDArray[np.float64]) -> Zero:
+def _mean_zero(ready: PreparedFilm, turn: NDArray[np.float64], u: NDArray[np.float64]) -> Zero:
     """Zero from turns and their standard uncertainties in the still frames, (n, m)."""
     n = ready.reference.n_averaged
     good = np.count_nonzero(np.isfinite(turn), axis=0)
@@ -94,7 +94,7 @@ def _zero(ready: PreparedFilm, turn: NDArray[np.float64], u: NDArray[np.float64]
     return Zero(np.nanmean(turn, axis=0), np.sqrt(np.nanmean(u**2, axis=0)), good)
 
 
-def _widened_table(ready: PreparedFilm, table: PoseTable, camera: Projection | None) -> PoseTable:
+def _inflate_coherent_rows(ready: PreparedFilm, table: PoseTable, camera: Projection | None) -> PoseTable:
     """The table with covariances widened where residuals are coherent beyond what a calibrated camera explains."""
     ratio = table.ratio
     if camera is not None:
@@ -106,7 +106,7 @@ def _widened_table(ready: PreparedFilm, table: PoseTable, camera: Projection | N
         factor = factor + UNDECLARED_FACTOR**2
     if ready.rectified_film is not None:
         factor = np.maximum(factor, ready.rectified_film.oversampling)
-    return replace(table, covariance=widened(table.covariance, factor))
+    return replace(table, covariance=inflate_covariance(table.covariance, factor))
 
 
 def assemble_result(
@@ -116,7 +116,7 @@ def assemble_result(
     time_s: NDArray[np.float64],
     settings: FitSettings,
     info: dict[str, Any],
-    each: Each = in_turn,
+    each: ItemMap = serial_map,
     u_stretch: float = 0.0,
 ) -> TrackResult:
     """Angles, uncertainties and budget from the poses; ``time_s`` of all frames of the film, shape (n_frames,)."""
@@ -124,7 +124,7 @@ def assemble_result(
     # what the film was resampled by is corrected already
     is_corrected = ready.rectified_film is not None and ready.rectified_film.projection is not None
     nominal = None if is_corrected else settings.camera_model.nominal(film.width, film.height)
-    table = _widened_table(ready, table, nominal)
+    table = _inflate_coherent_rows(ready, table, nominal)
     predicted = np.array([predicted_u_angle(t, reference.noise_grey) for t in ready.templates])
     if ready.rectified_film is not None:
         predicted *= np.sqrt(ready.rectified_film.oversampling)
@@ -139,7 +139,7 @@ def assemble_result(
     pose[..., 0] -= zero.turn_rad
     if nominal is not None:
         for i, template in enumerate(ready.templates):
-            pose[:, i, 0] = PoseResponse(template).without_error(nominal, pose[:, i])
+            pose[:, i, 0] = PoseResponse(template).correct_turn(nominal, pose[:, i])
     tracked = TrackedAngles(
         time_s[table.frame],
         pose,
@@ -149,7 +149,7 @@ def assemble_result(
         float(np.median(np.diff(time_s))) if time_s.size > 1 else 0.0,
         u_stretch,
     )
-    budget = budget_of(ready, settings.camera_model, tracked, settings.u_time_s, settings.rows_per_s, each)
+    budget = compute_budget(ready, settings.camera_model, tracked, settings.u_time_s, settings.rows_per_s, each)
     u_angle = np.hypot(tracked.u_noise_rad, u_common)
     flag = table.flag.copy()
     is_woven = ready.u_field_frames > 0.0 and (ready.rectified_film is None or ready.rectified_film.field is None)
@@ -158,7 +158,7 @@ def assemble_result(
         flag |= np.where(late, np.uint16(int(FrameFlag.TIME_FILTERED)), np.uint16(0))
     flag |= _width_flags(ready, predicted, u_angle)
     place = np.array([template.centre_px for template in ready.templates]) + table.pose[..., 1:]
-    covariance = turned_covariance(table.covariance, table.pose[..., 0])
+    covariance = rotate_covariance(table.covariance, table.pose[..., 0])
     if ready.rectified_film is not None:
         place = ready.rectified_film.to_film(place)
         per_film_px = np.array([1.0, *ready.rectified_film.stretch])

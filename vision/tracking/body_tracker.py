@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from vision.film.source import FrameSource
 from vision.fitting.base import FAILED, Fit, Fitter
 from vision.fitting.template import Template
-from vision.frame_fit.judgement import Figures, Standards, judge, learn_usual
+from vision.frame_fit.judgement import Figures, Standards, judge_fit, update_usual_quality
 from vision.frame_fit.motion import Motion, expect_pose, is_placed, place_body
 from vision.results.flags import FAILURE, FrameFlag
 
@@ -43,7 +43,9 @@ FAR_PLACES = 2
 FAR_APART_RAD, FAR_APART_PX = math.radians(10.0), 12.0
 
 
-def far_candidates(film: FrameSource, index: int, template: Template, newest_rad: float) -> list[NDArray[np.float64]]:
+def search_whole_picture(
+    film: FrameSource, index: int, template: Template, newest_rad: float
+) -> list[NDArray[np.float64]]:
     """Poses anywhere in the picture from which to fit, best first; none for a body too small to be told so coarsely.
 
     Turns are given within half a turn of the newest known one, ``newest_rad``, which the picture cannot tell.
@@ -54,16 +56,16 @@ def far_candidates(film: FrameSource, index: int, template: Template, newest_rad
     small = _halve(_halve(np.asarray(wide, dtype=np.float32)))
     turns = newest_rad + np.arange(-math.pi, math.pi - 1e-9, FAR_TURN_STEP_RAD)
     places: list[NDArray[np.float64]] = []
-    for pose in _matched(small, template, turns, 4, (1.5 - border, 1.5 - border), FAR_LEAST_PX):
+    for pose in _match_template(small, template, turns, 4, (1.5 - border, 1.5 - border), FAR_LEAST_PX):
         apart = [np.abs(pose - other) for other in places]
         if all(one[0] > FAR_APART_RAD or max(one[1:]) > FAR_APART_PX for one in apart):
             places.append(pose)
         if len(places) == FAR_PLACES:
             break
-    return [pose for place in places for pose in search_candidates(film, index, template, place)[:2]]
+    return [pose for place in places for pose in search_near_pose(film, index, template, place)[:2]]
 
 
-def search_candidates(
+def search_near_pose(
     film: FrameSource, index: int, template: Template, expected: NDArray[np.float64]
 ) -> list[NDArray[np.float64]]:
     """Poses around the expected one from which to fit, best first; none when the body can only be outside the
@@ -83,10 +85,10 @@ def search_candidates(
     picture[top : top + view.shape[0], left : left + view.shape[1]] = view
     turns = expected[0] + np.arange(-TURN_RANGE_RAD, TURN_RANGE_RAD + 1e-9, TURN_STEP_RAD)
     corner = (centre_x - reach + 0.5, centre_y - reach + 0.5)
-    return _matched(_halve(picture), template, turns, 2, corner)[:N_CANDIDATES]
+    return _match_template(_halve(picture), template, turns, 2, corner)[:N_CANDIDATES]
 
 
-def _matched(
+def _match_template(
     small: NDArray[np.float32],
     template: Template,
     turns_rad: NDArray[np.float64],
@@ -101,7 +103,7 @@ def _matched(
     """
     found: list[tuple[float, NDArray[np.float64]]] = []
     for phi in turns_rad.tolist():
-        patch, mask, offset_x, offset_y = _turned(template, phi, coarse)
+        patch, mask, offset_x, offset_y = _rotate_template(template, phi, coarse)
         if min(patch.shape) < least_px or patch.shape[0] >= small.shape[0] or patch.shape[1] >= small.shape[1]:
             if least_px:
                 return []
@@ -120,7 +122,7 @@ def _halve(picture: NDArray[np.float32]) -> NDArray[np.float32]:
     return picture[: 2 * rows, : 2 * columns].reshape(rows, 2, columns, 2).mean(axis=(1, 3))
 
 
-def _turned(
+def _rotate_template(
     template: Template, phi: float, coarse: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], float, float]:
     """Turned template at a ``coarse``-th of the resolution, its mask, and the position of the centre in it (of its
@@ -169,9 +171,9 @@ class BodyTracker:
         self._fit: Fit | Callable[[], Fit] = FAILED
 
     @classmethod
-    def alone(cls, fitter: Fitter) -> BodyTracker:
+    def create_single(cls, fitter: Fitter) -> BodyTracker:
         """Of a body without others, at rest where it is in the reference."""
-        tracker = cls(fitter, Motion.of([fitter.template]), Standards.of([fitter.template]))
+        tracker = cls(fitter, Motion.from_templates([fitter.template]), Standards.from_templates([fitter.template]))
         tracker.place(-1, np.zeros(3))
         return tracker
 
@@ -181,7 +183,7 @@ class BodyTracker:
         return self.fitter.template
 
     @property
-    def usual(self) -> NDArray[np.float64]:
+    def usual_quality(self) -> NDArray[np.float64]:
         """Usual correlation, 0 before the first fit, and gain, (2,)."""
         return self.standards.usual[self.number]
 
@@ -234,7 +236,7 @@ class BodyTracker:
             self.fitter.reset()
             return fit
         self.lost_in_a_row = 0
-        learn_usual(self.standards, self.number, _figures(fit))
+        update_usual_quality(self.standards, self.number, _figures(fit))
         self.place(step, fit.pose)
         return fit
 
@@ -265,17 +267,17 @@ class BodyTracker:
             return FAILED, first_flag
         self.searches += 1
         best, best_flag = FAILED, first_flag
-        near = search_candidates(film, index, self.template, newest)
+        near = search_near_pose(film, index, self.template, newest)
         for start in near:
             fit, flag = self._fit_anew(film, index, start, covered)
             if not flag & FAILURE and fit.zncc > best.zncc:
                 best, best_flag = fit, flag | FrameFlag.REACQUIRED
         if best is not FAILED or not self.looks_far or self.lost_in_a_row % FAR_EVERY:
             return best, best_flag
-        for start in far_candidates(film, index, self.template, float(newest[0])):
+        for start in search_whole_picture(film, index, self.template, float(newest[0])):
             # what hides it where it was says nothing of it here
             fit, flag = self._fit_anew(film, index, start, None)
-            if not flag & FAILURE and fit.zncc > max(best.zncc, FAR_SHARE * self.usual[0]):
+            if not flag & FAILURE and fit.zncc > max(best.zncc, FAR_SHARE * self.usual_quality[0]):
                 best, best_flag = fit, flag | FrameFlag.REACQUIRED
         return best, best_flag
 
@@ -294,7 +296,7 @@ class BodyTracker:
     def _flags_of(self, fit: Fit, expected: NDArray[np.float64]) -> FrameFlag:
         if not fit.converged:
             return FrameFlag.NOT_CONVERGED
-        flag = judge(self.standards, self.number, _figures(fit), fit.pose, expected, fit.covariance)
+        flag = judge_fit(self.standards, self.number, _figures(fit), fit.pose, expected, fit.covariance)
         return FrameFlag(flag) if flag else GOOD
 
 

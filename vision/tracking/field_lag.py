@@ -23,7 +23,7 @@ from vision.angles import turn_matrix
 from vision.film.source import FrameSource, saturated_grey
 from vision.fitting.bspline import coefficients
 from vision.fitting.robust_fit import fit_robustly
-from vision.fitting.template import Template, thinned
+from vision.fitting.template import Template, thin_template
 from vision.reference.prepared_film import PreparedFilm
 from vision.reference.rectified_film import MARGIN_PX, sample_spline
 from vision.results.pose_table import PoseTable
@@ -70,7 +70,7 @@ def measure_field_lag(ready: PreparedFilm, table: PoseTable, time_s: NDArray[np.
     at = time_s[table.frame] / (float(np.median(np.diff(time_s))) if time_s.size > 1 else 1.0)
     right, normal, chi2, degrees = 0.0, 0.0, 0.0, 0
     for i, template in enumerate(ready.templates):
-        found = _differences(ready, table, i, thinned(template, PIXELS), at)
+        found = _differences(ready, table, i, thin_template(template, PIXELS), at)
         if found is None:
             continue
         motion, difference, weight = found
@@ -89,7 +89,7 @@ def _differences(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
     """Motion per frame (k, 3), difference of the fields' steps (k, 3) and the inverse of its covariance (k, 3, 3) of a
     body in some rows; ``at`` (n,) are the times of all rows in frames."""
-    pose, frame, known = table.pose[:, body], table.frame, ~table.failed[:, body]
+    pose, frame, known = table.pose[:, body], table.frame, ~table.is_lost[:, body]
     if frame.size < LEAST_ROWS:
         return None
     apart, motion = at[2:] - at[:-2], np.zeros_like(pose)

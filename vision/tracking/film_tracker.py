@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.bodies.outlines import parents_first
+from vision.bodies.outlines import sort_parents_first
 from vision.film.source import FrameSource, Repeats, saturated_grey
 from vision.fitting.base import Fit, region_of
 from vision.fitting.frame_spline import NO_PART, FrameSpline
 from vision.fitting.icgn import IcgnFitter
 from vision.fitting.template import Template
 from vision.frame_fit.compiled import DOUBTFUL, OUTSIDE, Film, Rows
-from vision.frame_fit.frame_fit import FrameFit, Watch, frames_around
+from vision.frame_fit.frame_fit import FrameFit, Watch, read_frames_around
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FAILURE, FrameFlag
 from vision.results.pose_table import PoseTable
@@ -35,7 +35,7 @@ class FilmTracker:
 
     def __init__(self, ready: PreparedFilm) -> None:
         self.ready = ready
-        self.order, self._parents = parents_first(ready.bodies), ready.parents
+        self.order, self._parents = sort_parents_first(ready.bodies), ready.parents
         self._frames = FrameSpline(ready.film)
         self.trackers: list[BodyTracker] = []
         self.restart()
@@ -87,7 +87,7 @@ class FilmTracker:
         self._frames.expect(index, together.expect(step))
         first = together.region(self.order[0])
         if first is not None:
-            self._frames.part(index, first)
+            self._frames.filtered_part(index, first)
         self._finish(index, step, search)
 
     def _finish(self, index: int, step: int, search: bool, position: int = 0, ended: int | None = None) -> None:
@@ -97,40 +97,40 @@ class FilmTracker:
             if ended is None:
                 start = position
                 position, ended = together.go_on(self._frames.newest(index) or NO_PART, start, step)
-                self._fitted(self.order[start:position])
+                self._accept_compiled_fits(self.order[start:position])
             box = together.region(self.order[position]) if ended == OUTSIDE else None
             if box is not None:
-                self._frames.part(index, box)
+                self._frames.filtered_part(index, box)
             elif position < len(self.order):
-                self._step_alone(self.order[position], index, step, search, ended == DOUBTFUL)
+                self._fit_in_python(self.order[position], index, step, search, ended == DOUBTFUL)
                 position += 1
             ended = None
 
-    def _fitted(self, bodies: Sequence[int]) -> None:
+    def _accept_compiled_fits(self, bodies: Sequence[int]) -> None:
         """Let trackers know of fits that compiled code has accepted."""
         for i in bodies:
-            self.trackers[i].take_fit(partial(self._together.fit_of, i), int(self._together.found.flag[i]))
+            self.trackers[i].take_fit(partial(self._together.accepted_fit, i), int(self._together.found.flag[i]))
 
-    def walk(self, table: PoseTable, rows: range, first_step: int, watch: Watch, search: bool = True) -> int:
+    def track_rows(self, table: PoseTable, rows: range, first_step: int, watch: Watch, search: bool = True) -> int:
         """Track and store rows of a table in compiled code; returns how many are done.
 
         0 where the film or the next row is not for compiled code. The first row is the ``first_step``-th tracked.
         """
         index = table.frame[rows.start : rows.stop]
-        span = frames_around(self.ready.film, index)
+        span = read_frames_around(self.ready.film, index)
         if span is None or self._frames.newest(int(index[0])) is not None:
             return 0
         together, (first, frames, n), stop = self._together, span, self._together.stop
         n_still, watched_from, line = watch
         film = Film(frames, first, saturated_grey(self.ready.film), watched_from, *line)
         columns = (getattr(table, name) for name in Rows._fields[3:])
-        done = together.walk(film, Rows(index[:n], rows.start, first_step, *columns))
+        done = together.track_rows(film, Rows(index[:n], rows.start, first_step, *columns))
         if done:
-            self._fitted(self.order)
+            self._accept_compiled_fits(self.order)
         ended, position = int(stop.begun[0]), int(stop.at[0])
         if done < n and ended:
             now, box, expected = int(index[done]), tuple(stop.box.tolist()), tuple(stop.expected.tolist())
-            self._fitted(self.order[:position])
+            self._accept_compiled_fits(self.order[:position])
             self._frames.expect(now, expected)
             self._frames.take(now, box, together.states.coefficient, int(stop.n_saturated[0]))
             self._finish(now, first_step + done, search and now >= n_still, position, ended)
@@ -138,13 +138,13 @@ class FilmTracker:
             done += 1
         return done
 
-    def _step_alone(self, i: int, index: int, step: int, search: bool, is_begun: bool) -> None:
+    def _fit_in_python(self, i: int, index: int, step: int, search: bool, is_begun: bool) -> None:
         """Fit one body at length, from where compiled code left it if that has begun; expect its children anew."""
         film, tracker, found = self.ready.film, self.trackers[i], self._together.found
-        expected, covered = found.expected[i].copy(), self._together.covered(i)
+        expected, covered = found.expected[i].copy(), self._together.hidden_pixels(i)
         begun: Callable[[], Fit] | None = None
         if is_begun:
-            begun = partial(self.fitters[i].fit, film, index, expected, covered, self._together.begun(i))
+            begun = partial(self.fitters[i].fit, film, index, expected, covered, self._together.first_fit(i))
         found.pose[i] = tracker.step(film, index, step, expected, covered, search, begun).pose
         for child, parent in enumerate(self._parents):
             if parent == i:
@@ -174,7 +174,7 @@ class FilmTracker:
         }
 
 
-def repeats_around(film: FrameSource, templates: Sequence[Template], n_still: int) -> Repeats:
+def build_repeat_detector(film: FrameSource, templates: Sequence[Template], n_still: int) -> Repeats:
     """Finds frames that repeat the one before, by the pixels around the templates' places in the reference."""
     boxes = [region_of(t, np.zeros(3), film.height, film.width, 0) for t in templates]
     known = np.array([box for box in boxes if box is not None] or [(0, film.height, 0, film.width)])
@@ -182,12 +182,12 @@ def repeats_around(film: FrameSource, templates: Sequence[Template], n_still: in
     repeats = Repeats(film, (int(low[0]), int(high[1]), int(low[2]), int(high[3])))
     # still frames that are equal show that the film has no noise by which exposures would differ
     first = range(1, min(n_still, NOISE_SHOWN_BY))
-    if any(repeats.at(index) for index in first) and all(repeats.at(index) for index in first):
+    if any(repeats.is_repeat(index) for index in first) and all(repeats.is_repeat(index) for index in first):
         repeats.meaningful = False
     return repeats
 
 
-def first_poses(tracker: FilmTracker, n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def track_first_frames(tracker: FilmTracker, n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Poses and their standard uncertainties in the first n frames, each (n, n_bodies, 3), NaN where lost."""
     pose, u = (np.full((n, len(tracker.trackers), 3), np.nan) for _ in range(2))
     for step in range(n):

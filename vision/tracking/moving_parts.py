@@ -28,12 +28,12 @@ from vision.fitting.assessment import template_blocks
 from vision.fitting.base import Fit, region_of
 from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.icgn import IcgnFitter
-from vision.fitting.kernels import Places, Region, Subset, place_pixels, sample
+from vision.fitting.kernels import Places, Region, Subset, place_pixels, sample_frame
 from vision.fitting.template import Template
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FrameFlag
-from vision.results.pose_table import PoseTable, apart
-from vision.uncertainty.coherence import widened
+from vision.results.pose_table import PoseTable, pose_difference
+from vision.uncertainty.coherence import inflate_covariance
 
 TILE_PX = 24
 LEAST_PIXELS = 150
@@ -76,20 +76,20 @@ class MovingParts:
     """Whether the shifts are those of a body that bends."""
 
 
-def moving_parts(ready: PreparedFilm, table: PoseTable) -> dict[str, MovingParts]:
+def find_moving_parts(ready: PreparedFilm, table: PoseTable) -> dict[str, MovingParts]:
     """Bodies of which parts move against the rest, by name."""
     found = {}
     for i, template in enumerate(ready.templates):
-        if not _asks_for_it(table, i):
+        if not _needs_test(table, i):
             continue
-        parts = _parts_of(ready, template, *_spread(table, i, template.radius_px))
+        parts = _find_moving_tiles(ready, template, *_sample_poses(table, i, template.radius_px))
         if parts is not None:
             found[template.name] = parts
     return found
 
 
-def _asks_for_it(table: PoseTable, i: int) -> bool:
-    good = ~table.failed[:, i]
+def _needs_test(table: PoseTable, i: int) -> bool:
+    good = ~table.is_lost[:, i]
     if np.count_nonzero(good) < 8:
         return False
     inlier = table.inlier[good, i]
@@ -99,9 +99,9 @@ def _asks_for_it(table: PoseTable, i: int) -> bool:
     return bool(ratio > COHERENT or np.median(inlier) < AGREES * np.quantile(inlier, 0.75) or inlier.max() < AGREES)
 
 
-def _spread(table: PoseTable, i: int, radius_px: float) -> tuple[NDArray[np.int64], F64]:
+def _sample_poses(table: PoseTable, i: int, radius_px: float) -> tuple[NDArray[np.int64], F64]:
     """Frames and poses, in order, evenly spread over the way of a body."""
-    rows = np.flatnonzero(~table.failed[:, i])
+    rows = np.flatnonzero(~table.is_lost[:, i])
     pose = table.pose[rows, i]
     step = np.hypot(*np.diff(pose[:, 1:], axis=0).T) + 0.5 * radius_px * np.abs(np.diff(pose[:, 0]))
     way = np.concatenate([[0.0], np.cumsum(step + 1e-6)])
@@ -109,7 +109,9 @@ def _spread(table: PoseTable, i: int, radius_px: float) -> tuple[NDArray[np.int6
     return table.frame[rows[chosen]], pose[chosen]
 
 
-def _parts_of(ready: PreparedFilm, template: Template, frame: NDArray[np.int64], pose: F64) -> MovingParts | None:
+def _find_moving_tiles(
+    ready: PreparedFilm, template: Template, frame: NDArray[np.int64], pose: F64
+) -> MovingParts | None:
     """What moves in the outline of one body."""
     tiles = _tiles(template)
     if len(tiles) < 4:
@@ -122,11 +124,11 @@ def _parts_of(ready: PreparedFilm, template: Template, frame: NDArray[np.int64],
         box = region_of(template, pose[row], film.height, film.width, 24)
         if box is None:
             continue
-        part = frames.part(index, box)
+        part = frames.filtered_part(index, box)
         region = Region(part.coefficient, float(part.box[2]), float(part.box[0]))
         for k, tile in enumerate(tiles):
             start = place[row - 1, k] if row else np.zeros(3)
-            place[row, k], u[row, k], better[row, k] = tile.fitted(region, pose[row], start)
+            place[row, k], u[row, k], better[row, k] = tile.fit_shift(region, pose[row], start)
     middle, shift = np.array([tile.middle for tile in tiles]), place[..., :2]
     far = np.hypot(*middle.T)
     for row in range(len(frame)):
@@ -140,8 +142,8 @@ def _parts_of(ready: PreparedFilm, template: Template, frame: NDArray[np.int64],
     often = judged & (moved.sum(axis=0) >= np.maximum(OFTEN * known, 3))
     moved &= often
     enough = np.count_nonzero(often) >= max(LEAST_TILES, SHARE * np.count_nonzero(judged))
-    if not (enough and _together(place, moved, middle)):
-        bent = _bent(shift, u, middle)
+    if not (enough and _is_common_motion(place, moved, middle)):
+        bent = _largest_sag(shift, u, middle)
         if bent is None:
             return None
         x, y = middle[bent[1]] + template.centre_px
@@ -152,7 +154,7 @@ def _parts_of(ready: PreparedFilm, template: Template, frame: NDArray[np.int64],
     return MovingParts(float(often.sum() / judged.sum()), float(largest.max()), (float(x), float(y)))
 
 
-def _bent(shift: F64, u: F64, middle: F64) -> tuple[float, int] | None:
+def _largest_sag(shift: F64, u: F64, middle: F64) -> tuple[float, int] | None:
     """Largest sag (px) and the tile furthest out; None where the tiles do not show a bend, to the same side in a
     quarter of the frames."""
     axis = np.linalg.svd(middle - middle.mean(axis=0), full_matrices=False)[2][0]
@@ -182,7 +184,7 @@ def _bent(shift: F64, u: F64, middle: F64) -> tuple[float, int] | None:
     return float(abs(sags[worst])), int(np.argmax(np.abs(way)))
 
 
-def _together(place: F64, moved: NDArray[np.bool_], middle: F64) -> bool:
+def _is_common_motion(place: F64, moved: NDArray[np.bool_], middle: F64) -> bool:
     """Whether tiles that moved did so together, in most frames, as a body does and a reflection does not.
 
     The body's pose may be that of one part or a compromise of two, so that there may be two motions against it.
@@ -226,7 +228,7 @@ class _Tile:
         self._noise = max(template.noise_grey, LEAST_NOISE)
         self.u_px = self._noise * float(np.sqrt(max(inverse[0, 0], inverse[1, 1])))
 
-    def fitted(self, region: Region, pose: F64, start: F64) -> tuple[F64, float, bool]:
+    def fit_shift(self, region: Region, pose: F64, start: F64) -> tuple[F64, float, bool]:
         """Shift (x, y) and turn in the template's axes where the tile fits, the shift's standard uncertainty, NaN where
         nowhere, and whether it fits clearly better there than where the body's pose has it."""
         noise2, place, found = self._noise**2, start.copy(), None
@@ -254,7 +256,7 @@ class _Tile:
         subset = Subset(offset, self._columns, self._nothing, *self._template.centre_px, self._template.radius_px)
         places = Places(self._work[2], self._work[3], self._at)
         place_pixels(region, subset, pose, places, visible)
-        sample(region, places, value, visible)
+        sample_frame(region, places, value, visible)
         n_seen = np.count_nonzero(visible)
         if n_seen < 0.8 * visible.size:
             return None
@@ -297,37 +299,37 @@ def confirm_hidden(ready: PreparedFilm, table: PoseTable, doubted: NDArray[np.bo
     covered = (table.flag & np.uint16(int(FrameFlag.COVERED))) != 0
     cleared = 0
     for i, template in enumerate(ready.templates):
-        rows = np.flatnonzero(covered[:, i] & ~table.failed[:, i])
+        rows = np.flatnonzero(covered[:, i] & ~table.is_lost[:, i])
         if not rows.size:
             continue
-        frames, squares = FrameSpline(ready.film), template.once(template_blocks)
+        frames, squares = FrameSpline(ready.film), template.get_or_make(template_blocks)
         # each carries its weights from row to row
         fitters = (IcgnFitter(template, frames), IcgnFitter(template, frames))
         fitters[0].reset(cautious=True)
         square = np.repeat(squares.groups[LEVEL], np.diff(squares.first))
         for row in rows:
-            again = _without_squares(ready, table, int(row), i, (*fitters, square))
+            again = _fit_without_squares(ready, table, int(row), i, (*fitters, square))
             if again is None:
                 continue
-            off = apart(again.pose, table.pose[row, i])
+            off = pose_difference(again.pose, table.pose[row, i])
             variance = again.covariance.diagonal()
             if np.any(off**2 > AGREE_SIGMA**2 * variance):
                 table.covariance[row, i] += np.diag(off**2)
             elif again.seen - again.inlier < STILL_COVERED and not doubted[i]:
                 own = table.covariance[row, i]
-                table.covariance[row, i] = widened(own, np.maximum(off**2 / own.diagonal(), 1.0))
+                table.covariance[row, i] = inflate_covariance(own, np.maximum(off**2 / own.diagonal(), 1.0))
                 table.flag[row, i] &= ~np.uint16(int(FrameFlag.COVERED))
                 cleared += 1
     return cleared
 
 
-def _without_squares(
+def _fit_without_squares(
     ready: PreparedFilm, table: PoseTable, row: int, i: int, with_what: tuple[IcgnFitter, IcgnFitter, NDArray[np.int32]]
 ) -> Fit | None:
     """Fit of a body in a row without the squares that do not agree; None where that fails or leaves too little."""
     (fitter, second, square), pose, frame = with_what, table.pose[row, i], int(table.frame[row])
-    others = {j: table.pose[row, j] for j in ready.occlusion.in_front[i] if not table.failed[row, j]}
-    hidden = ready.occlusion.covered(i, pose, others)
+    others = {j: table.pose[row, j] for j in ready.occlusion.in_front[i] if not table.is_lost[row, j]}
+    hidden = ready.occlusion.hidden_pixels(i, pose, others)
     first = fitter.fit(ready.film, frame, pose, hidden)
     if not first.converged:
         return None

@@ -32,20 +32,20 @@ from vision.fitting.pose_covariance import predicted_u_angle
 from vision.fitting.template import Template, build_template
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FAILURE, FrameFlag
-from vision.results.pose_table import PoseTable, apart, turned_covariance
+from vision.results.pose_table import PoseTable, pose_difference, rotate_covariance
 from vision.tracking.body_tracker import BodyTracker
 from vision.tracking.checkpoint import EVERY_ROWS, Checkpoint
-from vision.tracking.film_tracker import FilmTracker, repeats_around
+from vision.tracking.film_tracker import FilmTracker, build_repeat_detector
 from vision.tracking.stretches import (
     SHARED_ROWS,
-    agree,
-    first_rows,
-    forward_rows,
-    later_stretches,
-    several_may_read,
+    fit_rows_forward,
+    is_thread_safe,
+    poses_agree,
+    segment_starts,
+    track_later_segments,
 )
-from vision.tracking.workers import result_of, workers
-from vision.uncertainty.coherence import variance_factor, widened
+from vision.tracking.workers import wait_for_result, workers
+from vision.uncertainty.coherence import inflate_covariance, variance_factor
 
 BEFORE, AFTER = 12, 4
 """Rows before and after a doubtful row that are confirmed with it."""
@@ -72,26 +72,26 @@ def track_forward(
     """
     ready, n = tracker.ready, table.frame.size
     done = checkpoint.load(table, tracker) if checkpoint is not None else 0
-    keeper = _Keeper(table, done, n_still, checkpoint, progress, at_rest)
-    rows = first_rows(ready.film, n)
+    keeper = _ProgressRecorder(table, done, n_still, checkpoint, progress, at_rest)
+    rows = segment_starts(ready.film, n)
     newest = tracker
 
     def go_on(start: int, end: int) -> None:
-        repeats = repeats_around(ready.film, ready.templates, n_still)
+        repeats = build_repeat_detector(ready.film, ready.templates, n_still)
         row = max(start, done)
         while row < end:
             crew.check()
-            new = forward_rows(newest, repeats, table, range(row, end), row, n_still)
+            new = fit_rows_forward(newest, repeats, table, range(row, end), row, n_still)
             row += new
             keeper.rows_done(row, newest, new)
 
     with workers(threads if len(rows) > 1 else 1) as crew:
         first = crew.submit(go_on, 0, rows[1] if len(rows) > 1 else n)
-        later = later_stretches(crew, ready, table.frame, n_still, done) if len(rows) > 1 else []
-        result_of(first)
+        later = track_later_segments(crew, ready, table.frame, n_still, done) if len(rows) > 1 else []
+        wait_for_result(first)
         for start, end, future in later:
-            stretch = None if future is None else result_of(future)
-            if stretch is None or not stretch.joins(table):
+            stretch = None if future is None else wait_for_result(future)
+            if stretch is None or not stretch.is_continuous(table):
                 go_on(start, end)
                 continue
             table.take(slice(start, end), stretch.table, slice(SHARED_ROWS, None))
@@ -103,7 +103,7 @@ def track_forward(
 
 
 @dataclass
-class _Keeper:
+class _ProgressRecorder:
     """Tells of the rows that are done, and keeps them."""
 
     _table: PoseTable
@@ -138,10 +138,10 @@ class _Keeper:
 def confirm_backward(ready: PreparedFilm, table: PoseTable, confirm: str, threads: int = 1) -> int:
     """Track backward through the doubtful rows and correct the table; returns the number of rows tracked again."""
     n = table.frame.size
-    stretches = [(0, n)] if confirm == "all" else doubtful_stretches(table) if confirm == "doubtful" else []
-    with workers(threads if len(stretches) > 1 and several_may_read(ready.film) else 1) as crew:
-        backs = [crew.submit(_backward, ready, table, start, end) for start, end in stretches]
-        found = [result_of(back) for back in backs]
+    stretches = [(0, n)] if confirm == "all" else doubtful_segments(table) if confirm == "doubtful" else []
+    with workers(threads if len(stretches) > 1 and is_thread_safe(ready.film) else 1) as crew:
+        backs = [crew.submit(_track_backward, ready, table, start, end) for start, end in stretches]
+        found = [wait_for_result(back) for back in backs]
     for (start, end), back in zip(stretches, found, strict=True):
         for row in range(start, end):
             for body in range(len(ready.bodies)):
@@ -160,11 +160,11 @@ def fit_alone(ready: PreparedFilm, table: PoseTable, row: int, poses: Sequence[N
     tracker.store(table, row)
 
 
-def doubtful_stretches(table: PoseTable) -> list[tuple[int, int]]:
+def doubtful_segments(table: PoseTable) -> list[tuple[int, int]]:
     """Stretches of rows ``start..end-1`` around every row where a body is lost, reacquired, or freshly covered."""
     n = table.frame.size
     repeated = (table.flag & np.uint16(int(FrameFlag.REPEATED))) != 0
-    doubt = (table.failed & ~repeated) | ((table.flag & np.uint16(int(FrameFlag.REACQUIRED))) != 0)
+    doubt = (table.is_lost & ~repeated) | ((table.flag & np.uint16(int(FrameFlag.REACQUIRED))) != 0)
     seen = np.where(np.isfinite(table.inlier), table.inlier, 0.0)
     for row in np.flatnonzero(repeated.any(axis=1)):
         seen[row] = seen[row - 1]
@@ -176,22 +176,22 @@ def doubtful_stretches(table: PoseTable) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _backward(ready: PreparedFilm, table: PoseTable, start: int, end: int) -> PoseTable:
+def _track_backward(ready: PreparedFilm, table: PoseTable, start: int, end: int) -> PoseTable:
     """Poses of the same rows, tracked from row ``end - 1`` back to ``start``."""
     tracker = FilmTracker(ready)
     back = PoseTable.empty(table.frame, len(ready.bodies))
     n = table.frame.size
     starts: dict[int, list[int]] = {}
     for i in tracker.order:
-        known = np.flatnonzero(~table.failed[:, i])
+        known = np.flatnonzero(~table.is_lost[:, i])
         # placed where the forward pass has it after the stretch; without such rows, at the nearest one inside
-        later = [row for row in range(min(n, end + 3) - 1, end - 1, -1) if not table.failed[row, i]]
+        later = [row for row in range(min(n, end + 3) - 1, end - 1, -1) if not table.is_lost[row, i]]
         starts[i] = later or [int(row) for row in known[known < end][-1:]]
         if not starts[i]:
             continue
         body = tracker.trackers[i]
         body.clear()
-        body.usual[:] = table.zncc[starts[i][-1], i], table.gain[starts[i][-1], i]
+        body.usual_quality[:] = table.zncc[starts[i][-1], i], table.gain[starts[i][-1], i]
     for back_step in (-3, -2, -1):
         for i in tracker.order:
             row = end - 1 - back_step
@@ -211,18 +211,18 @@ def _backward(ready: PreparedFilm, table: PoseTable, start: int, end: int) -> Po
 
 def _reconcile(table: PoseTable, back: PoseTable, row: int, body: int, radius_px: float) -> None:
     """Decide between the two passes for one body in one row."""
-    forward_lost, backward_lost = bool(table.failed[row, body]), bool(back.failed[row, body])
+    forward_lost, backward_lost = bool(table.is_lost[row, body]), bool(back.is_lost[row, body])
     if forward_lost and backward_lost:
         return
     if forward_lost:
         table.take((row, body), back, (row, body))
         table.flag[row, body] |= np.uint16(int(FrameFlag.REACQUIRED))
         return
-    off = apart(table.pose[row, body], back.pose[row, body])
+    off = pose_difference(table.pose[row, body], back.pose[row, body])
     if backward_lost or abs(off[0]) * radius_px + np.hypot(off[1], off[2]) > SAME_PX:
-        if backward_lost or not agree(table, row, back, row, body, radius_px):
+        if backward_lost or not poses_agree(table, row, back, row, body, radius_px):
             table.reject(row, body, FrameFlag.UNCONFIRMED)
-    elif not agree(table, row, back, row, body, radius_px):
+    elif not poses_agree(table, row, back, row, body, radius_px):
         if back.zncc[row, body] > table.zncc[row, body]:
             table.take((row, body), back, (row, body))
         table.covariance[row, body] += np.outer(off, off)
@@ -244,49 +244,53 @@ pass, which begins with lost rows, does not confirm the last that the forward pa
 F64 = NDArray[np.float64]
 
 
-def renew(ready: PreparedFilm, table: PoseTable) -> int:
+def rereference_lost_rows(ready: PreparedFilm, table: PoseTable) -> int:
     """Fill in lost rows by later references; returns the number of rows and bodies found."""
-    return sum(_renewed(ready, table, i, start) for i in range(len(ready.bodies)) for start in _runs(table, i))
+    return sum(
+        _track_with_new_reference(ready, table, i, start)
+        for i in range(len(ready.bodies))
+        for start in _lost_run_starts(table, i)
+    )
 
 
-def _runs(table: PoseTable, i: int) -> list[int]:
+def _lost_run_starts(table: PoseTable, i: int) -> list[int]:
     """First rows of the stretches of lost rows of a body after a row that may become a reference."""
-    lost = table.failed[:, i] & ((table.flag[:, i] & OTHERWISE) == 0)
+    lost = table.is_lost[:, i] & ((table.flag[:, i] & OTHERWISE) == 0)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], lost.astype(np.int8), [0]])))
-    usual = np.nanmedian(table.inlier[:, i]) if not table.failed[:, i].all() else np.nan
+    usual = np.nanmedian(table.inlier[:, i]) if not table.is_lost[:, i].all() else np.nan
     return [
         int(start)
         for start, end in zip(edges[::2], edges[1::2], strict=True)
         if start > 1
         and np.count_nonzero((table.flag[start:end, i] & UNCONFIRMED) == 0) >= LEAST_ROWS
-        and _may_serve(table, int(start) - 1, i, float(usual))
+        and _can_be_reference(table, int(start) - 1, i, float(usual))
     ]
 
 
-def _may_serve(table: PoseTable, row: int, i: int, usual: float) -> bool:
+def _can_be_reference(table: PoseTable, row: int, i: int, usual: float) -> bool:
     flag = FrameFlag(int(table.flag[row, i]))
     return not flag & ~KEEPS and bool(table.inlier[row, i] >= WHOLE * usual)
 
 
-def _renewed(ready: PreparedFilm, table: PoseTable, i: int, start: int) -> int:
+def _track_with_new_reference(ready: PreparedFilm, table: PoseTable, i: int, start: int) -> int:
     """Rows found of the stretch that begins at ``start``."""
     usual, found, n = float(np.nanmedian(table.inlier[:, i])), 0, table.frame.size
     for _ in range(MOST):
         row = start - 1
-        template = _template_of(ready, table, row, i) if _may_serve(table, row, i, usual) else None
+        template = _build_row_template(ready, table, row, i) if _can_be_reference(table, row, i, usual) else None
         if template is None:
             break
         before = start
-        start = _followed(ready, table, i, (row, template))
+        start = _follow_lost_rows(ready, table, i, (row, template))
         found += start - before
-        if start in (before, n) or not table.failed[start, i] or table.flag[start, i] & OTHERWISE:
+        if start in (before, n) or not table.is_lost[start, i] or table.flag[start, i] & OTHERWISE:
             break
     return found
 
 
-def _template_of(ready: PreparedFilm, table: PoseTable, row: int, i: int) -> Template | None:
+def _build_row_template(ready: PreparedFilm, table: PoseTable, row: int, i: int) -> Template | None:
     """Template of a body in a row; None where another body is lost, or too little of this one is left."""
-    if table.failed[row].any():
+    if table.is_lost[row].any():
         return None
     bodies = []
     for body, template, pose in zip(ready.bodies, ready.templates, table.pose[row], strict=True):
@@ -303,37 +307,37 @@ def _template_of(ready: PreparedFilm, table: PoseTable, row: int, i: int) -> Tem
     return template if np.isfinite(predicted_u_angle(template, noise)) else None
 
 
-def _followed(ready: PreparedFilm, table: PoseTable, i: int, reference: tuple[int, Template]) -> int:
+def _follow_lost_rows(ready: PreparedFilm, table: PoseTable, i: int, reference: tuple[int, Template]) -> int:
     """Follow a body through lost rows with the template of a row; returns the first row not found."""
     row, template = reference
     film, occlusion = ready.film, ready.occlusion
     templates = [template if k == i else other for k, other in enumerate(ready.templates)]
     occlusion = occlusion.with_templates(templates)
-    tracker = BodyTracker.alone(IcgnFitter(template, FrameSpline(film)))
-    if not table.failed[row - 1, i]:
+    tracker = BodyTracker.create_single(IcgnFitter(template, FrameSpline(film)))
+    if not table.is_lost[row - 1, i]:
         tracker.clear()
-        tracker.place(-2, _seen_from(ready.templates[i], template, table.pose[row, i], table.pose[row - 1, i]))
+        tracker.place(-2, _convert_pose(ready.templates[i], template, table.pose[row, i], table.pose[row - 1, i]))
         tracker.place(-1, np.zeros(3))
     # what is coherent in the residuals of the frame that becomes the reference moves all that are fitted to it
     factor = variance_factor(table.ratio[: row + 1, i : i + 1], table.blocks[: row + 1, i : i + 1])[-1:]
-    drift = widened(table.covariance[row : row + 1, i : i + 1], factor)[0, 0]
+    drift = inflate_covariance(table.covariance[row : row + 1, i : i + 1], factor)[0, 0]
     for step, now in enumerate(range(row + 1, table.frame.size)):
-        if not table.failed[now, i] or table.flag[now, i] & OTHERWISE:
+        if not table.is_lost[now, i] or table.flag[now, i] & OTHERWISE:
             return now
-        others = {j: table.pose[now, j] for j in occlusion.in_front[i] if not table.failed[now, j]}
+        others = {j: table.pose[now, j] for j in occlusion.in_front[i] if not table.is_lost[now, j]}
         expected = tracker.predict(step)
-        covered = occlusion.covered(i, expected, others) if others else None
+        covered = occlusion.hidden_pixels(i, expected, others) if others else None
         fit = tracker.step(film, int(table.frame[now]), step, expected, covered, search=False)
         if tracker.flag & FAILURE:
             return now
-        pose = _seen_from(template, ready.templates[i], None, fit.pose, table.pose[row, i])
+        pose = _convert_pose(template, ready.templates[i], None, fit.pose, table.pose[row, i])
         # the axes of the template are the picture's of that row
-        own = turned_covariance(fit.covariance, -table.pose[row, i, 0]) + drift
+        own = rotate_covariance(fit.covariance, -table.pose[row, i, 0]) + drift
         table.store(now, i, replace(fit, pose=pose, covariance=own), tracker.flag | FrameFlag.RENEWED)
     return table.frame.size
 
 
-def _seen_from(template: Template, other: Template, at: F64 | None, pose: F64, reference: F64 | None = None) -> F64:
+def _convert_pose(template: Template, other: Template, at: F64 | None, pose: F64, reference: F64 | None = None) -> F64:
     """Pose of a template at ``pose`` as that of another of the same body.
 
     Either ``other`` was made where ``template`` was at pose ``at``, or ``template`` where ``other`` was at pose

@@ -29,7 +29,7 @@ from vision.film.source import FrameSource, saturated_grey
 from vision.fitting.base import region_of
 from vision.fitting.bspline import coefficients
 from vision.fitting.robust_fit import fit_robustly
-from vision.fitting.template import Template, thinned
+from vision.fitting.template import Template, thin_template
 from vision.reference.prepared_film import PreparedFilm
 from vision.reference.rectified_film import sample_spline
 from vision.results.pose_table import PoseTable
@@ -89,7 +89,7 @@ class PictureStretch:
         return (1.0 - self.value) / (1.0 + self.value)
 
 
-def stretch_before(film: FrameSource, settings: FitSettings) -> float:
+def prior_stretch_uncertainty(film: FrameSource, settings: FitSettings) -> float:
     """Standard uncertainty of the picture's stretch before it is measured; 0 of a calibrated camera."""
     if settings.is_calibrated:
         return 0.0
@@ -99,23 +99,23 @@ def stretch_before(film: FrameSource, settings: FitSettings) -> float:
 
 def measure_stretch(ready: PreparedFilm, table: PoseTable, before: float) -> PictureStretch:
     """Measure the stretch of the picture; ``before`` is its standard uncertainty without that."""
-    found = _measured_beyond(ready, table, before, 0.0)
+    found = _measure_remaining_stretch(ready, table, before, 0.0)
     for _ in range(REFINEMENTS):
         if not found.is_significant or abs(found.value) < LINEAR_STRETCH:
             break
         # a large one is followed to first order only
-        more = _measured_beyond(ready, table, before, found.value)
+        more = _measure_remaining_stretch(ready, table, before, found.value)
         found = PictureStretch(found.value + more.value, more.u, True)
         if abs(more.value) < more.u:
             break
     return found
 
 
-def _measured_beyond(ready: PreparedFilm, table: PoseTable, before: float, value: float) -> PictureStretch:
+def _measure_remaining_stretch(ready: PreparedFilm, table: PoseTable, before: float, value: float) -> PictureStretch:
     """Stretch of the picture beyond a known one."""
     right, normal, chi2, degrees = 0.0, 0.0, 0.0, 0
     for i, template in enumerate(ready.templates):
-        strains = _strains(ready, table, i, thinned(template, PIXELS), value)
+        strains = _strains(ready, table, i, thin_template(template, PIXELS), value)
         if strains is None:
             continue
         turn, speed, strain, weight = strains  # (k,), (k,), (k, 2), (k, 2, 2)
@@ -154,7 +154,7 @@ def _strains(
     """Turns (k,) of some rows, turns from row to row (k,), stretch and shear in them (k, 2), and the inverse of their
     covariance (k, 2, 2)."""
     moving = table.frame >= ready.reference.n_averaged
-    rows = np.flatnonzero(~table.failed[:, body] & moving & (table.inlier[:, body] >= LEAST_INLIER))
+    rows = np.flatnonzero(~table.is_lost[:, body] & moving & (table.inlier[:, body] >= LEAST_INLIER))
     if rows.size < LEAST_ROWS:
         return None
     rows = rows[np.argsort(np.abs(table.pose[rows, body, 0]), kind="stable")]

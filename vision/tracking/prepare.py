@@ -13,32 +13,32 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vision.arrays import as_numbers
-from vision.bodies.masks import masks_of, outline_distances, unsaturated
+from vision.bodies.masks import exclude_saturated, masks_from_distances, outline_distances
 from vision.bodies.occlusion import Occlusion
 from vision.bodies.outlines import Body
-from vision.each import Each, in_turn
+from vision.each import ItemMap, serial_map
 from vision.errors import VisionInputError, VisionWarning
-from vision.film.open import film_of
+from vision.film.open import open_or_use
 from vision.film.source import FrameSource
 from vision.film.time_scale import warn_of_uneven_times
 from vision.fitting.pose_covariance import predicted_u_angle
 from vision.fitting.template import build_template
 from vision.reference.camera_faults import (
-    WithoutDefects,
-    WithoutRowFlicker,
-    grey_step,
+    DefectCorrectedFilm,
+    FlickerCorrectedFilm,
+    correct_defects,
+    correct_row_flicker,
+    find_grey_step,
     skips_blocks,
-    without_defects,
-    without_row_flicker,
 )
 from vision.reference.first_light import check_first_light
 from vision.reference.prepared_film import PreparedFilm
 from vision.reference.rectified_film import RectifiedFilm
-from vision.reference.still_average import Reference, average_still_frames, still_count
-from vision.reference.temporal_noise import delay_in_frames
-from vision.tracking.film_tracker import FilmTracker, first_poses
+from vision.reference.still_average import Reference, average_still_frames, count_still_frames
+from vision.reference.temporal_noise import estimate_delay_frames
+from vision.tracking.film_tracker import FilmTracker, track_first_frames
 from vision.tracking.options import MAX_PIXELS
-from vision.tracking.sensor_pattern import WithoutPattern
+from vision.tracking.sensor_pattern import PatternCorrectedFilm
 
 WANTED_STILL = 10
 U_FIELD_ORDER = 0.5 / math.sqrt(2.0)
@@ -52,7 +52,7 @@ def prepare(
     bodies: Sequence[Body],
     n_still: int | None = None,
     max_pixels: int | None = MAX_PIXELS,
-    each: Each = in_turn,
+    each: ItemMap = serial_map,
 ) -> PreparedFilm:
     """Average the still frames and build the bodies' templates, ``each`` on its own.
 
@@ -62,13 +62,13 @@ def prepare(
         When fewer than ten still frames are found.
     """
     distances = outline_distances(bodies, film.height, film.width, each)
-    masks = masks_of(bodies, distances)
+    masks = masks_from_distances(bodies, distances)
     region = np.logical_or.reduce(masks)
     check_first_light(film, region)
-    film, still = _film_and_still(film, region, n_still, each)
+    film, still = _correct_and_average(film, region, n_still, each)
 
-    def prepared(reference: Reference) -> PreparedFilm:
-        usable = unsaturated(bodies, masks, reference.saturated)
+    def build_prepared(reference: Reference) -> PreparedFilm:
+        usable = exclude_saturated(bodies, masks, reference.saturated)
         templates = each(
             lambda i: build_template(
                 *(bodies[i].name, reference.picture, usable[i], reference.n_averaged, max_pixels, reference.noise_grey)
@@ -80,21 +80,21 @@ def prepare(
         field = found.rectified_film
         if field is not None and field.field is not None and field.first_field is None:
             found = replace(found, u_field_frames=U_FIELD_ORDER)
-        box = _around(region)
+        box = _bounding_box(region)
         skips = skips_blocks(film, box, reference.noise_grey)
-        return replace(found, skips_blocks=skips, grey_step=grey_step(film, box))
+        return replace(found, skips_blocks=skips, grey_step=find_grey_step(film, box))
 
     def measure_delay(found: PreparedFilm) -> PreparedFilm:
         predicted = found.film.compression is not None and found.film.compression.steps is None
         if predicted or found.skips_blocks:
             return found  # the noise of frames predicted from others is correlated whatever the camera did
-        return replace(found, delay_frames=delay_in_frames(found.film, found.reference.n_averaged))
+        return replace(found, delay_frames=estimate_delay_frames(found.film, found.reference.n_averaged))
 
     if n_still is None:
         candidates = still.n_averaged
-        first = prepared(average_still_frames(film, region, min(FIRST_AVERAGED, candidates)))
-        pose, u = first_poses(FilmTracker(first), candidates)
-        n_still = still_count(pose.reshape(candidates, -1), u.reshape(candidates, -1))
+        first = build_prepared(average_still_frames(film, region, min(FIRST_AVERAGED, candidates)))
+        pose, u = track_first_frames(FilmTracker(first), candidates)
+        n_still = count_still_frames(pose.reshape(candidates, -1), u.reshape(candidates, -1))
         if n_still < WANTED_STILL:
             warnings.warn(
                 f"{film.path}: only {n_still} still frames at the start, {WANTED_STILL} wanted; the zero is less sure",
@@ -102,17 +102,17 @@ def prepare(
                 stacklevel=4,
             )
         still = average_still_frames(film, region, n_still)
-    elif n_still > FIRST_AVERAGED and not isinstance(film, WithoutPattern):
-        first = prepared(average_still_frames(film, region, FIRST_AVERAGED))
+    elif n_still > FIRST_AVERAGED and not isinstance(film, PatternCorrectedFilm):
+        first = build_prepared(average_still_frames(film, region, FIRST_AVERAGED))
         _warn_of_motion(first, n_still)
-    return measure_delay(prepared(still))
+    return measure_delay(build_prepared(still))
 
 
 def _warn_of_motion(ready: PreparedFilm, n_still: int) -> None:
     """Name each body that moves within the still frames that the user has given."""
-    pose, u = first_poses(FilmTracker(ready), n_still)
+    pose, u = track_first_frames(FilmTracker(ready), n_still)
     for i, template in enumerate(ready.templates):
-        count = still_count(pose[:, i], u[:, i])
+        count = count_still_frames(pose[:, i], u[:, i])
         if count == n_still:
             continue
         way = pose[count:, i] - pose[:count, i].mean(axis=0)
@@ -129,22 +129,22 @@ def _warn_of_motion(ready: PreparedFilm, n_still: int) -> None:
         )
 
 
-def _film_and_still(
-    film: FrameSource, region: NDArray[np.bool_], n_still: int | None, each: Each
+def _correct_and_average(
+    film: FrameSource, region: NDArray[np.bool_], n_still: int | None, each: ItemMap
 ) -> tuple[FrameSource, Reference]:
     """The film, less its defect pixels and its rows' flicker where it has any, and the average of its still frames."""
-    if isinstance(film, WithoutDefects | WithoutPattern | WithoutRowFlicker | RectifiedFilm):
+    if isinstance(film, DefectCorrectedFilm | PatternCorrectedFilm | FlickerCorrectedFilm | RectifiedFilm):
         return film, average_still_frames(film, region, n_still)
     # most films have none, so that the average need not wait for the answer
     found: list[Any] = each(
-        lambda work: work(), [lambda: without_defects(film), lambda: average_still_frames(film, region, n_still)]
+        lambda work: work(), [lambda: correct_defects(film), lambda: average_still_frames(film, region, n_still)]
     )
     without, still = found
-    cleaned = without_row_flicker(without, _around(region))
+    cleaned = correct_row_flicker(without, _bounding_box(region))
     return cleaned, still if cleaned is film else average_still_frames(cleaned, region, n_still)
 
 
-def _around(region: NDArray[np.bool_]) -> tuple[int, int, int, int]:
+def _bounding_box(region: NDArray[np.bool_]) -> tuple[int, int, int, int]:
     """Rectangle (y0, y1, x0, x1) of a region."""
     rows, columns = np.flatnonzero(region.any(axis=1)), np.flatnonzero(region.any(axis=0))
     return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
@@ -181,7 +181,7 @@ def predict_uncertainty(
     >>> all(0.0 < u < 1e-3 for u in expected.values())
     True
     """
-    with film_of(path_or_source) as film:
+    with open_or_use(path_or_source) as film:
         ready = prepare(film, bodies, n_still)
     return {template.name: predicted_u_angle(template, ready.reference.noise_grey) for template in ready.templates}
 

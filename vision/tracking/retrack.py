@@ -13,21 +13,21 @@ from numpy.typing import ArrayLike, NDArray
 from vision.angles import ccw_to_picture
 from vision.bodies.outlines import Body
 from vision.errors import VisionInputError
-from vision.film.open import film_of
+from vision.film.open import open_or_use
 from vision.film.source import FrameSource
 from vision.fitting.pose_covariance import PATTERN_EXCESS
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.pose_table import PoseTable
 from vision.results.track_result import TrackResult
-from vision.tracking.assemble_result import Zero, assemble_result, zero_of_still_frames
+from vision.tracking.assemble_result import Zero, assemble_result, estimate_zero
 from vision.tracking.moving_parts import confirm_hidden
 from vision.tracking.options import FitOptions, FitSettings
 from vision.tracking.passes import fit_alone
-from vision.tracking.picture_stretch import stretch_before
+from vision.tracking.picture_stretch import prior_stretch_uncertainty
 from vision.tracking.prepare import frame_times, prepare
 from vision.tracking.sensor_pattern import residual_variance
-from vision.tracking.square_film import square_film
-from vision.tracking.stretches import starts
+from vision.tracking.square_film import prepare_square_film
+from vision.tracking.stretches import find_segment_starts
 
 Places = Mapping[str, tuple[float, float, float]]
 """Where bodies are, by name: angle (rad, counter-clockwise from the zero), x and y of the region's centre (px)."""
@@ -77,7 +77,7 @@ def retrack_frames(
     array([50])
     """
     settings = FitSettings(**options)
-    with film_of(path_or_source) as film:
+    with open_or_use(path_or_source) as film:
         time_s = frame_times(film, frame_time_s)
         wrong = [frame for frame in frames if not 0 <= frame < film.n_frames]
         if wrong or not len(frames) or len(frames) != len(places) or len(set(frames)) < len(frames):
@@ -85,10 +85,10 @@ def retrack_frames(
             raise VisionInputError(
                 f"{film.path}: {found} to track again; allowed 0..{film.n_frames - 1}, each once, one place per frame"
             )
-        u_stretch = stretch_before(film, settings)
-        film, bodies = square_film(film, bodies, settings)
+        u_stretch = prior_stretch_uncertainty(film, settings)
+        film, bodies = prepare_square_film(film, bodies, settings)
         ready = prepare(film, bodies, settings.n_still, settings.max_pixels)
-        zero = zero_of_still_frames(ready)
+        zero = estimate_zero(ready)
 
         start: dict[int, list[NDArray[np.float64]]] = {}
         for frame, place in zip(frames, places, strict=True):
@@ -103,7 +103,7 @@ def retrack_frames(
                 phi = float(ccw_to_picture(angle)) + zero_rad
                 pose.append(np.array([phi, x - template.centre_px[0], y - template.centre_px[1]]))
             start[int(frame)] = pose
-        return _fitted(ready, zero, (frames, start), time_s, (settings, u_stretch), "retracked")
+        return _fit_frames(ready, zero, (frames, start), time_s, (settings, u_stretch), "retracked")
 
 
 def preview(
@@ -139,24 +139,24 @@ def preview(
     --------
     >>> import vision
     >>> result = vision.preview("film.mraw", vision.load_bodies("bodies.toml"), 3)
-    >>> len(result.frame), int(result.failed.sum())
+    >>> len(result.frame), int(result.is_lost.sum())
     (3, 0)
     """
     settings = FitSettings(**options)
-    with film_of(path_or_source) as film:
+    with open_or_use(path_or_source) as film:
         time_s = frame_times(film, frame_time_s)
         if isinstance(count, bool) or count < 1:
             raise VisionInputError(f"{film.path}: {count} frames to preview; allowed 1..{film.n_frames - 1}")
-        u_stretch = stretch_before(film, settings)
-        film, bodies = square_film(film, bodies, settings)
+        u_stretch = prior_stretch_uncertainty(film, settings)
+        film, bodies = prepare_square_film(film, bodies, settings)
         ready = prepare(film, bodies, settings.n_still, settings.max_pixels)
         chosen = np.unique(np.rint(np.linspace(0, film.n_frames - 1, count + 1)[1:]).astype(np.int64))
-        walked = starts(ready, np.arange(film.n_frames), (chosen + 1).tolist())
+        walked = find_segment_starts(ready, np.arange(film.n_frames), (chosen + 1).tolist())
         start = {frame: list(pose) for frame, (_, pose) in zip(chosen.tolist(), walked, strict=False)}
-        return _fitted(ready, zero_of_still_frames(ready), (chosen, start), time_s, (settings, u_stretch), "preview")
+        return _fit_frames(ready, estimate_zero(ready), (chosen, start), time_s, (settings, u_stretch), "preview")
 
 
-def _fitted(
+def _fit_frames(
     ready: PreparedFilm,
     zero: Zero,
     asked: tuple[ArrayLike, Mapping[int, Sequence[NDArray[np.float64]]]],
@@ -179,10 +179,10 @@ def _fitted(
         fit_alone(ready, table, row, start[int(rows[row])])
     confirm_hidden(ready, table, residual_variance(ready, table) > PATTERN_EXCESS)
     result = assemble_result(ready, zero, table, time_s, settings, {what: frames.tolist()}, u_stretch=u_stretch)
-    return _rows_of(result, np.searchsorted(rows, frames))
+    return _select_rows(result, np.searchsorted(rows, frames))
 
 
-def _rows_of(result: TrackResult, rows: NDArray[np.intp]) -> TrackResult:
+def _select_rows(result: TrackResult, rows: NDArray[np.intp]) -> TrackResult:
     """Some rows of a result, (k,) indexes, in their order."""
     of_rows = ("frame", "time_s", "angle_rad", "u_angle_rad", "x_px", "y_px", "zncc", "inlier", "noise_grey")
     chosen = {name: getattr(result, name)[rows] for name in (*of_rows, "flag", "covariance")}

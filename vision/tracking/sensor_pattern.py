@@ -27,8 +27,8 @@ from vision.film.source import Corrected, FrameSource, saturated_grey
 from vision.fitting.base import region_of
 from vision.fitting.bspline import noise_gain
 from vision.fitting.pose_covariance import PATTERN_EXCESS
-from vision.fitting.template import Template, noise_normal_of
-from vision.reference.camera_faults import in_coarse_steps
+from vision.fitting.template import Template, noise_normal_matrix
+from vision.reference.camera_faults import is_coarsely_quantised
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.pose_table import PoseTable
 from vision.tracking.film_tracker import FilmTracker
@@ -59,7 +59,7 @@ BETTER = 0.85
 """Residual variance of the second tracking over the first below which the pattern is taken."""
 
 
-class WithoutPattern(Corrected):
+class PatternCorrectedFilm(Corrected):
     """A film whose frames have a fixed pattern taken off; saturated pixels stay so. Grey values are float32."""
 
     def __init__(self, film: FrameSource, pattern: NDArray[np.float32]) -> None:
@@ -72,20 +72,20 @@ class WithoutPattern(Corrected):
         return np.where(grey >= self._top, np.float32(self._top), grey - self._pattern[y0:y1, x0:x1])
 
 
-def way_px(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64]:
+def travel_px(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64]:
     """How far bodies have moved in the middle and half way to the rim, px, (n, m)."""
     radius = np.array([template.radius_px for template in ready.templates])
     return np.asarray(np.hypot(table.pose[..., 1], table.pose[..., 2]) + 0.5 * radius * np.abs(table.pose[..., 0]))
 
 
-def moved_rows(ready: PreparedFilm, table: PoseTable) -> NDArray[np.bool_]:
+def find_moved_rows(ready: PreparedFilm, table: PoseTable) -> NDArray[np.bool_]:
     """Rows and bodies, (n, m), that are found and have moved by more than `MOVED_PX` in the middle or at the rim."""
-    return ~table.failed & (way_px(ready, table) > MOVED_PX)
+    return ~table.is_lost & (travel_px(ready, table) > MOVED_PX)
 
 
 def residual_variance(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64]:
     """Median variance of the noise in the rows that have moved, over that of the still frames, per body."""
-    moved = moved_rows(ready, table)
+    moved = find_moved_rows(ready, table)
     still = max(ready.reference.noise_grey, LEAST_NOISE) ** 2 * (
         float(noise_gain().mean()) ** 2 + 1.0 / ready.reference.n_averaged
     )
@@ -98,14 +98,14 @@ def residual_variance(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float
     )
 
 
-def _grown(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64]:
+def _variance_growth(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64]:
     """Residual variance of the rows that have moved, per body, as far as it has grown by that: against the rows at rest
     where these are noisier than the template knows (smooth noise), and no more than soon after the body began to move
     (what grows later comes from the body: defocus, another light)."""
-    excess, way, moved = residual_variance(ready, table), way_px(ready, table), moved_rows(ready, table)
-    at_rest = ~table.failed & (table.frame < ready.reference.n_averaged)[:, None]
+    excess, way, moved = residual_variance(ready, table), travel_px(ready, table), find_moved_rows(ready, table)
+    at_rest = ~table.is_lost & (table.frame < ready.reference.n_averaged)[:, None]
     for i, template in enumerate(ready.templates):
-        if ready.skips_blocks or in_coarse_steps(template, ready.grey_step):
+        if ready.skips_blocks or is_coarsely_quantised(template, ready.grey_step):
             continue  # what is rounded away at rest comes back later
         variance = table.noise_grey[:, i].astype(float) ** 2
         soon = moved[:, i] & (way[:, i] < SOON * MOVED_PX)
@@ -117,63 +117,63 @@ def _grown(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64]:
     return excess
 
 
-def held_back(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64]:
+def pattern_bias_variance(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64]:
     """Variance of (turn, x, y), (n, m, 3), of bodies that what the still frames have in common may hold back.
 
     Residuals that grow once a body has moved show noise that stood still in the still frames: a pattern that could not
     be taken off, a coarse step of the grey values, a codec. While the body has moved by less than `MOVED_PX` that is in
     reference and frame alike, and no residual shows it.
     """
-    excess = _grown(ready, table)
-    near = (way_px(ready, table) < MOVED_PX) & (table.frame >= ready.reference.n_averaged)[:, None]
+    excess = _variance_growth(ready, table)
+    near = (travel_px(ready, table) < MOVED_PX) & (table.frame >= ready.reference.n_averaged)[:, None]
     added = np.zeros((*near.shape, 3))
     if ready.film.compression is not None:
         return added  # the budget's term for the codec has it
     for i, template in enumerate(ready.templates):
         if excess[i] > PATTERN_EXCESS:
-            share = _share(template, 0.5 * (excess[i] - 1.0) * max(template.noise_grey, LEAST_NOISE) ** 2)
+            share = _noise_share(template, 0.5 * (excess[i] - 1.0) * max(template.noise_grey, LEAST_NOISE) ** 2)
             reach = HELD_PX * np.array([2.0 / template.radius_px, 1.0, 1.0])
             added[:, i] = np.where(near[:, i, None], (np.minimum(share, 1.0) * reach) ** 2, 0.0)
     return added
 
 
-def _share(template: Template, variance: float) -> NDArray[np.float64]:
+def _noise_share(template: Template, variance: float) -> NDArray[np.float64]:
     """Part of a body's squared slopes for (turn, x, y), (3,), that noise of a variance makes in the template."""
     dx, dy = template.offset_px.astype(float)
-    return np.asarray((noise_normal_of(dx, dy, variance).diagonal() / template.normal.diagonal())[:3])
+    return np.asarray((noise_normal_matrix(dx, dy, variance).diagonal() / template.normal.diagonal())[:3])
 
 
-def left_over(ready: PreparedFilm, pattern_grey: float) -> NDArray[np.float64]:
+def residual_pattern_inflation(ready: PreparedFilm, pattern_grey: float) -> NDArray[np.float64]:
     """Factor of the variances of (turn, x, y), (m, 3), for what is left of a pattern of a given rms after it was taken
     off: the more of a body's slopes the pattern made up, the more of it the poses had in them when it was estimated."""
-    return 1.0 + LEFT_OVER * np.array([_share(template, pattern_grey**2) for template in ready.templates])
+    return 1.0 + LEFT_OVER * np.array([_noise_share(template, pattern_grey**2) for template in ready.templates])
 
 
-def sensor_pattern(film: FrameSource, ready: PreparedFilm, table: PoseTable) -> NDArray[np.float32] | None:
+def estimate_pattern(film: FrameSource, ready: PreparedFilm, table: PoseTable) -> NDArray[np.float32] | None:
     """The pattern of ``film``, grey, (height, width), zero where it is not known; None where there is none to speak of.
 
     ``ready`` may be the film less an earlier estimate of its pattern.
     """
     noise2 = max(ready.reference.noise_grey, LEAST_NOISE) ** 2
-    few = _sums(film, ready, table, MOST_ROWS // 4)
-    if few is None or _believed(few, noise2, AT_FIRST) is None:
+    few = _difference_sums(film, ready, table, MOST_ROWS // 4)
+    if few is None or _significant_pattern(few, noise2, AT_FIRST) is None:
         return None
-    many = _sums(film, ready, table, MOST_ROWS)
-    return None if many is None else _believed(many, noise2)
+    many = _difference_sums(film, ready, table, MOST_ROWS)
+    return None if many is None else _significant_pattern(many, noise2)
 
 
 def sampled_rows(ready: PreparedFilm, table: PoseTable, most_rows: int = MOST_ROWS) -> NDArray[np.intp]:
     """The rows, in order, in which differences from the reference are looked at."""
-    chosen = _chosen(ready, table, most_rows)
+    chosen = _select_rows(ready, table, most_rows)
     return np.unique(np.concatenate([rows for rows, _ in chosen.values()])) if chosen else np.zeros(0, dtype=np.intp)
 
 
-def _chosen(
+def _select_rows(
     ready: PreparedFilm, table: PoseTable, most_rows: int
 ) -> dict[int, tuple[NDArray[np.intp], NDArray[np.intp]]]:
     """Of each body the rows looked at, spread over its way, and the third of the way in which each lies; none where no
     body has moved far enough."""
-    way, moved = way_px(ready, table), moved_rows(ready, table)
+    way, moved = travel_px(ready, table), find_moved_rows(ready, table)
     chosen: dict[int, tuple[NDArray[np.intp], NDArray[np.intp]]] = {}  # body: rows, and the third of the way of each
     apart = 0.0
     for i in range(len(ready.templates)):
@@ -188,11 +188,13 @@ def _chosen(
     return chosen if apart >= APART_PX else {}
 
 
-def _sums(film: FrameSource, ready: PreparedFilm, table: PoseTable, most_rows: int) -> NDArray[np.float64] | None:
+def _difference_sums(
+    film: FrameSource, ready: PreparedFilm, table: PoseTable, most_rows: int
+) -> NDArray[np.float64] | None:
     """Count, sum and squares of the differences, (3, 3, height, width), of the least moved third of the rows, the
     middle and the furthest; None where bodies have not moved far enough."""
     shape = (film.height, film.width)
-    chosen = _chosen(ready, table, most_rows)
+    chosen = _select_rows(ready, table, most_rows)
     if not chosen:
         return None
     sums = np.zeros((3, 3, *shape))
@@ -214,7 +216,7 @@ def _sums(film: FrameSource, ready: PreparedFilm, table: PoseTable, most_rows: i
     return sums
 
 
-def _believed(
+def _significant_pattern(
     sums: NDArray[np.float64], noise2: float, share: tuple[float, float] = (POWER, COMMON)
 ) -> NDArray[np.float32] | None:
     """The pattern from counts, sums and squares of the differences in each third of the way; None where the first
@@ -280,30 +282,30 @@ WORTH = 0.995
 TRACKED_AGAIN = 2
 """Times that the whole film is tracked again at most."""
 
-Prepare = Callable[[WithoutPattern], PreparedFilm]
+Prepare = Callable[[PatternCorrectedFilm], PreparedFilm]
 Pattern = NDArray[np.float32]
 
 
-def pattern_by_sample(ready: PreparedFilm, table: PoseTable, prepare: Prepare) -> tuple[PreparedFilm, Pattern] | None:
+def correct_pattern(ready: PreparedFilm, table: PoseTable, prepare: Prepare) -> tuple[PreparedFilm, Pattern] | None:
     """The film less its pattern, prepared, and the pattern, (height, width); None where there is none whose removal
     fits the sampled rows better.
 
     ``ready`` may be the film less an earlier estimate; ``prepare`` makes templates of the film less another.
     """
-    film = ready.film.film if isinstance(ready.film, WithoutPattern) else ready.film
+    film = ready.film.film if isinstance(ready.film, PatternCorrectedFilm) else ready.film
     best: tuple[PreparedFilm, Pattern] | None = None
     sample = table.rows(sampled_rows(ready, table))
     before = residual_variance(ready, sample).mean()
     now = ready
     for _ in range(ROUNDS):
-        pattern = sensor_pattern(film, now, sample)
+        pattern = estimate_pattern(film, now, sample)
         if pattern is None:
             break
-        cleaned = prepare(WithoutPattern(film, pattern))
-        again = fitted_from(cleaned, sample)
+        cleaned = prepare(PatternCorrectedFilm(film, pattern))
+        again = refit_rows(cleaned, sample)
         after = residual_variance(cleaned, again).mean()
         first = best is None and now.film is film
-        if again.failed.sum() > sample.failed.sum() or after > (BETTER * before if first else before):
+        if again.is_lost.sum() > sample.is_lost.sum() or after > (BETTER * before if first else before):
             break
         best, settled = (cleaned, pattern), after > WORTH * before
         if settled:
@@ -312,7 +314,7 @@ def pattern_by_sample(ready: PreparedFilm, table: PoseTable, prepare: Prepare) -
     return best
 
 
-def fitted_from(ready: PreparedFilm, table: PoseTable) -> PoseTable:
+def refit_rows(ready: PreparedFilm, table: PoseTable) -> PoseTable:
     """The rows of a table fitted again, each from its own poses; a body that is lost there stays lost."""
     tracker, again = FilmTracker(ready), PoseTable.empty(table.frame, len(ready.bodies))
     for row in range(table.frame.size):
@@ -328,9 +330,11 @@ def pattern_is_suspected(ready: PreparedFilm, table: PoseTable) -> bool:
     return bool(np.any(residual_variance(ready, table) > PATTERN_EXCESS)) and sampled_rows(ready, table).size > 0
 
 
-def better(before: tuple[PreparedFilm, PoseTable], after: tuple[PreparedFilm, PoseTable], is_first: bool) -> bool:
+def is_improvement(
+    before: tuple[PreparedFilm, PoseTable], after: tuple[PreparedFilm, PoseTable], is_first: bool
+) -> bool:
     """Whether tracking less the pattern has lost nothing and left smaller residuals, clearly so where it ``is_first``
     and finds no more."""
-    found = int(before[1].failed.sum()) - int(after[1].failed.sum())
+    found = int(before[1].is_lost.sum()) - int(after[1].is_lost.sum())
     old, new = (float(residual_variance(*of).mean()) for of in (before, after))
     return found >= 0 and new <= (BETTER * old if is_first and not found else old)

@@ -16,7 +16,7 @@ from vision.bodies.outlines import Body
 from vision.camera.model import Projection
 from vision.errors import VisionInputError
 from vision.film.source import FrameSource
-from vision.reference.camera_faults import without_defects, without_row_flicker
+from vision.reference.camera_faults import correct_defects, correct_row_flicker
 from vision.reference.rectified_film import RectifiedFilm
 from vision.tracking.options import FitSettings
 
@@ -34,7 +34,9 @@ def refuse_interlaced(film: FrameSource) -> None:
         )
 
 
-def square_film(film: FrameSource, bodies: Sequence[Body], settings: FitSettings) -> tuple[FrameSource, Sequence[Body]]:
+def prepare_square_film(
+    film: FrameSource, bodies: Sequence[Body], settings: FitSettings
+) -> tuple[FrameSource, Sequence[Body]]:
     """The film and the outlines as they are to be tracked: resampled where that is needed.
 
     Raises
@@ -54,9 +56,9 @@ def square_film(film: FrameSource, bodies: Sequence[Body], settings: FitSettings
             projection = None
     if projection is None and aspect == 1.0 and not is_field:
         return film, bodies
-    cleaned = without_defects(film)
+    cleaned = correct_defects(film)
     if not is_field:
-        cleaned = without_row_flicker(cleaned, _box(film, bodies))
+        cleaned = correct_row_flicker(cleaned, _box(film, bodies))
     first = settings.first_field or getattr(film, "first_field", None) or "even"
     rectified = RectifiedFilm(cleaned, aspect, projection, int(first == "odd") if is_field else None)
     rectified.first_field = settings.first_field or rectified.first_field

@@ -20,12 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.film.source import Film, FrameSource, Repeats
-from vision.fitting.template import thinned
-from vision.frame_fit.frame_fit import watch
+from vision.fitting.template import thin_template
+from vision.frame_fit.frame_fit import build_repeat_watch
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FAILURE, FrameFlag
-from vision.results.pose_table import PoseTable, apart
-from vision.tracking.film_tracker import FilmTracker, repeats_around
+from vision.results.pose_table import PoseTable, pose_difference
+from vision.tracking.film_tracker import FilmTracker, build_repeat_detector
 from vision.tracking.workers import Workers
 
 PIXELS = 1500
@@ -37,21 +37,23 @@ Poses = NDArray[np.float64]
 """Of all bodies, (m, 3)."""
 
 
-def starts(ready: PreparedFilm, frame: NDArray[np.int64], rows: Sequence[int]) -> Iterator[tuple[Poses, Poses]]:
+def find_segment_starts(
+    ready: PreparedFilm, frame: NDArray[np.int64], rows: Sequence[int]
+) -> Iterator[tuple[Poses, Poses]]:
     """Poses in the two rows before each of ``rows``, in order, as far as the walk gets; ``frame`` (n,) of every row."""
-    templates = [thinned(template, PIXELS) for template in ready.templates]
+    templates = [thin_template(template, PIXELS) for template in ready.templates]
     light = replace(ready, templates=templates, occlusion=ready.occlusion.with_templates(templates))
-    walk = _Walk(FilmTracker(light), frame)
+    walk = _ForwardPass(FilmTracker(light), frame)
     for row in rows:
-        if not walk.to(row - 2):
+        if not walk.advance_to(row - 2):
             return
         before = walk.pose
-        if not walk.to(row - 1):
+        if not walk.advance_to(row - 1):
             return
         yield before, walk.pose
 
 
-class _Walk:
+class _ForwardPass:
     """Where the walk is: ``row``, the ``pose`` of all bodies, and how far they move per row."""
 
     def __init__(self, tracker: FilmTracker, frame: NDArray[np.int64]) -> None:
@@ -60,7 +62,7 @@ class _Walk:
         self.row, self.pose = 0, np.zeros((len(tracker.trackers), 3))
         self._speed, self._stride = np.zeros_like(self.pose), 4
 
-    def to(self, row: int) -> bool:
+    def advance_to(self, row: int) -> bool:
         """Go on to a row; False where a body is lost."""
         while self.row < row:
             step = min(self._stride, row - self.row)
@@ -101,7 +103,7 @@ AGREE_SIGMA = 2.0
 AGREE_PX = 0.02
 
 
-def forward_rows(
+def fit_rows_forward(
     tracker: FilmTracker, repeats: Repeats, table: PoseTable, rows: range, step: int, n_still: int, search: bool = True
 ) -> int:
     """Fit the frames of as many of the rows as one compiled call fits, at least one; returns how many.
@@ -110,10 +112,10 @@ def forward_rows(
     ``n_still``: at rest it is right all the same. Among those bodies are not searched for: they have not moved. Nor are
     they where ``search`` is False.
     """
-    if done := tracker.walk(table, rows, step, watch(repeats, n_still), search):
+    if done := tracker.track_rows(table, rows, step, build_repeat_watch(repeats, n_still), search):
         return done
     index = int(table.frame[rows.start])
-    if index >= n_still and repeats.at(index):
+    if index >= n_still and repeats.is_repeat(index):
         tracker.skip(step, FrameFlag.REPEATED)
     else:
         tracker.step(index, step, search=search and index >= n_still)
@@ -121,16 +123,16 @@ def forward_rows(
     return 1
 
 
-def agree(one: PoseTable, row: int, other: PoseTable, other_row: int, body: int, radius_px: float) -> bool:
+def poses_agree(one: PoseTable, row: int, other: PoseTable, other_row: int, body: int, radius_px: float) -> bool:
     """Whether two tables have a body at the same place; never where one of them lost it."""
-    off = np.abs(apart(one.pose[row, body], other.pose[other_row, body]))
+    off = np.abs(pose_difference(one.pose[row, body], other.pose[other_row, body]))
     u = np.sqrt(np.diag(one.covariance[row, body]))
     least = np.array([AGREE_PX / radius_px, AGREE_PX, AGREE_PX])
     return bool(np.all(off <= np.maximum(AGREE_SIGMA * u, least)))
 
 
 @dataclass(frozen=True)
-class Stretch:
+class Segment:
     """Rows ``first..end-1`` after the `SHARED_ROWS` before them, and the tracker as it was left at the end."""
 
     first: int
@@ -138,46 +140,48 @@ class Stretch:
     table: PoseTable
     tracker: FilmTracker
 
-    def joins(self, table: PoseTable) -> bool:
+    def is_continuous(self, table: PoseTable) -> bool:
         """Whether the stretch before, whose rows are in ``table``, found all bodies in the same places."""
         return all(
-            agree(table, self.first - k, self.table, SHARED_ROWS - k, i, body.template.radius_px)
+            poses_agree(table, self.first - k, self.table, SHARED_ROWS - k, i, body.template.radius_px)
             for k in range(1, COMPARED_ROWS + 1)
             for i, body in enumerate(self.tracker.trackers)
         )
 
 
-def several_may_read(film: FrameSource) -> bool:
+def is_thread_safe(film: FrameSource) -> bool:
     """Whether threads may ask for frames in any order; of films that are not ours nobody knows."""
     return isinstance(film, Film) and not film.in_order
 
 
-def first_rows(film: FrameSource, n_rows: int) -> list[int]:
+def segment_starts(film: FrameSource, n_rows: int) -> list[int]:
     """First row of every stretch, beginning with 0."""
-    count = max(1, n_rows // STRETCH_ROWS) if several_may_read(film) else 1
+    count = max(1, n_rows // STRETCH_ROWS) if is_thread_safe(film) else 1
     return [k * n_rows // count for k in range(count)]
 
 
-def later_stretches(
+def track_later_segments(
     crew: Workers, ready: PreparedFilm, frame: NDArray[np.int64], n_still: int, done: int
-) -> list[tuple[int, int, Future[Stretch] | None]]:
+) -> list[tuple[int, int, Future[Segment] | None]]:
     """First row, end and future of the stretches after the first that are not ``done``; None where no place to start
     from was found. ``frame`` (n,) of every row.
     """
-    rows = first_rows(ready.film, frame.size)
-    found = starts(ready, frame, [row - SHARED_ROWS for row in rows[1:]])
-    stretches: list[tuple[int, int, Future[Stretch] | None]] = []
+    rows = segment_starts(ready.film, frame.size)
+    found = find_segment_starts(ready, frame, [row - SHARED_ROWS for row in rows[1:]])
+    stretches: list[tuple[int, int, Future[Segment] | None]] = []
     for first, end in zip(rows[1:], [*rows[2:], frame.size], strict=True):
         start = next(found, None)
         if end > done:
-            work = None if start is None else crew.submit(_tracked, crew, ready, frame[:end], first, n_still, start)
+            work = (
+                None if start is None else crew.submit(_track_segment, crew, ready, frame[:end], first, n_still, start)
+            )
             stretches.append((first, end, work))
     return stretches
 
 
-def _tracked(
+def _track_segment(
     crew: Workers, ready: PreparedFilm, frame: NDArray[np.int64], first: int, n_still: int, start: tuple[Poses, Poses]
-) -> Stretch:
+) -> Segment:
     """Track the rows from ``first`` to the last from the poses in the two rows before the shared ones."""
     from_row = first - SHARED_ROWS
     tracker = FilmTracker(ready)
@@ -185,12 +189,12 @@ def _tracked(
     for back, pose in zip((2, 1), start, strict=True):
         tracker.place(from_row - back, pose)
     table = PoseTable.empty(frame[from_row:], len(ready.bodies))
-    repeats = repeats_around(ready.film, ready.templates, n_still)
+    repeats = build_repeat_detector(ready.film, ready.templates, n_still)
     row, joining = 0, slice(SHARED_ROWS - COMPARED_ROWS, SHARED_ROWS)
     while row < table.frame.size:
         crew.check()
         rows = range(row, SHARED_ROWS if row < SHARED_ROWS else table.frame.size)
-        row += forward_rows(tracker, repeats, table, rows, from_row + row, n_still, search=row >= SHARED_ROWS)
-        if row == SHARED_ROWS and table.failed[joining].any():
+        row += fit_rows_forward(tracker, repeats, table, rows, from_row + row, n_still, search=row >= SHARED_ROWS)
+        if row == SHARED_ROWS and table.is_lost[joining].any():
             break  # it cannot join the stretch before, which goes on through it
-    return Stretch(first, frame.size, table, tracker)
+    return Segment(first, frame.size, table, tracker)

@@ -19,40 +19,40 @@ from numpy.typing import ArrayLike, NDArray
 
 from vision.bodies.outlines import Body
 from vision.errors import VisionWarning
-from vision.film.open import film_of
+from vision.film.open import open_or_use
 from vision.film.source import Corrected, FrameSource
-from vision.film.time_scale import missing_after
+from vision.film.time_scale import count_missing_frames
 from vision.fitting.pose_covariance import PATTERN_EXCESS, predicted_u_angle
-from vision.reference.camera_faults import WithoutDefects
+from vision.reference.camera_faults import DefectCorrectedFilm
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable
 from vision.results.track_result import TrackResult
-from vision.tracking.assemble_result import Zero, assemble_result, zero_of_rows, zero_of_still_frames
+from vision.tracking.assemble_result import Zero, assemble_result, estimate_zero, estimate_zero_from_rows
 from vision.tracking.checkpoint import Checkpoint, job_hash
 from vision.tracking.field_lag import UNKNOWN_LAG, FieldLag, measure_field_lag
 from vision.tracking.film_tracker import FilmTracker
-from vision.tracking.moving_parts import confirm_hidden, moving_parts
+from vision.tracking.moving_parts import confirm_hidden, find_moving_parts
 from vision.tracking.options import TrackOptions, TrackSettings
-from vision.tracking.passes import confirm_backward, renew, track_forward
-from vision.tracking.picture_stretch import PictureStretch, measure_stretch, stretch_before
+from vision.tracking.passes import confirm_backward, rereference_lost_rows, track_forward
+from vision.tracking.picture_stretch import PictureStretch, measure_stretch, prior_stretch_uncertainty
 from vision.tracking.prepare import frame_times, prepare
 from vision.tracking.repeated_frames import reject_repeated
 from vision.tracking.sensor_pattern import (
     TRACKED_AGAIN,
-    WithoutPattern,
-    better,
-    held_back,
-    left_over,
-    pattern_by_sample,
+    PatternCorrectedFilm,
+    correct_pattern,
+    is_improvement,
+    pattern_bias_variance,
     pattern_is_suspected,
+    residual_pattern_inflation,
     residual_variance,
 )
-from vision.tracking.square_film import square_film
-from vision.tracking.stretches import first_rows, several_may_read
+from vision.tracking.square_film import prepare_square_film
+from vision.tracking.stretches import is_thread_safe, segment_starts
 from vision.tracking.workers import usable_threads, workers
 from vision.uncertainty.budget_terms import expected_budget
-from vision.uncertainty.coherence import widened
+from vision.uncertainty.coherence import inflate_covariance
 
 
 def track(
@@ -122,7 +122,7 @@ def track(
     >>> result.to_table().to_csv("angles.csv")
     """
     settings = TrackSettings(**options)
-    with film_of(path_or_source) as film:
+    with open_or_use(path_or_source) as film:
         return _track(film, bodies, frame_time_s, settings)
 
 
@@ -131,10 +131,10 @@ def _track(
 ) -> TrackResult:
     given = film, bodies, frame_time_s
     time_s, camera = frame_times(film, frame_time_s), settings.camera_model
-    u_stretch = stretch_before(film, settings)
-    film, bodies = square_film(film, bodies, settings)
+    u_stretch = prior_stretch_uncertainty(film, settings)
+    film, bodies = prepare_square_film(film, bodies, settings)
     threads = settings.threads or usable_threads()
-    with workers(threads if several_may_read(film) else 1) as crew:
+    with workers(threads if is_thread_safe(film) else 1) as crew:
         ready = prepare(film, bodies, settings.n_still, settings.max_pixels, crew.each)
     if settings.expected is not None:
         expected = expected_budget(
@@ -144,10 +144,10 @@ def _track(
     frame = np.arange(0, film.n_frames, settings.every)
     checkpoint = None
     if settings.checkpoint is not None:
-        job = job_hash(film, bodies, (settings.every, first_rows(film, frame.size)), ready.templates)
+        job = job_hash(film, bodies, (settings.every, segment_starts(film, frame.size)), ready.templates)
         checkpoint = Checkpoint(settings.checkpoint, job)
-    done = _both_passes(ready, frame, settings, checkpoint)
-    ready, done, pattern_grey = _without_pattern(ready, done, settings)
+    done = _run_both_passes(ready, frame, settings, checkpoint)
+    ready, done, pattern_grey = _retrack_without_pattern(ready, done, settings)
     table = done.table
     ready, lag, first_field = _settle_fields(ready, table, time_s, settings)
     if first_field is not None:
@@ -155,8 +155,8 @@ def _track(
     reject_repeated(ready, table)
     doubted = residual_variance(ready, table) > PATTERN_EXCESS
     confirmed = confirm_hidden(ready, table, doubted)
-    table.covariance[..., [0, 1, 2], [0, 1, 2]] += held_back(ready, table)
-    _reject_hopeless(ready, table)
+    table.covariance[..., [0, 1, 2], [0, 1, 2]] += pattern_bias_variance(ready, table)
+    _reject_untextured(ready, table)
     if ready.skips_blocks:
         warnings.warn(
             f"{film.path}: squares of the picture repeat byte for byte from frame to frame, as codecs leave them that "
@@ -173,8 +173,8 @@ def _track(
             VisionWarning,
             stacklevel=3,
         )
-    stretch = _stretch(ready, table, settings, u_stretch)
-    apart = moving_parts(ready, table)
+    stretch = _measure_stretch(ready, table, settings, u_stretch)
+    apart = find_moving_parts(ready, table)
     for name, parts in apart.items():
         if parts.bends:
             warnings.warn(
@@ -201,7 +201,7 @@ def _track(
         "delay_frames": ready.delay_frames,
         "first_field": tracked_field(ready),
         "field_lag_frames": lag.frames,
-        "missing_after": missing_after(time_s) if settings.every == 1 else {},
+        "missing_after": count_missing_frames(time_s) if settings.every == 1 else {},
         "pixel_aspect": 1.0 if ready.rectified_film is None else ready.rectified_film.aspect,
         "moving_parts": {name: asdict(parts) for name, parts in apart.items()},
     }
@@ -261,12 +261,12 @@ def _settle_fields(
 def ready_defects(ready: PreparedFilm) -> int:
     """Number of the sensor's pixels that were replaced by their neighbours."""
     film = ready.film
-    while isinstance(film, Corrected) and not isinstance(film, WithoutDefects):
+    while isinstance(film, Corrected) and not isinstance(film, DefectCorrectedFilm):
         film = film.film
-    return int(film.rows.size) if isinstance(film, WithoutDefects) else 0
+    return int(film.rows.size) if isinstance(film, DefectCorrectedFilm) else 0
 
 
-def _reject_hopeless(ready: PreparedFilm, table: PoseTable) -> None:
+def _reject_untextured(ready: PreparedFilm, table: PoseTable) -> None:
     """Lose the rows of bodies whose texture cannot be told from noise: what fits them fits anywhere."""
     for i, template in enumerate(ready.templates):
         if np.isfinite(predicted_u_angle(template, ready.reference.noise_grey)):
@@ -281,7 +281,7 @@ def _reject_hopeless(ready: PreparedFilm, table: PoseTable) -> None:
             table.reject(row, i, FrameFlag.NO_COVARIANCE)
 
 
-def _stretch(ready: PreparedFilm, table: PoseTable, settings: TrackSettings, u_before: float) -> PictureStretch:
+def _measure_stretch(ready: PreparedFilm, table: PoseTable, settings: TrackSettings, u_before: float) -> PictureStretch:
     """The picture's stretch, of an uncalibrated camera; a line where it is there."""
     if settings.is_calibrated:
         return PictureStretch(0.0, 0.0, False)
@@ -316,7 +316,7 @@ def _warn_of_delay(result: TrackResult, ready: PreparedFilm) -> None:
 
 
 @dataclass(frozen=True)
-class _Done:
+class _PassResult:
     """Poses and zero of both passes, and what they counted."""
 
     table: PoseTable
@@ -324,52 +324,54 @@ class _Done:
     info: dict[str, Any]
 
 
-def _both_passes(
+def _run_both_passes(
     ready: PreparedFilm, frame: NDArray[np.int64], settings: TrackSettings, checkpoint: Checkpoint | None
-) -> _Done:
+) -> _PassResult:
     """Track forward through frames, and backward through the doubtful ones."""
     table = PoseTable.empty(frame, len(ready.bodies))
     # found as soon as it can be, so that outlines that do not fit the film are refused before the long work
-    zeros = [zero_of_still_frames(ready)] if settings.every > 1 else []
+    zeros = [estimate_zero(ready)] if settings.every > 1 else []
 
-    def at_rest() -> None:
+    def note_rest() -> None:
         if not zeros:
-            zeros.append(zero_of_rows(ready, table))
+            zeros.append(estimate_zero_from_rows(ready, table))
 
     threads = settings.threads or usable_threads()
     tracker = FilmTracker(ready)
     n_still = ready.reference.n_averaged
-    resumed = track_forward(tracker, table, checkpoint, settings.progress, n_still, threads, at_rest)
+    resumed = track_forward(tracker, table, checkpoint, settings.progress, n_still, threads, note_rest)
     confirmed = confirm_backward(ready, table, settings.confirm, threads)
-    renewed = renew(ready, table)
-    return _Done(
+    renewed = rereference_lost_rows(ready, table)
+    return _PassResult(
         table,
         zeros[0],
         {**tracker.info(), "rows_resumed": resumed, "rows_confirmed": confirmed, "rows_renewed": renewed},
     )
 
 
-def _without_pattern(ready: PreparedFilm, done: _Done, settings: TrackSettings) -> tuple[PreparedFilm, _Done, float]:
+def _retrack_without_pattern(
+    ready: PreparedFilm, done: _PassResult, settings: TrackSettings
+) -> tuple[PreparedFilm, _PassResult, float]:
     """Track again without the sensor's fixed pattern where there is one; the better of both, and the pattern's rms."""
     grey = 0.0
 
-    def prepared(film: WithoutPattern) -> PreparedFilm:
+    def prepare_again(film: PatternCorrectedFilm) -> PreparedFilm:
         return prepare(film, ready.bodies, ready.reference.n_averaged, settings.max_pixels)
 
     for _ in range(TRACKED_AGAIN):
-        found = pattern_by_sample(ready, done.table, prepared) if pattern_is_suspected(ready, done.table) else None
+        found = correct_pattern(ready, done.table, prepare_again) if pattern_is_suspected(ready, done.table) else None
         if found is None:
             break
         cleaned, pattern = found
-        again = _both_passes(cleaned, done.table.frame, settings, None)
-        if not better((ready, done.table), (cleaned, again.table), is_first=not grey):
+        again = _run_both_passes(cleaned, done.table.frame, settings, None)
+        if not is_improvement((ready, done.table), (cleaned, again.table), is_first=not grey):
             break
-        no_more = int(again.table.failed.sum()) == int(done.table.failed.sum())
+        no_more = int(again.table.is_lost.sum()) == int(done.table.is_lost.sum())
         ready, done = cleaned, replace(again, info={**again.info, "rows_resumed": done.info["rows_resumed"]})
         grey = float(np.sqrt(np.mean(pattern[pattern != 0.0] ** 2)))
         if no_more:
             break
     if grey:
-        factor = np.broadcast_to(left_over(ready, grey), (len(done.table.frame), len(ready.bodies), 3))
-        done = replace(done, table=replace(done.table, covariance=widened(done.table.covariance, factor)))
+        factor = np.broadcast_to(residual_pattern_inflation(ready, grey), (len(done.table.frame), len(ready.bodies), 3))
+        done = replace(done, table=replace(done.table, covariance=inflate_covariance(done.table.covariance, factor)))
     return ready, done, grey

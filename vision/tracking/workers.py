@@ -9,7 +9,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import ParamSpec, TypeVar
 
-from vision.each import in_turn
+from vision.each import serial_map
 
 MOST_THREADS = 8
 A = TypeVar("A")
@@ -46,7 +46,11 @@ class Workers:
 
     def each(self, work: Callable[[A], B], items: Iterable[A], /) -> list[B]:
         """Have work done for each of several items; an error is that of the first item that has one."""
-        return in_turn(work, items) if self._pool is None else in_turn(result_of, [self.submit(work, i) for i in items])
+        return (
+            serial_map(work, items)
+            if self._pool is None
+            else serial_map(wait_for_result, [self.submit(work, i) for i in items])
+        )
 
     def check(self) -> None:
         """Raise `StoppedError` when the run has ended."""
@@ -69,7 +73,7 @@ def workers(threads: int) -> Iterator[Workers]:
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def result_of(future: Future[T]) -> T:
+def wait_for_result(future: Future[T]) -> T:
     """Wait for a result, so that Ctrl-C is heard meanwhile: without a limit of time Windows does not."""
     while True:
         try:

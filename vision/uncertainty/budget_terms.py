@@ -1,4 +1,4 @@
-"""How the terms of the error budget are found, before tracking (`expected_budget`) and after (`budget_of`).
+"""How the terms of the error budget are found, before tracking (`expected_budget`) and after (`compute_budget`).
 
 Tilt and distortion bend both bodies of a relative angle alike, so there their differences count; all other
 terms of the two bodies are independent.
@@ -34,8 +34,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.camera.model import CameraModel, Projection, seen_turned, turned_points
-from vision.each import Each, in_turn
+from vision.camera.model import CameraModel, Projection, project_posed_points, transform_points
+from vision.each import ItemMap, serial_map
 from vision.film.source import Compression, FrameSource
 from vision.fitting.pose_covariance import predicted_u_angle
 from vision.fitting.template import Template
@@ -74,10 +74,10 @@ class PoseResponse:
 
         ``pose`` is the motion seen by the perfect camera (to first order the tracked one); NaN stays NaN.
         """
-        apart = _off_rigid(self.template, camera, self._at)
-        return self._of(pose, lambda part, c, s: apart(pose[part], c, s))
+        apart = _distortion_displacement(self.template, camera, self._at)
+        return self._pose_change(pose, lambda part, c, s: apart(pose[part], c, s))
 
-    def read_late(
+    def rolling_shutter_error(
         self, pose: NDArray[np.float64], speed: NDArray[np.float64], rows_per_s: float
     ) -> NDArray[np.float64]:
         """Tracked pose less that at the time of the picture's first row, of pictures that are read row by row, (n, 3).
@@ -86,14 +86,14 @@ class PoseResponse:
         what it shows has moved on by then.
         """
 
-        def apart(part: slice, c: NDArray[np.float64], s: NDArray[np.float64]) -> Both:
-            rate, (x, y) = speed[part, :, None], turned_points(self._at, c, s, np.zeros((len(c), 2)))
+        def displace(part: slice, c: NDArray[np.float64], s: NDArray[np.float64]) -> Both:
+            rate, (x, y) = speed[part, :, None], transform_points(self._at, c, s, np.zeros((len(c), 2)))
             late = (y + self.template.centre_px[1] + pose[part, 2:]) / rows_per_s
             return late * (rate[:, 1] - rate[:, 0] * y), late * (rate[:, 2] + rate[:, 0] * x)
 
-        return self._of(pose, apart)
+        return self._pose_change(pose, displace)
 
-    def _of(
+    def _pose_change(
         self,
         pose: NDArray[np.float64],
         apart: Callable[[slice, NDArray[np.float64], NDArray[np.float64]], Both],
@@ -110,7 +110,7 @@ class PoseResponse:
             result[part] = c[:, None] * along + s[:, None] * across
         return result
 
-    def without_error(self, camera: Projection, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    def correct_turn(self, camera: Projection, pose: NDArray[np.float64]) -> NDArray[np.float64]:
         """Turn, rad, shape (n,), that a perfect camera would give for tracked poses."""
         turn = pose[:, 0].copy()
         for _ in range(CORRECTION_ROUNDS):
@@ -123,11 +123,14 @@ def displacement(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """How far each template pixel is off a rigid motion at a pose (3,), px along the template's x and y, each (n,)."""
     c, s = np.cos(pose[:1]), np.sin(pose[:1])
-    x, y = (one[0] for one in _off_rigid(template, camera, template.offset_px.T.astype(float))(pose[None], c, s))
+    x, y = (
+        one[0]
+        for one in _distortion_displacement(template, camera, template.offset_px.T.astype(float))(pose[None], c, s)
+    )
     return c * x + s * y, c * y - s * x
 
 
-def _off_rigid(
+def _distortion_displacement(
     template: Template, camera: Projection, offset: NDArray[np.float64]
 ) -> Callable[[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]], Both]:
     """What says how far places ``offset`` (cells, 2) of a body are off a rigid motion in a camera's picture, (k, cells)
@@ -135,14 +138,14 @@ def _off_rigid(
     centre = np.array(template.centre_px)
     flat, flat_centre = camera.rectified(centre + offset), camera.rectified(centre)
 
-    def apart(pose: NDArray[np.float64], c: NDArray[np.float64], s: NDArray[np.float64]) -> Both:
+    def displace(pose: NDArray[np.float64], c: NDArray[np.float64], s: NDArray[np.float64]) -> Both:
         moved = centre + pose[:, 1:]
-        x, y = seen_turned(camera, flat - flat_centre, c, s, camera.rectified(moved))
-        for seen, rigid in zip((x, y), turned_points(offset, c, s, moved - camera.centre_px), strict=True):
+        x, y = project_posed_points(camera, flat - flat_centre, c, s, camera.rectified(moved))
+        for seen, rigid in zip((x, y), transform_points(offset, c, s, moved - camera.centre_px), strict=True):
             seen -= rigid
         return x, y
 
-    return apart
+    return displace
 
 
 INTERFRAME_FACTOR = 6.0
@@ -230,7 +233,7 @@ def expected_budget(
     single = {
         "noise": np.sqrt(np.maximum(u**2 - common**2, 0.0)),
         "reference": common,
-        "codec": _codec(ready, u),
+        "codec": _compression_term(ready, u),
         "synchronisation": np.full(m, u_time_s * motion.speed_rad_per_s),
         "shutter": np.full(m, motion.acceleration_rad_per_s2 * _shutter_factor(ready.film, frame_s)),
         "lag": np.full(m, motion.speed_rad_per_s * ready.delay_frames * frame_s),
@@ -242,13 +245,13 @@ def expected_budget(
     return _budget(ready, camera, (pose, speed), (own, {}), rows_per_s, u_stretch=u_stretch)
 
 
-def budget_of(
+def compute_budget(
     ready: PreparedFilm,
     camera: CameraModel,
     tracked: TrackedAngles,
     u_time_s: float,
     rows_per_s: float | None = None,
-    each: Each = in_turn,
+    each: ItemMap = serial_map,
 ) -> ErrorBudget:
     """Budget of every tracked frame; ``u_time_s`` is the standard uncertainty of the frame times."""
     angle_rad, u_noise_rad = tracked.angle_rad, tracked.u_noise_rad
@@ -256,7 +259,7 @@ def budget_of(
     own = {
         "noise": u_noise_rad,
         "reference": np.where(np.isfinite(u_noise_rad), tracked.u_common_rad, np.nan),
-        "codec": np.where(np.isfinite(u_noise_rad), _codec(ready, typical), np.nan),
+        "codec": np.where(np.isfinite(u_noise_rad), _compression_term(ready, typical), np.nan),
     }
     against: dict[str, NDArray[np.float64]] = {}
     # one frame out of many may be tracked; zero where a neighbour is lost, as in the terms below
@@ -264,7 +267,10 @@ def budget_of(
     if len(tracked.time_s) > 1:
         apart_s = np.gradient(tracked.time_s)[:, None]
         speed = np.nan_to_num(np.gradient(tracked.pose, tracked.time_s, axis=0))
-    relative_rad, u_relative_rad = _paired(angle_rad, ready.parents, np.subtract), _paired(u_noise_rad, ready.parents)
+    relative_rad, u_relative_rad = (
+        _combine_with_parent(angle_rad, ready.parents, np.subtract),
+        _combine_with_parent(u_noise_rad, ready.parents),
+    )
     for terms, angle, u in ((own, angle_rad, u_noise_rad), (against, relative_rad, u_relative_rad)):
         turning, acceleration = _speed_and_acceleration(tracked.time_s, angle, u)
         terms["synchronisation"] = u_time_s * turning
@@ -274,7 +280,7 @@ def budget_of(
     rows = _row_interpolation(ready)
     if rows.any():
         own["interlace"] = np.hypot(own["interlace"], rows)
-        against["interlace"] = np.hypot(against["interlace"], _paired(rows[None], ready.parents))
+        against["interlace"] = np.hypot(against["interlace"], _combine_with_parent(rows[None], ready.parents))
     return _budget(ready, camera, (tracked.pose, speed), (own, against), rows_per_s, each, tracked.u_stretch)
 
 
@@ -284,7 +290,7 @@ def _budget(
     motion: tuple[NDArray[np.float64], NDArray[np.float64]],
     terms: tuple[dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]],
     rows_per_s: float | None,
-    each: Each = in_turn,
+    each: ItemMap = serial_map,
     u_stretch: float = 0.0,
 ) -> ErrorBudget:
     """Terms of camera and shutter in a ``motion``, poses (n, m, 3) and their speed, beside each body's own terms, (n,
@@ -293,7 +299,7 @@ def _budget(
     absolute, relative = _camera_terms(ready, camera, pose, each)
     absolute["aspect"], relative["aspect"] = _stretch_terms(ready, pose, u_stretch)
     absolute |= own
-    relative |= {name: _paired(values, ready.parents) for name, values in own.items()} | against
+    relative |= {name: _combine_with_parent(values, ready.parents) for name, values in own.items()} | against
     absolute["rows"], relative["rows"] = _row_terms(ready, pose, speed, rows_per_s)
     names = tuple(b.name for b in ready.bodies)
     return ErrorBudget(names, absolute, relative, camera.description(), shutter_text(rows_per_s))
@@ -309,7 +315,7 @@ def _stretch_terms(
         off = np.column_stack(
             [PoseResponse(one).error(stretched, pose[:, i])[:, 0] for i, one in enumerate(ready.templates)]
         )
-    return np.abs(off), np.abs(_paired(off, ready.parents, np.subtract))
+    return np.abs(off), np.abs(_combine_with_parent(off, ready.parents, np.subtract))
 
 
 def _row_interpolation(ready: PreparedFilm) -> NDArray[np.float64]:
@@ -359,8 +365,8 @@ def _row_terms(
     off = np.where(np.isfinite(pose[..., 0]), 0.0, np.nan)
     if rows_per_s is not None and math.isfinite(rows_per_s):
         for i, template in enumerate(ready.templates):
-            off[:, i] = PoseResponse(template).read_late(pose[:, i], speed[:, i], rows_per_s)[:, 0]
-    return np.abs(off), np.abs(_paired(off, ready.parents, np.subtract))
+            off[:, i] = PoseResponse(template).rolling_shutter_error(pose[:, i], speed[:, i], rows_per_s)[:, 0]
+    return np.abs(off), np.abs(_combine_with_parent(off, ready.parents, np.subtract))
 
 
 def _shutter_factor(film: FrameSource, apart_s: Any) -> Any:
@@ -390,31 +396,33 @@ def _speed_and_acceleration(
 
 
 def _camera_terms(
-    ready: PreparedFilm, camera: CameraModel, pose: NDArray[np.float64], each: Each = in_turn
+    ready: PreparedFilm, camera: CameraModel, pose: NDArray[np.float64], each: ItemMap = serial_map
 ) -> tuple[dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]]:
     """Tilt and distortion of absolute and relative angles."""
     width, height = ready.film.width, ready.film.height
     n, m = pose.shape[:2]
     responses = each(PoseResponse, ready.templates)
 
-    def turned(projection: Projection) -> NDArray[np.float64]:
+    def corrected_turn(projection: Projection) -> NDArray[np.float64]:
         return np.column_stack([r.error(projection, pose[:, i])[:, 0] for i, r in enumerate(responses)])
 
     nominal, variants = camera.nominal(width, height), list(camera.variants(width, height))
-    base = np.zeros((n, m)) if nominal is None else turned(nominal)
+    base = np.zeros((n, m)) if nominal is None else corrected_turn(nominal)
     absolute = {name: np.zeros((n, m)) for name in ("tilt", "distortion")}
-    relative = {name: _paired(values, ready.parents) for name, values in absolute.items()}
-    for variant, found in zip(variants, each(turned, [variant.projection for variant in variants]), strict=True):
+    relative = {name: _combine_with_parent(values, ready.parents) for name, values in absolute.items()}
+    for variant, found in zip(
+        variants, each(corrected_turn, [variant.projection for variant in variants]), strict=True
+    ):
         off = found - base
         absolute[variant.term] += variant.weight * off**2
-        relative[variant.term] += variant.weight * _paired(off, ready.parents, np.subtract) ** 2
+        relative[variant.term] += variant.weight * _combine_with_parent(off, ready.parents, np.subtract) ** 2
     return (
         {name: np.sqrt(values) for name, values in absolute.items()},
         {name: np.sqrt(values) for name, values in relative.items()},
     )
 
 
-def _codec(ready: PreparedFilm, u_noise: NDArray[np.float64]) -> NDArray[np.float64]:
+def _compression_term(ready: PreparedFilm, u_noise: NDArray[np.float64]) -> NDArray[np.float64]:
     compression = ready.film.compression
     return np.array(
         [
@@ -424,7 +432,7 @@ def _codec(ready: PreparedFilm, u_noise: NDArray[np.float64]) -> NDArray[np.floa
     )
 
 
-def _paired(
+def _combine_with_parent(
     values: NDArray[np.float64], parents: Sequence[int | None], join: Callable[..., Any] = np.hypot
 ) -> NDArray[np.float64]:
     """What child and parent make together, (n, m): independent parts add in squares; NaN without a parent."""

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.camera.model import Projection
-from vision.fitting.assessment import N_LEVELS, ratios_of, template_blocks
+from vision.fitting.assessment import N_LEVELS, coherence_ratios, template_blocks
 from vision.fitting.template import Template, invert_normal
 from vision.uncertainty.budget_terms import displacement
 
@@ -45,7 +45,7 @@ def variance_factor(ratio: NDArray[np.float64], blocks: NDArray[np.float64]) -> 
     return np.asarray(factor.max(axis=2))
 
 
-def widened(covariance: NDArray[np.float64], factor: NDArray[np.float64]) -> NDArray[np.float64]:
+def inflate_covariance(covariance: NDArray[np.float64], factor: NDArray[np.float64]) -> NDArray[np.float64]:
     """Covariances (n, m, 3, 3) with their variances multiplied by ``factor`` (n, m, 3), correlations kept."""
     root = np.sqrt(factor)
     return covariance * root[..., :, None] * root[..., None, :]
@@ -74,7 +74,7 @@ def expected_ratio(
         return added
     rows = known[np.unique(np.linspace(0, known.size - 1, MOST_ROWS).astype(int))]
     design = np.vstack([template.columns.astype(float), np.ones(template.n_pixels)])
-    blocks = template.once(template_blocks)
+    blocks = template.get_or_make(template_blocks)
     work, weight = np.ones((3, template.n_pixels), dtype=np.float32), np.ones(template.n_pixels, dtype=np.float32)
     found = np.empty((rows.size, N_LEVELS, 3))
     for k, row in enumerate(rows):
@@ -82,7 +82,7 @@ def expected_ratio(
         residual = design[1] * along + design[2] * across
         residual -= (inverse @ (design @ residual)) @ design
         work[2] = residual
-        found[k] = ratios_of(blocks, template.columns, work, weight, inverse[:3], white_variance[row]).ratio
+        found[k] = coherence_ratios(blocks, template.columns, work, weight, inverse[:3], white_variance[row]).ratio
     for level in range(N_LEVELS):
         for axis in range(3):
             added[:, level, axis] = np.interp(np.arange(len(pose)), rows, found[:, level, axis])

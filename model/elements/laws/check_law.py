@@ -14,7 +14,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from model.compiler.expressions import ONE, TRUTHS, Expression, argument, lift, parts, slopes
+from model.compiler.expressions import ONE, TRUTHS, Expression, argument, as_expression, differentiator, subexpressions
 from model.elements.laws.felt_law import Felt, Law, Number
 from model.errors import InputError
 
@@ -86,7 +86,7 @@ def _check_number(law: Law, what: str, value: Any) -> Expression:
     """Return a number that a law gave as an expression; refuse anything else."""
     if isinstance(value, bool) or not isinstance(value, Expression | int | float):
         raise InputError(f"{locate(law)}: {what}: found {_show(value)}, allowed an expression of felt or a number")
-    found = lift(value)
+    found = as_expression(value)
     if found.op in TRUTHS:
         raise InputError(f"{locate(law)}: {what}: found a condition, allowed a number; write where(condition, a, b)")
     return found
@@ -116,6 +116,9 @@ def check_members(law: Law) -> None:
     InputError
         One line names file, law, member and what is allowed.
     """
+    for former, name in {"packed": "pack_numbers", "alone": "recovery_rates", "rested": "rest_memories"}.items():
+        if hasattr(law, former):
+            raise InputError(f"{locate(law)}: {former}: this method is now called {name}; rename it")
     if not isinstance(law.damped, bool):
         raise InputError(f"{locate(law)}: damped: found {_show(law.damped)}, allowed True or False")
     if law.anew is not None and not _is_finite(law.anew):
@@ -155,12 +158,12 @@ def trace_law(law: Law) -> Traced:
         A method raises, is missing, or returns something of another form; one line names file, law and method.
     """
     usual = {name: n.value for name, n in law.numbers.items()}
-    given = call_method(law, "packed", "contact01", usual, TRIED_ON)
+    given = call_method(law, "pack_numbers", "contact01", usual, TRIED_ON)
     try:
         count, packed = int(given[0]), tuple(float(x) for x in given[1])
     except (TypeError, ValueError, LookupError):
         raise InputError(
-            f"{locate(law)}: packed: found {_show(given)}, allowed the number of memories and a row of numbers"
+            f"{locate(law)}: pack_numbers: found {_show(given)}, allowed the number of memories and a row of numbers"
         ) from None
     if not 0 <= count <= MOST_MEMORIES:
         raise InputError(f"felt law {law.name}: found {count} memories, allowed to {MOST_MEMORIES}")
@@ -169,7 +172,7 @@ def trace_law(law: Law) -> Traced:
     numbers = tuple(argument(f"number {k}") for k in range(len(packed)))
     felt = Felt(argument("depth"), argument("rate"), memory, curve, argument("damping"), numbers)
     pressing, force = _check_force(law, call_method(law, "force", felt))
-    rates, alone = (_check_rates(law, method, call_method(law, method, felt)) for method in ("rates", "alone"))
+    rates, alone = (_check_rates(law, method, call_method(law, method, felt)) for method in ("rates", "recovery_rates"))
     energy = call_method(law, "energy", felt, "")
     if not isinstance(energy, tuple | list) or len(energy) != 3 or not isinstance(energy[0], list | tuple):
         raise InputError(
@@ -213,7 +216,7 @@ def _check_rates(law: Law, method: str, given: Any) -> tuple[Expression, ...]:
 
 def _check_derivatives(law: Law, felt: Felt, wholes: Sequence[Expression]) -> None:
     for by in (felt.depth, felt.rate, *felt.memory):
-        slope = slopes({by: ONE})
+        slope = differentiator({by: ONE})
         for whole in wholes:
             try:
                 slope(whole)
@@ -254,7 +257,7 @@ _VALUE_OF: dict[str, Callable[..., Any]] = {
 
 def compile_values(wholes: Sequence[Expression]) -> Callable[[dict[Expression, float]], dict[Expression, Any]]:
     """Return a function from the values of arguments to those of all parts; not a number where one cannot be."""
-    ordered = sorted(parts(wholes), key=lambda e: e.order)  # an expression is made after its arguments
+    ordered = sorted(subexpressions(wholes), key=lambda e: e.order)  # an expression is made after its arguments
 
     def evaluate(given: dict[Expression, float]) -> dict[Expression, Any]:
         value: dict[Expression, Any] = dict(given)
@@ -288,7 +291,7 @@ class _Press:
         self.law, self.traced = law, traced
         wholes = (traced.pressing, traced.force, *traced.rates, *traced.alone)
         self._evaluate = compile_values(wholes)
-        self._conditions = [e for e in parts(wholes) if e.op in ("above", "at_least", "differs")]
+        self._conditions = [e for e in subexpressions(wholes) if e.op in ("above", "at_least", "differs")]
         felt = traced.felt
         self._fixed = {
             **dict(zip(felt.curve, TRIED_ON, strict=True)),
@@ -346,7 +349,11 @@ def find_jump(law: Law, traced: Traced) -> str:
     press = _Press(law, traced)
     found = ""
     resting = [
-        _State(depth, 0.0, tuple(call_method(law, "rested", depth, TRIED_ON, traced.packed, len(traced.felt.memory))))
+        _State(
+            depth,
+            0.0,
+            tuple(call_method(law, "rest_memories", depth, TRIED_ON, traced.packed, len(traced.felt.memory))),
+        )
         for depth in (1e-9, 1e-6, 1e-4, DEEPEST_M)
     ]
     _refuse_impossible(law, resting, [press.evaluate(state) for state in resting])

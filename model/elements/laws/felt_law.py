@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
-from model.compiler.expressions import ZERO, Expression, Given, constant, law, where
+from model.compiler.expressions import ZERO, Arguments, Expression, constant, differentiate_once, where
 from model.compiler.programs import Statement
 from model.elements.laws.curve import Curve
 from model.errors import InputError
@@ -40,7 +40,7 @@ class Felt:
     memory: tuple[Expression, ...]  # what it remembers
     curve: Curve  # a, b, c of its slow loading curve
     damping: Expression  # ``normal.D`` of the contact, s/m; 0 unless the law is `damped`
-    numbers: tuple[Expression, ...]  # what the law has `packed`
+    numbers: tuple[Expression, ...]  # what the law has `pack_numbers`
 
 
 class Law:
@@ -49,7 +49,7 @@ class Law:
     name: ClassVar[str]  # as ``contact02.law`` takes it; lower case
     numbers: ClassVar[Mapping[str, Number]] = {}  # parameters by name; a contact's paths are ``contact02.<law>.<name>``
     damped: ClassVar[bool] = False  # whether ``normal.D`` is a parameter of it; otherwise its felt has D = 0
-    # value that memories have at the next touch, whatever was before; None where they go on by `alone`
+    # value that memories have at the next touch, whatever was before; None where they go on by `recovery_rates`
     anew: ClassVar[float | None] = None
     added = False
     """Whether a program has added it: then its force is watched, which may not go below zero."""
@@ -62,7 +62,7 @@ class Law:
         """Stamp it with its name; that of an added law changes with what the law does."""
         self.stamp = self.name
 
-    def packed(
+    def pack_numbers(
         self, contact: str, values: Mapping[str, float], curve: tuple[float, float, float]
     ) -> tuple[int, Sequence[float]]:
         """How many memories felt with these values has, and the numbers that the kernels read.
@@ -77,9 +77,9 @@ class Law:
 
     def rates(self, felt: Felt) -> Sequence[Expression]:
         """Rate of each memory while the felt presses: of its own state, depth and rate, of no other memory."""
-        return self.alone(felt)
+        return self.recovery_rates(felt)
 
-    def alone(self, felt: Felt) -> Sequence[Expression]:
+    def recovery_rates(self, felt: Felt) -> Sequence[Expression]:
         """Rate of each memory while the felt does not press."""
         return [ZERO for _ in felt.memory]
 
@@ -94,7 +94,7 @@ class Law:
         """Force per depth that a first touch brings at once, N/m; steps are kept short enough for it."""
         return felt.curve[2]
 
-    def rested(
+    def rest_memories(
         self, depth: float, curve: tuple[float, float, float], numbers: Sequence[float], memories: int
     ) -> Sequence[float]:
         """Memories of felt that came to a depth (m) from outside and has rested there."""
@@ -110,17 +110,17 @@ class Law:
             )
 
 
-def pushing(of: Law, felt: Felt) -> tuple[Expression, Expression]:
+def checked_force(of: Law, felt: Felt) -> tuple[Expression, Expression]:
     """Whether felt presses, and its force, which is no number where an added law would have it pull: no step stays."""
-    pressing, force = asked(of.force, felt)
+    pressing, force = evaluate_law(of.force, felt)
     return pressing, where(force < -PULL_N, constant(math.nan), force) if of.added else force
 
 
-def asked(of: Callable[[Felt], Any], felt: Felt) -> tuple[Expression, ...]:
+def evaluate_law(of: Callable[[Felt], Any], felt: Felt) -> tuple[Expression, ...]:
     """What a law says of felt, differentiated by depth, rate and memories once, however deep these lie."""
 
-    def at(given: Given) -> tuple[Expression, ...]:
+    def evaluate(given: Arguments) -> tuple[Expression, ...]:
         return tuple(of(replace(felt, depth=given[0], rate=given[1], memory=given[2:])))
 
-    out: tuple[Expression, ...] = law(at)((felt.depth, felt.rate, *felt.memory))
+    out: tuple[Expression, ...] = differentiate_once(evaluate)((felt.depth, felt.rate, *felt.memory))
     return out

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from model.compiler.expressions import Expression, largest, where
+from model.compiler.expressions import Expression, maximum, where
 from model.compiler.programs import Statement
-from model.elements.laws.curve import loading, stored
+from model.elements.laws.curve import curve_energy, loading_force
 from model.elements.laws.felt_law import Felt, Law
 
 
@@ -16,15 +16,15 @@ class HuntCrossley(Law):
 
     def force(self, felt: Felt) -> tuple[Expression, Expression]:
         """Whether it presses, and its force, N."""
-        slow, factor = loading(felt.depth, felt.curve), 1.0 + felt.damping * felt.rate
+        slow, factor = loading_force(felt.depth, felt.curve), 1.0 + felt.damping * felt.rate
         # each factor by itself: two negative ones would push
         return (slow > 0.0) & (factor > 0.0), slow * factor
 
     def energy(self, felt: Felt, label: str) -> tuple[list[Statement], Expression, Expression]:
         """Energy of the curve; what the force has beyond it is lost."""
         pressing, force = self.force(felt)
-        lost = (where(pressing, force, 0.0) - largest(loading(felt.depth, felt.curve), 0.0)) * felt.rate
-        return [], stored(felt.depth, felt.curve), lost
+        lost = (where(pressing, force, 0.0) - maximum(loading_force(felt.depth, felt.curve), 0.0)) * felt.rate
+        return [], curve_energy(felt.depth, felt.curve), lost
 
     def stiffness(self, felt: Felt) -> Expression:
         """Of the curve, at the speed of the touch."""

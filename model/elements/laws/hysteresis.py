@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from model.compiler.expressions import ONE, ZERO, Expression, largest, total
+from model.compiler.expressions import ONE, ZERO, Expression, maximum, total
 from model.compiler.programs import Statement
-from model.elements.laws.curve import loading, steepness, stored
+from model.elements.laws.curve import curve_energy, loading_force, loading_stiffness
 from model.elements.laws.felt_law import Felt, Law, Number
 from model.errors import InputError
 
@@ -40,7 +40,7 @@ class Hysteresis(Law):
         **_pair("3", (0.0, 0.01), (0.1, 0.005), ("a third memory; 0 leaves it out", "a third memory")),
     }  # fmt: skip
 
-    def packed(
+    def pack_numbers(
         self, contact: str, values: Mapping[str, float], curve: tuple[float, float, float]
     ) -> tuple[int, Sequence[float]]:
         """Beta and eta of each memory that has any."""
@@ -54,15 +54,15 @@ class Hysteresis(Law):
         return len(rows), [x for row in rows for x in row]
 
     @staticmethod
-    def _left(felt: Felt) -> Expression:
+    def _curve_share(felt: Felt) -> Expression:
         """Share of the loading curve before its memories add to it."""
         return ONE / (1.0 + total(felt.numbers[::2]))
 
     def force(self, felt: Felt) -> tuple[Expression, Expression]:
         """The curve with what the memories add to it."""
-        slow = loading(felt.depth, felt.curve)
+        slow = loading_force(felt.depth, felt.curve)
         factor = 1.0 + total(share * z for share, z in zip(felt.numbers[::2], felt.memory, strict=True))
-        return slow > 0.0, slow * (factor * self._left(felt))
+        return slow > 0.0, slow * (factor * self._curve_share(felt))
 
     def rates(self, felt: Felt) -> Sequence[Expression]:
         """Each follows the direction of the press within its reach of the depth."""
@@ -71,9 +71,9 @@ class Hysteresis(Law):
 
     def energy(self, felt: Felt, label: str) -> tuple[list[Statement], Expression, Expression]:
         """Energy of the curve and of the memories."""
-        x, rate, left = felt.depth, felt.rate, self._left(felt)
-        f, steep = largest(loading(x, felt.curve), 0.0), steepness(x, felt.curve)
-        kept, lost = left * stored(x, felt.curve), ZERO
+        x, rate, left = felt.depth, felt.rate, self._curve_share(felt)
+        f, steep = maximum(loading_force(x, felt.curve), 0.0), loading_stiffness(x, felt.curve)
+        kept, lost = left * curve_energy(x, felt.curve), ZERO
         for z, share, reach in zip(felt.memory, felt.numbers[::2], felt.numbers[1::2], strict=True):
             kept = kept + left * (0.5 * share * reach * x * f * z * z)
             lost = lost + left * share * z * z * (f * abs(rate) - 0.5 * reach * (f + x * steep) * rate)

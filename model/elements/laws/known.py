@@ -13,7 +13,7 @@ import warnings
 from dataclasses import fields, is_dataclass
 from typing import Any
 
-from model.compiler.expressions import ONE, ZERO, Expression, forget, slopes
+from model.compiler.expressions import ONE, ZERO, Expression, clear_cache, differentiator
 from model.elements.laws.check_law import TRIED_ON, call_method, check_members, find_jump, locate, trace_law
 from model.elements.laws.felt_law import Law
 from model.elements.laws.hunt_crossley import HuntCrossley
@@ -104,18 +104,18 @@ def add_law(law: Law) -> None:
 
 def _hash(law: Law) -> int:
     """Hash of a law's text and of what it does with its usual values, which is checked."""
-    forget()
+    clear_cache()
     traced = trace_law(law)
     memory, count, rates = traced.felt.memory, len(traced.felt.memory), (traced.rates, traced.alone)
-    rested = call_method(law, "rested", 1e-4, TRIED_ON, traced.packed, count)
+    rested = call_method(law, "rest_memories", 1e-4, TRIED_ON, traced.packed, count)
     found = [len(row) for row in (*rates, rested)]
     if set(found) != {count}:
         raise InputError(
-            f"felt law {law.name}: found {', '.join(map(str, found))} numbers from rates, alone and rested, allowed "
-            f"{count}, one for each memory"
+            f"felt law {law.name}: found {', '.join(map(str, found))} numbers from rates, recovery_rates, "
+            f"rest_memories, allowed {count}, one for each memory"
         )
     for k, z in enumerate(memory):
-        slope = slopes({z: ONE})
+        slope = differentiator({z: ONE})
         if any(slope(rate) is not ZERO for row in rates for j, rate in enumerate(row) if j != k):
             raise InputError(
                 f"felt law {law.name}: found a memory whose rate hangs on another, allowed rates of the own state; "
@@ -128,12 +128,12 @@ def _hash(law: Law) -> int:
         text = inspect.getsource(type(law))
     except (OSError, TypeError):  # written at a prompt
         text = ""
-    digest = hashlib.sha256((text + _spelled(done)).encode()).digest()
-    forget()
+    digest = hashlib.sha256((text + _spell_out(done)).encode()).digest()
+    clear_cache()
     return int.from_bytes(digest[:7], "big") + len(BUILT_IN)
 
 
-def _spelled(things: Any) -> str:
+def _spell_out(things: Any) -> str:
     """Expressions and statements as text: equal where they do the same."""
     place: dict[Expression, int] = {}
     lines: list[str] = []

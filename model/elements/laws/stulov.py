@@ -8,15 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from model.compiler.expressions import Expression, largest
+from model.compiler.expressions import Expression, maximum
 from model.compiler.programs import Statement
-from model.elements.laws.curve import Curve, depth_of, loading, stored_slowly
+from model.elements.laws.curve import Curve, loading_force, polynomial_energy, solve_depth
 from model.elements.laws.felt_law import Felt, Law, Number
 
 
-def faded(x: Expression, h: Expression, curve: Curve, epsilon: Expression) -> tuple[Expression, Expression]:
+def relaxation_force(x: Expression, h: Expression, curve: Curve, epsilon: Expression) -> tuple[Expression, Expression]:
     """Whether it presses, and its force, N."""
-    f = loading(x, curve)
+    f = loading_force(x, curve)
     return f > epsilon * h, (f - epsilon * h) * (1.0 / (1.0 - epsilon))
 
 
@@ -24,13 +24,13 @@ def surface_energy(
     label: str, x: Expression, h: Expression, curve: Curve, epsilon: Expression, tau: Expression
 ) -> tuple[list[Statement], Expression, Expression]:
     """Energy (J) that felt with the memory ``h`` (N) stores and power (W) that it loses, touched (x > 0) or not."""
-    outer, behind = depth_of(f"outer{label}", epsilon * h, curve)
-    within, inner = depth_of(f"inner{label}", h, curve)
-    surface = largest(x, behind)
-    f, hard = largest(loading(surface, curve), 0.0), 1.0 / (1.0 - epsilon)
-    bound = h * surface - (h * inner - stored_slowly(inner, curve))
+    outer, behind = solve_depth(f"outer{label}", epsilon * h, curve)
+    within, inner = solve_depth(f"inner{label}", h, curve)
+    surface = maximum(x, behind)
+    f, hard = maximum(loading_force(surface, curve), 0.0), 1.0 / (1.0 - epsilon)
+    bound = h * surface - (h * inner - polynomial_energy(inner, curve))
     lost = epsilon * (surface - inner) * (f - h) / tau
-    return [*outer, *within], (stored_slowly(surface, curve) - epsilon * bound) * hard, lost * hard
+    return [*outer, *within], (polynomial_energy(surface, curve) - epsilon * bound) * hard, lost * hard
 
 
 class Stulov(Law):
@@ -44,7 +44,7 @@ class Stulov(Law):
                       "the damping of slow presses"),
     }  # fmt: skip
 
-    def packed(
+    def pack_numbers(
         self, contact: str, values: Mapping[str, float], curve: tuple[float, float, float]
     ) -> tuple[int, Sequence[float]]:
         """Epsilon and tau."""
@@ -52,14 +52,14 @@ class Stulov(Law):
         return 1, (values["epsilon"], values["tau"])
 
     def force(self, felt: Felt) -> tuple[Expression, Expression]:
-        """See `faded`."""
-        return faded(felt.depth, felt.memory[0], felt.curve, felt.numbers[0])
+        """See `relaxation_force`."""
+        return relaxation_force(felt.depth, felt.memory[0], felt.curve, felt.numbers[0])
 
     def rates(self, felt: Felt) -> Sequence[Expression]:
         """The memory (N) follows the curve."""
-        return [(loading(felt.depth, felt.curve) - felt.memory[0]) / felt.numbers[1]]
+        return [(loading_force(felt.depth, felt.curve) - felt.memory[0]) / felt.numbers[1]]
 
-    def alone(self, felt: Felt) -> Sequence[Expression]:
+    def recovery_rates(self, felt: Felt) -> Sequence[Expression]:
         """Its own surface comes back."""
         epsilon, tau = felt.numbers
         return [-((1.0 - epsilon) * felt.memory[0] / tau)]
@@ -72,8 +72,8 @@ class Stulov(Law):
         """Of a press too fast for the memory."""
         return felt.curve[2] / (1.0 - felt.numbers[0])
 
-    def rested(
+    def rest_memories(
         self, depth: float, curve: tuple[float, float, float], numbers: Sequence[float], memories: int
     ) -> Sequence[float]:
         """The memory has come up to the curve."""
-        return [loading(depth, curve)]
+        return [loading_force(depth, curve)]

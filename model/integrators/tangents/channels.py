@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from model.integrators.tangents.loads import LANES
 from model.kernels import workspace as W
 from model.kernels.compile import inlined_uncounted, uncounted_loop
-from model.kernels.lanes import filled, rows
+from model.kernels.lanes import broadcast_like, rows
 
 Array = NDArray[np.float64]
 
@@ -194,7 +194,7 @@ def load_modes(m, size, by_number, modes):
     load, moved = rows(modes.load, LANES), rows(modes.moved, LANES)
     for i in range(many):
         for b in range(blocks):
-            sum_ = filled(0.0, load[0])
+            sum_ = broadcast_like(0.0, load[0])
             for k in range(3):
                 sum_ = sum_ + by_number[size * (modes.first[0] + k * many + i)] * moved[(k * many + i) * blocks + b]
             load[(m * many + i) * blocks + b] = sum_
@@ -239,7 +239,7 @@ def multiply(a, b, out):
 
 
 @inlined_uncounted
-def mode_answers(h, channels):
+def prepare_modes(h, channels):
     """How the modes answer in a step of ``h``, and the force's tangent to what enters."""
     modes, matrix, inverse, by_force = channels.modes, channels.small[0], channels.small[1], channels.small[2]
     for m in range(STAGES):
@@ -273,7 +273,7 @@ def mode_answers(h, channels):
 
 
 @uncounted_loop(ANSWERS)
-def find_answers(h, channels):
+def prepare_channels(h, channels):
     """Fill ``operator`` and ``free`` for a step of ``h``."""
     modes, matrix, inverse = channels.modes, channels.small[0], channels.small[1]
     felts = channels.many.shape[0] - modes.awake.shape[0]
@@ -290,14 +290,14 @@ def find_answers(h, channels):
                 sum_ += inverse[m, j]
             channels.free[c, m] = sum_
     if felts < channels.many.shape[0] and modes.awake[0] == 1:
-        mode_answers(h, channels)
+        prepare_modes(h, channels)
         for m in range(STAGES):
             for j in range(STAGES):
                 channels.operator[felts, m, j] = modes.force[m, j] - (1.0 if m == j else 0.0)
 
 
 @uncounted_loop(COUPLE)
-def couple(h, n, a, channels):
+def add_channel_coupling(h, n, a, channels):
     """Take the joints' way through the channels into their system ``a``."""
     answer = channels.small[0]
     for c in range(channels.many.shape[0]):
@@ -327,7 +327,7 @@ def couple(h, n, a, channels):
 
 
 @uncounted_loop(KNOW)
-def know(h, tangent, carried, channels):
+def predict_free_channels(h, tangent, carried, channels):
     """Fill ``known`` and ``entered`` as if the joints went on without acceleration from ``tangent`` (2, n, P)."""
     n, blocks = tangent.shape[1], tangent.shape[2] // LANES
     modes, count = channels.modes, channels.many.shape[0]
@@ -360,8 +360,8 @@ def know(h, tangent, carried, channels):
                     known[(m * count + c) * blocks + b] = sum_
                 continue
             for m in range(STAGES):
-                way = filled(0.0, entered[0])
-                rate = filled(0.0, entered[0])
+                way = broadcast_like(0.0, entered[0])
+                rate = broadcast_like(0.0, entered[0])
                 for i in range(many):
                     y, u = of_modes[i * blocks + b], of_modes[(many + i) * blocks + b]
                     way = way + modes.start[i, WAY_BY_WAY, m] * y + modes.start[i, WAY_BY_RATE, m] * u
@@ -374,7 +374,7 @@ def know(h, tangent, carried, channels):
                 sums[m * blocks + b] = way
                 sums[(STAGES + m) * blocks + b] = rate
             for m in range(STAGES):
-                sum_ = filled(0.0, entered[0])
+                sum_ = broadcast_like(0.0, entered[0])
                 for k in range(STAGES):
                     given_way = modes.hard[k + 1] * sums[k * blocks + b]
                     given_way = given_way + modes.lossy[k + 1] * sums[(STAGES + k) * blocks + b]
@@ -384,7 +384,7 @@ def know(h, tangent, carried, channels):
 
 
 @uncounted_loop(PUSH)
-def push_known(n, row_of, right, channels):
+def add_known_forces(n, row_of, right, channels):
     """Add the forces of ``known`` to right sides (S n, P), whose rows lie where ``row_of`` says."""
     blocks, count = right.shape[1] // LANES, channels.many.shape[0]
     known, to = rows(channels.known, LANES), rows(right, LANES)
@@ -401,7 +401,7 @@ def push_known(n, row_of, right, channels):
 
 
 @uncounted_loop(FIND)
-def find_values(h, slopes, channels):
+def solve_channels(h, slopes, channels):
     """Fill ``value`` and complete ``entered`` once nu' at the nodes, ``slopes`` (S n, P), are known."""
     n, blocks, count = slopes.shape[0] // STAGES, slopes.shape[1] // LANES, channels.many.shape[0]
     felts = count - channels.modes.awake.shape[0]
@@ -415,7 +415,7 @@ def find_values(h, slopes, channels):
             for m in range(STAGES):
                 value[(m * count + c) * blocks + b] = known[(m * count + c) * blocks + b]
             for k in range(STAGES):
-                sum_ = filled(0.0, nu[0])
+                sum_ = broadcast_like(0.0, nu[0])
                 for link in range(channels.many[c]):
                     j, turn, speed = (
                         channels.links[c, link],
@@ -464,10 +464,10 @@ def advance_channels(channels):
 
 
 @inlined_uncounted
-def begun(c, b, channels):
+def channel_start(c, b, channels):
     """s of channel ``c`` at the start of a step, in the lanes of block ``b``."""
     modes, blocks = channels.modes, channels.inner.shape[1] // LANES
-    out = filled(0.0, rows(channels.inner, LANES)[0])
+    out = broadcast_like(0.0, rows(channels.inner, LANES)[0])
     if c < channels.many.shape[0] - modes.awake.shape[0]:
         out = out + rows(channels.inner, LANES)[c * blocks + b]
     elif modes.awake[0] == 1:
@@ -478,7 +478,7 @@ def begun(c, b, channels):
 
 
 @uncounted_loop(AT)
-def channels_at(x, channels, out):
+def interpolate_channels(x, channels, out):
     """s (C, P) at the fraction ``x`` of the step whose values are found, on the polynomial through start and nodes."""
     count, blocks = channels.many.shape[0], channels.inner.shape[1] // LANES
     value, to = rows(channels.value, LANES), rows(out, LANES)
@@ -487,7 +487,7 @@ def channels_at(x, channels, out):
             weight = 1.0
             for m in range(STAGES):
                 weight *= (x - NODES[m]) / -NODES[m]
-            sum_ = weight * begun(c, b, channels)
+            sum_ = weight * channel_start(c, b, channels)
             for m in range(STAGES):
                 weight = x / NODES[m]
                 for k in range(STAGES):
@@ -498,7 +498,7 @@ def channels_at(x, channels, out):
 
 
 @uncounted_loop(CARRY)
-def carry(carried, channels):
+def propagate_free_modes(carried, channels):
     """Let the tangents of free modes swing on, as ``carried`` (K `model.derived.slopes.CARRIED`,) says."""
     modes = channels.modes
     many, blocks = modes.number.shape[1], channels.inner.shape[1] // LANES

@@ -9,12 +9,17 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
-from model.integrators.tangents.channels import advance_channels, carry, channels_at, find_values
+from model.integrators.tangents.channels import (
+    advance_channels,
+    interpolate_channels,
+    propagate_free_modes,
+    solve_channels,
+)
 from model.integrators.tangents.nodes import LINEAR, LINEARISE_NODE, linearise_node
-from model.integrators.tangents.radau import NODES, STAGES, WANTED, at_fraction, estimated_error, solve_step
-from model.integrators.tangents.recorded_motion import DRIVE, MOTION, state_at
+from model.integrators.tangents.radau import NODES, STAGES, WANTED, estimate_error, interpolate_step, solve_step
+from model.integrators.tangents.recorded_motion import DRIVE, MOTION, interpolate_state
 from model.kernels.compile import inlined_uncounted, uncounted_loop
-from model.kernels.inputs import input_at
+from model.kernels.inputs import interpolate_own_input
 from model.kernels.kernel_value import KernelType, numba_kernel
 
 DONE, STEP_TOO_SMALL, TOO_MANY_STEPS = 0, 1, 2
@@ -42,11 +47,11 @@ FOLLOW = types.Tuple((_i, _f, _i, _i))(  # status, time reached, steps, rejected
     MOTION, DRIVE, LANDINGS, LINEAR, WANTED, _cube, _cube, KernelType(LINEARISE_NODE, of_numba=True)
 )
 NODE = numba_kernel(linearise_node, LINEARISE_NODE)
-"""Given to `follow` as a value, so that LLVM does not compile it twice more inside the loop."""
+"""Given to `integrate_tangents` as a value, so that LLVM does not compile it twice more inside the loop."""
 
 
 @inlined_uncounted
-def copy(out, given):
+def copy_elements(out, given):
     """Number by number: an assigned row brings the text of numba's message about shapes, seconds to compile.
 
     What fills ``given`` up to whole lanes is left out where ``out`` has no place for it.
@@ -57,23 +62,23 @@ def copy(out, given):
 
 
 @inlined_uncounted
-def fill_rest(out, until, wanted, tangent, channels):
+def fill_remaining_outputs(out, until, wanted, tangent, channels):
     """Fill the outputs wanted up to ``until`` with the tangent as it is; returns how many are filled."""
     while out < wanted.time.shape[0] and wanted.time[out] <= until:
         row = wanted.row[out]
         if wanted.channel.shape[0] > 0:
-            channels_at(0.0, channels, wanted.channel[row])
-        copy(wanted.angle[row], tangent[0])
-        copy(wanted.speed[row], tangent[1])
+            interpolate_channels(0.0, channels, wanted.channel[row])
+        copy_elements(wanted.angle[row], tangent[0])
+        copy_elements(wanted.speed[row], tangent[1])
         out += 1
     return out
 
 
 @inlined_uncounted
-def node_at(t, m, place, motion, drive, linear, linearise):
+def linearise_at(t, m, place, motion, drive, linear, linearise):
     """Linearise at ``t`` into row ``m``; ``place`` is where the step and the input were found last."""
-    k = state_at(t, place[0], motion, linear.space.point)
-    u, _, k_in = input_at(t, place[1], drive)
+    k = interpolate_state(t, place[0], motion, linear.space.point)
+    u, _, k_in = interpolate_own_input(t, place[1], drive)
     changes = linear.input_slope
     if changes.shape[0] > 0:
         x = min(1.0, max(0.0, (t - drive.time[k_in]) / (drive.time[k_in + 1] - drive.time[k_in])))
@@ -84,7 +89,7 @@ def node_at(t, m, place, motion, drive, linear, linearise):
 
 
 @inlined_uncounted
-def before(t, k, motion, stride):
+def step_end_limit(t, k, motion, stride):
     """The time that a step from ``t`` may not pass: the end of the ``stride``-th step of the motion from there."""
     steps = motion.step
     last = steps.shape[0] - 1
@@ -97,7 +102,7 @@ def before(t, k, motion, stride):
 
 
 @inlined_uncounted
-def fitted(h, left):
+def fit_step(h, left):
     """A step of ``h`` that leaves no sliver of what is ``left``."""
     if h < 0.5 * left:
         return h
@@ -105,7 +110,7 @@ def fitted(h, left):
 
 
 @inlined_uncounted
-def accept(tangent, reached, largest):
+def accept_step(tangent, reached, largest):
     """Take over the tangents that were reached, and note how large they have been."""
     n = tangent.shape[1]
     for half in range(2):
@@ -117,40 +122,40 @@ def accept(tangent, reached, largest):
 
 
 @inlined_uncounted
-def end_is_start(space):
+def reuse_end_node(space):
     """The last node of a step is the start of the next."""
-    copy(space.mass[0], space.mass[STAGES])
-    copy(space.stiff[0], space.stiff[STAGES])
-    copy(space.damp[0], space.damp[STAGES])
-    copy(space.load[0], space.load[STAGES])
+    copy_elements(space.mass[0], space.mass[STAGES])
+    copy_elements(space.stiff[0], space.stiff[STAGES])
+    copy_elements(space.damp[0], space.damp[STAGES])
+    copy_elements(space.load[0], space.load[STAGES])
     channels = space.channels
     if channels.many.shape[0] > 0:
-        copy(channels.push[0], channels.push[STAGES])
-        copy(channels.turn[0], channels.turn[STAGES])
-        copy(channels.speed[0], channels.speed[STAGES])
-        copy(channels.load[0], channels.load[STAGES])
+        copy_elements(channels.push[0], channels.push[STAGES])
+        copy_elements(channels.turn[0], channels.turn[STAGES])
+        copy_elements(channels.speed[0], channels.speed[STAGES])
+        copy_elements(channels.load[0], channels.load[STAGES])
         for c in range(channels.many.shape[0]):
             channels.fade[0, c] = channels.fade[STAGES, c]
         if channels.modes.awake.shape[0] > 0:
             channels.modes.hard[0], channels.modes.lossy[0] = channels.modes.hard[STAGES], channels.modes.lossy[STAGES]
-            copy(channels.modes.load[0], channels.modes.load[STAGES])
+            copy_elements(channels.modes.load[0], channels.modes.load[STAGES])
 
 
 @inlined_uncounted
-def wake(row, motion, linear):
+def load_string_tangents(row, motion, linear):
     """Carry the tangents of a string's modes over the time in which they were free, or leave them."""
     modes, loads = linear.space.channels.modes, linear.loads
     modes.awake[0] = 0 if row[1] < 0.0 else 1
     if row[1] >= 0.0:
         before = int(row[2]) - 1
-        state_at(motion.step[before, 0], before, motion, linear.space.point)
+        interpolate_state(motion.step[before, 0], before, motion, linear.space.point)
         loads.input[0] = row[1]
-        loads.carried(linear.space.point, loads.input, linear.scene.parameters, loads.modes)
-        carry(loads.modes, linear.space.channels)
+        loads.propagate_modes(linear.space.point, loads.input, linear.scene.parameters, loads.modes)
+        propagate_free_modes(loads.modes, linear.space.channels)
 
 
 @inlined_uncounted
-def begin_anew(channels):
+def clear_released_memories(channels):
     """Felt that is left remembers nothing of its parameters."""
     for c in range(channels.before.shape[0]):
         if channels.began[c] == 1:
@@ -159,7 +164,7 @@ def begin_anew(channels):
 
 
 @uncounted_loop(FOLLOW)
-def follow(motion, drive, landings, linear, wanted, tangent, reached, linearise):
+def integrate_tangents(motion, drive, landings, linear, wanted, tangent, reached, linearise):
     """Carry ``tangent`` (2, n, P) along the whole motion; fill the outputs wanted (``reached``: memory)."""
     space, kinks = linear.space, landings.kink
     channels, woken = space.channels, 0
@@ -169,7 +174,7 @@ def follow(motion, drive, landings, linear, wanted, tangent, reached, linearise)
     place = (0, 0)
     h = FIRST_STEP
     fresh = True
-    out = fill_rest(0, t, wanted, tangent, channels)
+    out = fill_remaining_outputs(0, t, wanted, tangent, channels)
     while t < end:
         while kink < kinks.shape[0] and kinks[kink, 1] <= t:
             kink += 1
@@ -179,26 +184,26 @@ def follow(motion, drive, landings, linear, wanted, tangent, reached, linearise)
             fresh = True
             continue
         while woken < landings.woken.shape[0] and landings.woken[woken, 0] <= t:
-            wake(landings.woken[woken], motion, linear)
+            load_string_tangents(landings.woken[woken], motion, linear)
             woken += 1
             fresh = True
         if fresh:
-            place = node_at(t, 0, place, motion, drive, linear, linearise)
+            place = linearise_at(t, 0, place, motion, drive, linear, linearise)
             fresh = False
-            begin_anew(channels)
+            clear_released_memories(channels)
         # a string's modes are resolved as the motion's steps resolve them: the joints may not tell how fast they swing
         stride = wanted.stride
         if channels.modes.awake.shape[0] > 0 and channels.modes.awake[0] == 1:
             stride = 1
-        stop = min(end, at_kink, before(t, place[0], motion, stride))
-        step = fitted(h, stop - t)
+        stop = min(end, at_kink, step_end_limit(t, place[0], motion, stride))
+        step = fit_step(h, stop - t)
         after = stop if step == stop - t else t + step
         for m in range(STAGES):
             at = after if m == STAGES - 1 else t + NODES[m] * step
-            place = node_at(at, m + 1, place, motion, drive, linear, linearise)
+            place = linearise_at(at, m + 1, place, motion, drive, linear, linearise)
         error = 1e300
         if solve_step(step, tangent, space):
-            error = estimated_error(step, tangent, wanted, space)
+            error = estimate_error(step, tangent, wanted, space)
         factor = max(SHRINK, min(GROW, SAFETY * max(error, 1e-12) ** POWER))
         # a kink that is not known leaves an error in proportion to the step across it
         if error > 1.0 and (step > SMALLEST_STEP or error > 1e200):
@@ -211,17 +216,17 @@ def follow(motion, drive, landings, linear, wanted, tangent, reached, linearise)
         if steps + rejected > MOST_STEPS * motion.step.shape[0] + 1000:
             return TOO_MANY_STEPS, t, steps, rejected
         if channels.many.shape[0] > 0:
-            find_values(step, space.slopes, channels)
+            solve_channels(step, space.slopes, channels)
         while out < wanted.time.shape[0] and wanted.time[out] <= after:
             row, x = wanted.row[out], (wanted.time[out] - t) / step
-            at_fraction(x, step, tangent, space, reached[0], reached[1])
-            copy(wanted.angle[row], reached[0])
-            copy(wanted.speed[row], reached[1])
+            interpolate_step(x, step, tangent, space, reached[0], reached[1])
+            copy_elements(wanted.angle[row], reached[0])
+            copy_elements(wanted.speed[row], reached[1])
             if wanted.channel.shape[0] > 0:
-                channels_at(x, channels, wanted.channel[row])
+                interpolate_channels(x, channels, wanted.channel[row])
             out += 1
-        at_fraction(1.0, step, tangent, space, reached[0], reached[1])
-        accept(tangent, reached, space.largest)
+        interpolate_step(1.0, step, tangent, space, reached[0], reached[1])
+        accept_step(tangent, reached, space.largest)
         if channels.many.shape[0] > 0:
             advance_channels(channels)
         h = max(step * factor, h if factor >= 1.0 else 0.0)
@@ -230,6 +235,6 @@ def follow(motion, drive, landings, linear, wanted, tangent, reached, linearise)
             t = kinks[kink, 1]
             fresh = True
         else:
-            end_is_start(space)
-    fill_rest(out, 2.0 * abs(end) + 1.0, wanted, tangent, channels)
+            reuse_end_node(space)
+    fill_remaining_outputs(out, 2.0 * abs(end) + 1.0, wanted, tangent, channels)
     return DONE, t, steps, rejected

@@ -42,7 +42,7 @@ class Loads(NamedTuple):
 
     numbers: object
     normals: object
-    carried: object
+    propagate_modes: object
     input: np.ndarray  # (1,)
     by_number: np.ndarray  # (k r,)
     normal: np.ndarray
@@ -85,7 +85,7 @@ def parameter_loads(w, p, u, sources, loads, load, entering):
                     entering[i - n, sources.column[e]] += sources.slope[e] * change
 
 
-class Moved(NamedTuple):
+class MotionDerivatives(NamedTuple):
     """States (m, N) of a motion, derivatives (m, n, P), those of channels (m, C, P); columns beyond P are not read."""
 
     state: np.ndarray
@@ -94,12 +94,12 @@ class Moved(NamedTuple):
     d_channel: np.ndarray
 
 
-MOVED = types.NamedTuple([_table, _cube, _cube, _cube], Moved)
+MOVED = types.NamedTuple([_table, _cube, _cube, _cube], MotionDerivatives)
 NORMAL_SLOPES = types.void(MOVED, _numbers, _i, SOURCES, LOADS, _numbers, _table, _cube)
 
 
 @uncounted_loop(NORMAL_SLOPES)
-def normal_slopes(moved, p, own, sources, loads, w, normal, out):
+def normal_force_derivatives(moved, p, own, sources, loads, w, normal, out):
     """Fill ``normal`` (m, c), N, and add to ``out`` (m, c, P), which is 0, its derivatives.
 
     ``own`` coordinates stand in a row of states before their speeds and what is remembered; ``w`` is a workspace.

@@ -15,11 +15,19 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
-from model.integrators.tangents.channels import METHOD, STAGES, begun, couple, find_answers, know, push_known
+from model.integrators.tangents.channels import (
+    METHOD,
+    STAGES,
+    add_channel_coupling,
+    add_known_forces,
+    channel_start,
+    predict_free_channels,
+    prepare_channels,
+)
 from model.integrators.tangents.loads import LANES
 from model.integrators.tangents.nodes import SPACE
 from model.kernels.compile import inlined, uncounted_loop
-from model.kernels.lanes import filled, rows
+from model.kernels.lanes import broadcast_like, rows
 
 
 @inlined
@@ -103,7 +111,7 @@ def substitute_four(space, n, x, first, blocks):
 NODES, LAGRANGE, ONCE, TWICE, FILTER, ESTIMATE_RISE, ESTIMATE_ONCE, ESTIMATE_TWICE = METHOD
 
 
-class Wanted(NamedTuple):
+class TangentOutputs(NamedTuple):
     """Increasing times (m,) of the outputs, where each goes in ``angle`` and ``speed`` (m, n, P); what errors are
     measured by; longest step.
 
@@ -123,7 +131,7 @@ class Wanted(NamedTuple):
 
 _f, _i = types.float64, types.int64
 _numbers, _table, _cube = (types.Array(_f, k, "C") for k in (1, 2, 3))
-WANTED = types.NamedTuple([_numbers, types.Array(_i, 1, "C"), *[_cube] * 3, _f, _table, _i], Wanted)
+WANTED = types.NamedTuple([_numbers, types.Array(_i, 1, "C"), *[_cube] * 3, _f, _table, _i], TangentOutputs)
 SOLVE_STEP = types.boolean(_f, _cube, SPACE)
 ESTIMATED_ERROR = _f(_f, _cube, WANTED, SPACE)
 AT_FRACTION = types.void(_f, _f, _cube, SPACE, _table, _table)
@@ -144,9 +152,9 @@ def solve_step(h, tangent, space):
                     a[n * m + i, n * c + j] = x + space.mass[m + 1, i, j] if c == m else x
     channels = space.channels
     if channels.many.shape[0] > 0:
-        find_answers(h, channels)
-        couple(h, n, a, channels)
-        know(h, tangent, space.carried, channels)
+        prepare_channels(h, channels)
+        add_channel_coupling(h, n, a, channels)
+        predict_free_channels(h, tangent, space.carried, channels)
     if not factor(space, STAGES * n):
         return False
     sigma, load, slopes = rows(tangent, LANES), rows(space.load, LANES), rows(space.slopes, LANES)
@@ -164,7 +172,7 @@ def solve_step(h, tangent, space):
     if channels.many.shape[0] > 0:
         for row in range(STAGES * n):
             space.row_of[order[row]] = row
-        push_known(n, space.row_of, space.slopes, channels)
+        add_known_forces(n, space.row_of, space.slopes, channels)
     whole = blocks - blocks % 4
     for b in range(0, whole, 4):
         substitute_four(space, STAGES * n, slopes, b, blocks)
@@ -174,7 +182,7 @@ def solve_step(h, tangent, space):
 
 
 @uncounted_loop(ESTIMATED_ERROR)
-def estimated_error(h, tangent, wanted, space):
+def estimate_error(h, tangent, wanted, space):
     """The error of a step, of what is allowed in any column: the difference from a method of lower order."""
     n = tangent.shape[1]
     blocks = tangent.shape[2] // LANES
@@ -188,7 +196,7 @@ def estimated_error(h, tangent, wanted, space):
     sigma, load, slopes = rows(tangent, LANES), rows(space.load, LANES), rows(space.slopes, LANES)
     error, floor, largest = rows(space.error, LANES), rows(wanted.floor, LANES), rows(space.largest, LANES)
     nu = n * blocks
-    worst = filled(0.0, sigma[0])
+    worst = broadcast_like(0.0, sigma[0])
     for b in range(blocks):
         # of angles in the upper half; in the lower M times that of speeds, solved for below
         for i in range(n):
@@ -210,7 +218,7 @@ def estimated_error(h, tangent, wanted, space):
             for c in range(space.channels.many.shape[0]):
                 for k in range(space.channels.many[c]):
                     if space.channels.links[c, k] == i and space.channels.push[0, c, k] != 0.0:
-                        sum_ = sum_ + (g * space.channels.push[0, c, k]) * begun(c, b, space.channels)
+                        sum_ = sum_ + (g * space.channels.push[0, c, k]) * channel_start(c, b, space.channels)
             error[(n + row) * blocks + b] = sum_
         substitute(space, n, error, n * blocks + b, blocks)
         for i in range(n):
@@ -227,7 +235,7 @@ def estimated_error(h, tangent, wanted, space):
 
 
 @uncounted_loop(AT_FRACTION)
-def at_fraction(x, h, tangent, space, angle, speed):
+def interpolate_step(x, h, tangent, space, angle, speed):
     """Derivatives of angles and speeds (n, P) at the fraction ``x`` of a step, on the polynomial through its nodes."""
     n = tangent.shape[1]
     blocks = tangent.shape[2] // LANES

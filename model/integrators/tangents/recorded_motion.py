@@ -1,9 +1,9 @@
 """The motion of a scene with everything that its tangents need: the state at any time, and where the forces have kinks.
 
-The step loop keeps each step's dense output (`model.kernels.signatures.Outputs`). `state_at` reads it. `find_kinks`
-finds, to a picosecond, when a contact begins or ceases to push, passes from the arc of a surface to its tangent, slides
-the other way, or, where its felt remembers, is pressed out again: there the Jacobian jumps, or turns within a layer so
-thin that a step could pass over it unseen.
+The step loop keeps each step's dense output (`model.kernels.signatures.Outputs`). `interpolate_state` reads it.
+`find_kinks` finds, to a picosecond, when a contact begins or ceases to push, passes from the arc of a surface to its
+tangent, slides the other way, or, where its felt remembers, is pressed out again: there the Jacobian jumps, or turns
+within a layer so thin that a step could pass over it unseen.
 """
 
 from typing import Any, NamedTuple
@@ -12,7 +12,7 @@ import numpy as np
 from numba import types
 
 from model.kernels.compile import inlined, step_loop
-from model.kernels.inputs import input_at
+from model.kernels.inputs import interpolate_own_input
 from model.kernels.kernel_value import KernelType
 from model.kernels.signatures import INTEGRATE, LINEARISE, REGIME, InputTable
 from model.kernels.workspace import NOW, SIZE, WITH_MEMORY, Q, V, Z
@@ -33,7 +33,7 @@ class Motion(NamedTuple):
     coordinates: int
 
 
-class Seen(NamedTuple):
+class RegimeDetector(NamedTuple):
     """What tells the regime of a state: input, a scene's numbers and kernels, memory for them."""
 
     drive: InputTable
@@ -49,12 +49,14 @@ _table, _numbers = types.Array(_f, 2, "C"), types.Array(_f, 1, "C")
 _, DRIVE, _, NUMBERS, KERNELS, *_ = INTEGRATE.args
 MOTION = types.NamedTuple([_table, _i, _i], Motion)
 STATES_ALONG = types.void(MOTION, _numbers, _table)
-SEEN = types.NamedTuple([DRIVE, _numbers, KernelType(LINEARISE), KernelType(REGIME), types.boolean, _numbers], Seen)
+SEEN = types.NamedTuple(
+    [DRIVE, _numbers, KernelType(LINEARISE), KernelType(REGIME), types.boolean, _numbers], RegimeDetector
+)
 FIND_KINKS = _i(MOTION, SEEN, _table)
 
 
 @inlined
-def state_at(t, k, motion, w):
+def interpolate_state(t, k, motion, w):
     """Put the state at ``t`` into ``w``; ``k`` is a start for the search of the step. Returns the step."""
     steps, size, n = motion
     last = steps.shape[0] - 1
@@ -77,23 +79,23 @@ def state_at(t, k, motion, w):
 
 
 @step_loop(STATES_ALONG)
-def states_along(motion, times, state):
+def interpolate_states(motion, times, state):
     """Fill ``state`` (m, N) with angles, speeds and memories at ``times`` (m,)."""
     n = motion.coordinates
     w = np.zeros(SIZE if state.shape[1] == 2 * n else WITH_MEMORY)
     k = 0
     for m in range(times.shape[0]):
-        k = state_at(times[m], k, motion, w)
+        k = interpolate_state(times[m], k, motion, w)
         for i in range(state.shape[1]):
             state[m, i] = w[Q + i if i < n else (V + i - n if i < 2 * n else Z + i - 2 * n)]
 
 
 @inlined
-def regime_at(t, k, k_in, motion, seen):
+def evaluate_regime(t, k, k_in, motion, seen):
     """The regime at a time within or at the start of step ``k``; and where the input was found."""
-    state_at(t, k, motion, seen.workspace)
+    interpolate_state(t, k, motion, seen.workspace)
     if seen.prescribed:  # linearising finds the coordinates that are
-        u, _, k_in = input_at(t, k_in, seen.drive)
+        u, _, k_in = interpolate_own_input(t, k_in, seen.drive)
         seen.linearise(seen.workspace, seen.parameters, u)
     return seen.regime(seen.workspace, seen.parameters), k_in
 
@@ -103,15 +105,15 @@ def find_kinks(motion, seen, kinks):
     """Fill ``kinks`` (m, 2) with the last time before and the first after each kink; returns how many."""
     found = 0
     steps = motion.step
-    now, k_in = regime_at(steps[0, 0], 0, 0, motion, seen)
+    now, k_in = evaluate_regime(steps[0, 0], 0, 0, motion, seen)
     for k in range(steps.shape[0] - 1):
         before, left, end = now, steps[k, 0], steps[k + 1, 0]
-        now, k_in = regime_at(end, k + 1, k_in, motion, seen)
+        now, k_in = evaluate_regime(end, k + 1, k_in, motion, seen)
         while before != now and found < kinks.shape[0]:
             right = end
             while right - left > max(NARROW, 8e-16 * abs(right)):
                 middle = 0.5 * (left + right)
-                there, k_in = regime_at(middle, k, k_in, motion, seen)
+                there, k_in = evaluate_regime(middle, k, k_in, motion, seen)
                 if there == before:
                     left = middle
                 else:
@@ -121,6 +123,6 @@ def find_kinks(motion, seen, kinks):
             found += 1
             if not right < end:
                 break
-            before, k_in = regime_at(right, k, k_in, motion, seen)
+            before, k_in = evaluate_regime(right, k, k_in, motion, seen)
             left = right
     return found

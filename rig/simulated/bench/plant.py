@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import model
 from model.parameters.effects import EFFECTS, KEY_LIFT, MOTOR, MOTOR_DRIVE, WINDING
-from model.simulation.giving_motion import rows_of_pins
+from model.simulation.giving_motion import pin_motion
 from rig.arrays import ArrayRecord, as_numbers
 from rig.errors import RigInputError
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES, PlantBlock, bench_table, read_bench
@@ -122,7 +122,7 @@ class ActionPlant:
         pins = self._run.scene.pins
         if ("key", "y") not in pins:
             return None
-        return rows_of_pins(self._run.scene, self._run.remembered)[0][:, pins.index(("key", "y"))]
+        return pin_motion(self._run.scene, self._run.remembered)[0][:, pins.index(("key", "y"))]
 
     def advance(self, command_v: ArrayLike) -> PlantBlock:
         """Apply each of the (n,) volts for one sample period; return the state at the n edges before them."""

@@ -17,9 +17,9 @@ import model
 from model import batch
 from model.batch import run as batch_run
 from model.derived import load as scenes
-from model.derived.observe import rows_of
+from model.derived.observe import evaluate_rows
 from model.integrators.rosenbrock import integrate
-from model.simulation.giving_motion import GivingMotion
+from model.simulation.giving_motion import CompliantJointMotion
 from model.simulation.options import ForceDrivenOptions
 from model.simulation.string_motion import StringMotion
 from tests.model.batch.members import Elsewhere, Loses, content, contents
@@ -211,7 +211,7 @@ def test_what_joints_give_and_a_string_does_is_kept(action: model.Action, tmp_pa
     angles, give = np.arange(10.0).reshape(2, 5), [np.array([[k], [0.5 * k]]) for k in (1.0, 2.0, 3.0)]
     solution = model.Solution(
         model.BODIES, time, angles, -angles, string=StringMotion(scene, time, np.stack([z, z + 0.5])),
-        give=GivingMotion(("hammer_pin_x",), *give),
+        give=CompliantJointMotion(("hammer_pin_x",), *give),
     )  # fmt: skip
     store, member = batch.Store(tmp_path), batch.Member("t", "p", "c" * 64, solution)
     store.write(member)
@@ -239,15 +239,15 @@ def test_structure_is_loaded_once_and_scene_and_rest_are_shared(
     many(action)
     assert len(solved) == len(SETS)
     loads: list[object] = []
-    original = scenes._compiled
+    original = scenes._compile_kernels
     monkeypatch.setattr(scenes, "_loaded", {})
-    monkeypatch.setattr(scenes, "_compiled", lambda *given: loads.append(given) or original(*given))
+    monkeypatch.setattr(scenes, "_compile_kernels", lambda *given: loads.append(given) or original(*given))
     gate = threading.Barrier(4)
     tables = model.build_scene(action).tables
 
     def load() -> None:
         gate.wait()
-        scenes.kernels_of(tables)
+        scenes.load_kernels(tables)
 
     threads = [threading.Thread(target=load) for _ in range(4)]
     for t in threads:
@@ -259,12 +259,12 @@ def test_structure_is_loaded_once_and_scene_and_rest_are_shared(
 
 def test_kernels_run_without_the_global_lock() -> None:
     """What makes threads worth while; benchmarks/batches.py measures how much."""
-    for kernel in (integrate, rows_of):
+    for kernel in (integrate, evaluate_rows):
         assert kernel.targetoptions["nogil"] is True
 
 
 def test_processes_of_this_machine_are_counted() -> None:
-    assert 1 <= batch_run.workers_here() <= (os.cpu_count() or 1)
+    assert 1 <= batch_run.count_processors() <= (os.cpu_count() or 1)
 
 
 def test_dask_cluster_of_two_workers(action: model.Action) -> None:

@@ -44,7 +44,7 @@ SETS = {"printed": {}, "heavy": {"key.mass": 0.11}, "smooth": {"contact02.fricti
 
 
 def together(jobs: Sequence[Job]) -> list[batch.Member]:
-    return lanes.run_together(jobs, ["" for _ in jobs])
+    return lanes.run_lane_jobs(jobs, ["" for _ in jobs])
 
 
 def test_a_member_is_the_same_to_the_last_bit_whatever_its_neighbours_lane_and_width(
@@ -120,21 +120,23 @@ def test_estimated_error_comes_from_a_companion_in_lanes(action: model.Action) -
 def test_lanes_are_chosen_for_many_members_of_a_kind_and_never_for_what_they_cannot_give(
     action: model.Action, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(lanes, "lanes_pay", lambda: True)
+    monkeypatch.setattr(lanes, "has_wide_vectors", lambda: True)
     monkeypatch.setattr(lanes, "LEAST_MEMBERS", 6)
 
     def chosen(wanted: bool | None, count: int = 6, **options: Any) -> int:
         jobs = [replace(job, in_lanes=False) for job in jobs_of(action, blows(count), **options)]
-        return sum(job.in_lanes for job in lanes.choose(jobs, wanted))
+        return sum(job.in_lanes for job in lanes.select_lane_jobs(jobs, wanted))
 
     assert (chosen(None), chosen(None, 5), chosen(True, 1), chosen(False)) == (6, 0, 1, 0)
     assert chosen(True, energy=True) == chosen(True, inside=True) == 0
     assert chosen(None, contact_forces=True, estimate_error=True) == 6
     failed = make_jobs(action, {"torn": ([0.0, 0.1], [0.0, np.nan])}, {"": {}}, ForceDrivenOptions(scene="key"))
-    assert not lanes.choose(failed, True)[0].in_lanes
+    assert not lanes.select_lane_jobs(failed, True)[0].in_lanes
     two_kinds = jobs_of(action, blows(4)) + jobs_of(action, blows(4), method="rodas5p")
-    assert not any(job.in_lanes for job in lanes.choose([replace(j, in_lanes=False) for j in two_kinds], None))
-    monkeypatch.setattr(lanes, "lanes_pay", lambda: False)
+    assert not any(
+        job.in_lanes for job in lanes.select_lane_jobs([replace(j, in_lanes=False) for j in two_kinds], None)
+    )
+    monkeypatch.setattr(lanes, "has_wide_vectors", lambda: False)
     assert chosen(True) == 0
 
 
@@ -145,7 +147,7 @@ def test_members_of_two_methods_never_share_a_unit(action: model.Action) -> None
         for i, job in enumerate(jobs)
         if job.run is not None
     ]
-    parts = lanes.units(mixed, range(6), 1)
+    parts = lanes.group_jobs(mixed, range(6), 1)
     assert sorted(sorted(part) for part in parts) == [[0, 2, 4], [1, 3, 5]]
     members = batch.run_jobs(mixed, workers=1)
     assert contents(members[::2]) == contents(together(mixed[::2]))
@@ -155,7 +157,7 @@ def test_members_of_two_methods_never_share_a_unit(action: model.Action) -> None
 def test_executor_and_store_change_no_bit_and_lanes_have_files_of_their_own(
     action: model.Action, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(lanes, "lanes_pay", lambda: True)
+    monkeypatch.setattr(lanes, "has_wide_vectors", lambda: True)
     trials = blows(10)
     options: dict[str, Any] = {"tolerance": 1e-5, "output_time_s": OUT, "scene": "key"}
     seen: list[int] = []

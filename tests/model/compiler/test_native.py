@@ -10,21 +10,31 @@ import pytest
 from model.compiler.expressions import (
     ONE,
     ZERO,
+    compute_where,
     constant,
     cosine,
     exponential,
-    found_by_newton,
-    guarded,
-    largest,
-    local,
-    make,
+    intern,
+    maximum,
     read,
     root,
     sine,
+    solve_by_newton,
     tanh,
+    value_of,
     where,
 )  # fmt: skip
-from model.compiler.programs import Add, If, Put, While, alike, at, each, name, whole
+from model.compiler.programs import (
+    Accumulate,
+    Assign,
+    If,
+    While,
+    as_integer,
+    compute_vectorised,
+    loop_over,
+    slot,
+    variable,
+)
 from tests.model.compiler.machine import given, machine
 
 RANDOM = np.random.default_rng(4)
@@ -53,12 +63,17 @@ def test_tanh_keeps_its_sign_and_ends_at_one() -> None:
 @pytest.mark.parametrize("lanes", [1, 4, 8])
 def test_a_lane_gets_what_it_gets_alone(lanes: int) -> None:
     x, y = given(0), given(1)
-    inside = [Add(name("sum"), x * y), If(y > 0.5, [Put(name("way"), ONE)], [Put(name("way"), -ONE)])]
+    inside = [
+        Accumulate(variable("sum"), x * y),
+        If(y > 0.5, [Assign(variable("way"), ONE)], [Assign(variable("way"), -ONE)]),
+    ]
     program = [
-        Put(name("sum"), y), If(x > 0.0, inside, [Put(name("way"), constant(7.0))]),
-        While(local("sum") > 1.0, [Put(name("sum"), 0.5 * local("sum")), Add(name("turns"), ONE)]),
-        Put(at("y", 0), local("sum")), Put(at("y", 1), local("way")), Put(at("y", 2), local("turns")),
-        Put(at("y", 3), guarded(x > 0.0, root(x))), Put(at("y", 4), tanh(x) + sine(20.0 * y)),
+        Assign(variable("sum"), y), If(x > 0.0, inside, [Assign(variable("way"), constant(7.0))]),
+        While(value_of("sum") > 1.0, [
+            Assign(variable("sum"), 0.5 * value_of("sum")), Accumulate(variable("turns"), ONE)]),
+        Assign(slot("y", 0), value_of("sum")), Assign(slot("y", 1), value_of("way")),
+        Assign(slot("y", 2), value_of("turns")),
+        Assign(slot("y", 3), compute_where(x > 0.0, root(x))), Assign(slot("y", 4), tanh(x) + sine(20.0 * y)),
     ]  # fmt: skip
     rows = RANDOM.uniform(-3.0, 9.0, (2, lanes))
     found = machine(program, lanes)(rows[:, 0] if lanes == 1 else rows)
@@ -73,36 +88,39 @@ def test_a_lane_gets_what_it_gets_alone(lanes: int) -> None:
 
 
 def test_a_lane_that_takes_no_part_keeps_its_bits() -> None:
-    nothing = If(given(0) > 0.0, [Add(at("y", 0), given(1)), Put(at("y", 1), given(1))])
-    run = machine([Put(at("y", 0), given(1)), Put(at("y", 1), -given(1)), nothing], 4)
+    nothing = If(given(0) > 0.0, [Accumulate(slot("y", 0), given(1)), Assign(slot("y", 1), given(1))])
+    run = machine([Assign(slot("y", 0), given(1)), Assign(slot("y", 1), -given(1)), nothing], 4)
     found = run(np.array([[-1.0, 1.0, -1.0, 1.0], [-0.0, 2.0, np.nan, 0.0]]))
     assert math.copysign(1.0, found[0, 0]) == -1.0 and found[0, 1] == 4.0
     assert np.isnan(found[0, 2]) and found[1, 1] == 2.0
 
 
 def test_loops_read_behind_a_place_and_see_what_they_changed() -> None:
-    count = whole(given(0))
+    count = as_integer(given(0))
 
     def one(i):  # type: ignore[no-untyped-def]
-        return [Add(name("sum"), local("last") * read("x", 1, i)), Put(name("last"), read("x", 1, i))]
+        return [
+            Accumulate(variable("sum"), value_of("last") * read("x", 1, i)),
+            Assign(variable("last"), read("x", 1, i)),
+        ]
 
-    run = machine([Put(name("last"), ONE), each("row", count, one), Put(at("y", 0), local("sum"))])
+    run = machine([Assign(variable("last"), ONE), loop_over("row", count, one), Assign(slot("y", 0), value_of("sum"))])
     assert run(np.array([4.0, 2.0, 3.0, 5.0, 7.0, 11.0]))[0] == 2.0 + 6.0 + 15.0 + 35.0
     assert run(np.array([0.0, 2.0]))[0] == 0.0
 
 
 @pytest.mark.parametrize("lanes", [1, 4])
 def test_newton_finds_the_root_and_knows_its_slope(lanes: int) -> None:
-    from model.compiler.expressions import law, slopes
+    from model.compiler.expressions import differentiate_once, differentiator
 
-    @law
+    @differentiate_once
     def cube_root(by):  # type: ignore[no-untyped-def]
-        f = make("argument", "f")
-        return found_by_newton(f, f * f * f - by[0], largest(by[0], 1.0))
+        f = intern("argument", "f")
+        return solve_by_newton(f, f * f * f - by[0], maximum(by[0], 1.0))
 
     x = given(0)
     y = cube_root((x,))
-    run = machine([y, slopes({x: ONE})(y)], lanes)
+    run = machine([y, differentiator({x: ONE})(y)], lanes)
     values = np.array([8.0, 27.0, 1.0, 0.3])[:lanes]
     found = run(values[None] if lanes > 1 else values)[:2].reshape(2, -1)
     np.testing.assert_allclose(found[0], np.cbrt(values), rtol=1e-14)
@@ -111,9 +129,15 @@ def test_newton_finds_the_root_and_knows_its_slope(lanes: int) -> None:
 
 def test_like_numbers_side_by_side_are_those_of_each_alone() -> None:
     xs = [given(k) for k in range(5)]
-    bumped = [x * tanh(3.0 * x) + guarded(make("differs", x, ZERO), 1.0 / where(x > 0.0, x, 2.0)) for x in xs]
+    bumped = [x * tanh(3.0 * x) + compute_where(intern("differs", x, ZERO), 1.0 / where(x > 0.0, x, 2.0)) for x in xs]
     turned = [cosine(x) for x in xs]
-    run = machine([alike(*bumped), alike(*turned), *(Put(at("y", k), e) for k, e in enumerate(bumped + turned))])
+    run = machine(
+        [
+            compute_vectorised(*bumped),
+            compute_vectorised(*turned),
+            *(Assign(slot("y", k), e) for k, e in enumerate(bumped + turned)),
+        ]
+    )
     alone = machine([given(0) * tanh(3.0 * given(0)), cosine(given(0))])
     for values in RANDOM.normal(size=(50, 5)):
         values[0] = 0.0

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.integrate import DOP853
 
 import model
-from model.derived.load import kernels_of
+from model.derived.load import load_kernels
 from model.kernels import workspace as W
 
 HERE = Path(__file__).parent
@@ -43,7 +43,7 @@ def explicit(t: np.ndarray, force: np.ndarray, every: int = 10) -> np.ndarray:
     action = model.load_action()
     scene = model.build_scene(action)
     n = scene.size
-    linearise, w = kernels_of(scene.tables).linearise, np.zeros(W.SIZE)
+    linearise, w = load_kernels(scene.tables).linearise, np.zeros(W.SIZE)
 
     y = np.concatenate([model.rest_state(action).angle_rad, np.zeros(n)])
     rows = [np.concatenate([[t[0]], y])]

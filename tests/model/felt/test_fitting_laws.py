@@ -24,7 +24,7 @@ from model.felt import (
     fit_law,
     read_pressing,
 )
-from model.felt.pressing import as_pressing
+from model.felt.pressing import check_pressing
 
 
 class Scaled(HuntCrossleyLaw):
@@ -52,7 +52,7 @@ def press(law: FeltLaw, depth: float, speed: float, rng: np.random.Generator, no
     time_s = np.linspace(0.0, 2.0 * depth / speed, 201)
     depth_m = depth - speed * np.abs(time_s - time_s[100])
     force = law.response(time_s, depth_m).force_n + rng.normal(0.0, noise, 201)
-    return as_pressing(f"{depth:g} {speed:g}", time_s, depth_m, force)
+    return check_pressing(f"{depth:g} {speed:g}", time_s, depth_m, force)
 
 
 def presses(law: FeltLaw, seed: int = 1, noise: float = 0.01) -> list[Pressing]:
@@ -129,8 +129,8 @@ def test_a_noisy_depth_is_smoothed_and_a_clean_one_kept() -> None:
     time_s = np.linspace(0.0, 1.0, 2001)
     depth = 5e-4 * (1.0 - np.abs(2.0 * time_s - 1.0))
     force = HuntCrossley(A, B, C, 0.0).response(time_s, depth).force_n
-    clean = as_pressing("clean", time_s, depth, force)
-    noisy = as_pressing("noisy", time_s, depth + rng.normal(0.0, 1e-6, 2001), force)
+    clean = check_pressing("clean", time_s, depth, force)
+    noisy = check_pressing("noisy", time_s, depth + rng.normal(0.0, 1e-6, 2001), force)
     assert np.array_equal(clean.depth_m, depth)
     assert np.std((noisy.depth_m - depth)[:900]) < 0.4e-6
 
@@ -138,7 +138,7 @@ def test_a_noisy_depth_is_smoothed_and_a_clean_one_kept() -> None:
 def test_a_long_press_is_thinned() -> None:
     time_s = np.linspace(0.0, 10.0, 50_001)
     depth = 5e-4 * (1.0 - np.abs(0.2 * time_s - 1.0))
-    assert len(as_pressing("long", time_s, depth, 1e4 * depth).time_s) <= 3000
+    assert len(check_pressing("long", time_s, depth, 1e4 * depth).time_s) <= 3000
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 import model
 from model import force_table
 from model.inside import draw_sheet
-from model.inside.seen_motion import see_motion
+from model.inside.seen_motion import observe_poses
 from model.inside.side_view import side_view
 
 
@@ -98,7 +98,7 @@ def test_forces_of_felt_that_remembers_are_those_of_the_run_or_none() -> None:
     )
     scene, still = model.build_scene(action), model.rest_state(action).angle_rad[None]
     given = np.arange(13.0)[None]
-    seen = see_motion(scene, np.zeros(1), still, 0.0 * still, np.zeros(1), given)
+    seen = observe_poses(scene, np.zeros(1), still, 0.0 * still, np.zeros(1), given)
     assert np.array_equal(seen.normal_n, given)
     with pytest.raises(model.InputError, match="forces of a drawing from angles alone: found felt that remembers"):
-        see_motion(scene, np.zeros(1), still, 0.0 * still, np.zeros(1))
+        observe_poses(scene, np.zeros(1), still, 0.0 * still, np.zeros(1))

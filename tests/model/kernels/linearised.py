@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from model import Scene, Simulation
-from model.derived.load import kernel_of, kernels_of
+from model.derived.load import load_kernel, load_kernels
 from model.kernels import workspace as W
 from tests.model.conftest import random_states
 
@@ -26,7 +26,7 @@ class Evaluation:
     def __init__(self, scene: Scene, q: np.ndarray, v: np.ndarray, u: float, vector: np.ndarray | None = None) -> None:
         k, w = len(q), placed(scene, q, v)
         self.w = w
-        self.touching = kernels_of(scene.tables).linearise(w, scene.vector if vector is None else vector, u)
+        self.touching = load_kernels(scene.tables).linearise(w, scene.vector if vector is None else vector, u)
         if scene.pins:
             lower, self.stiff, self.damp = (
                 w[at : at + W.WIDE**2].reshape(W.WIDE, W.WIDE)[:k, :k] for at in (W.P_MASS, W.P_STIFF, W.P_DAMP)
@@ -70,7 +70,7 @@ def states(count: int, scene: Scene, seed: int) -> list[tuple[np.ndarray, np.nda
 
 def touched(scene: Scene, places: Iterable[int]) -> set[int]:
     """Those of ``places`` of the workspace that the scene's kernels read or write, at some random state."""
-    kernels, energy = kernels_of(scene.tables), kernel_of(scene.tables, "energy")
+    kernels, energy = load_kernels(scene.tables), load_kernel(scene.tables, "energy")
     found = set[int]()
     for place in places:
         for q, v, u in states(10, scene, 9):
@@ -115,7 +115,7 @@ def stages_off(
 ) -> tuple[list[float], set[str]]:
     """How far stages at rows of a run are from those with the Jacobian of differences; contacts whose memory pushed."""
     scene, n, z = run.scene, run.scene.size, len(run.scene.tables.memory)
-    kernels = kernels_of(scene.tables)
+    kernels = load_kernels(scene.tables)
     w = np.zeros(W.WITH_MEMORY)
 
     def rates(y: np.ndarray) -> np.ndarray:

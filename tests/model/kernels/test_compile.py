@@ -8,7 +8,7 @@ import pytest
 
 import model
 from model.kernels.compile import cache_key, kernel_sources, numba_config
-from model.kernels.lanes import lanes_pay
+from model.kernels.lanes import has_wide_vectors
 
 
 def test_every_compiled_module_of_the_step_loop_is_among_the_hashed_sources() -> None:
@@ -45,5 +45,5 @@ def test_lanes_and_cache_follow_the_processor_that_is_compiled_for(
         monkeypatch.setattr(numba_config, "CPU_NAME", cpu_name)
         monkeypatch.setattr(numba_config, "CPU_FEATURES", features + more)
         keys.add(cache_key())
-        assert lanes_pay.__wrapped__() is pays
+        assert has_wide_vectors.__wrapped__() is pays
     assert len(keys) == 3

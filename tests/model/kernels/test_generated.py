@@ -31,7 +31,7 @@ def test_a_stage_solves_its_linear_system(action: model.Action, effects: tuple[s
     stiffening = action.with_effects({"motor_arm.contact_a": 1e9, "motor_arm.contact_b": 1e7})
     scene = build_scene(stiffening, SceneChoice(effects=effects))
     n, p, t = scene.size, scene.vector, scene.tables
-    kernels = scenes.kernels_of(t)
+    kernels = scenes.load_kernels(t)
     solved = 0
     for q, v, u in random_states(150, seed=11):
         if effects:
@@ -68,7 +68,7 @@ def test_a_stage_solves_its_linear_system(action: model.Action, effects: tuple[s
 def test_skipped_contacts_never_touch(action: model.Action) -> None:
     """Random states and moves within the allowance, over blows and far beyond them."""
     scene = build_scene(action)
-    p, tables, kernels = scene.vector, scene.tables, scenes.kernels_of(scene.tables)
+    p, tables, kernels = scene.vector, scene.tables, scenes.load_kernels(scene.tables)
 
     near = (np.array([-0.03, 0.0, -0.1, 0.25, -0.1]), np.array([0.035, 0.12, 0.35, 0.6, 0.32]))
     anywhere = (np.full(5, -np.pi), np.full(5, np.pi))
@@ -93,8 +93,8 @@ def test_skipping_changes_no_bit_of_the_answer(action: model.Action, monkeypatch
     force = read_table("forte_force.csv")[:800]
     with_skips = model.simulate(action, force[:, 0], force[:, 1])
     none = numba.cfunc(STEP["skip"])(lambda w, p: 0)
-    whole = scenes.kernels_of(build_scene(action).tables)._replace(skip=Kernel(none.address, STEP["skip"], none))
-    monkeypatch.setattr(simulation, "kernels_of", lambda tables: whole)
+    whole = scenes.load_kernels(build_scene(action).tables)._replace(skip=Kernel(none.address, STEP["skip"], none))
+    monkeypatch.setattr(simulation, "load_kernels", lambda tables: whole)
     without = model.simulate(action, force[:, 0], force[:, 1])
     np.testing.assert_array_equal(with_skips.angle_rad, without.angle_rad)
     np.testing.assert_array_equal(with_skips.speed_rad_per_s, without.speed_rad_per_s)

@@ -6,7 +6,7 @@ import numpy as np
 
 import model
 from model import build_scene
-from model.derived.load import kernels_of
+from model.derived.load import load_kernels
 from model.kernels import workspace as W
 from tests.model.kernels.linearised import Evaluation, off_differences, placed, states
 from tests.model.verification.free_bodies import FreeBodies
@@ -36,7 +36,7 @@ def test_a_stage_solves_the_system_of_all_coordinates() -> None:
     """(1/(gamma h) - J) (U_q, U_d, U_v, U_dv) = rates, with J from the kernel's own K and D, by dense algebra."""
     scene = build_scene(model.load_action(), model.SceneChoice(effects=HAMMER))
     n, g, gh = scene.size, len(scene.pins), 2e-5
-    k, kernels = n + g, kernels_of(scene.tables)
+    k, kernels = n + g, load_kernels(scene.tables)
     for q, v, u in states(20, scene, 4):
         at, w = Evaluation(scene, q, v, u), placed(scene, q, v)
         kernels.linearise(w, scene.vector, u)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import model
-from model.kernels.inputs import JUMP, input_between
+from model.kernels.inputs import JUMP, interpolate_input
 from model.kernels.signatures import InputTable
 
 AT = 0.12
@@ -22,7 +22,7 @@ def test_before_a_jump_and_behind_it_nothing_else_is_read(apart: float, ends: bo
     table, last = InputTable(time, value, False), len(time) - 1
     for start in range(last):  # wherever the search begins
         for share in np.linspace(-1.5, 0.9, 49):
-            u, slope, k = input_between(AT + share * JUMP, start, 0, last, table)
+            u, slope, k = interpolate_input(AT + share * JUMP, start, 0, last, table)
             assert abs(u - (8.0 if share < -1.0 else 1.0)) < 1e-6 and abs(slope) < 60.0, share
             assert 0 <= k < last
 

@@ -9,7 +9,7 @@ import numpy as np
 
 import model
 from model import Scene, build_scene, load_scene
-from model.derived.load import kernels_of, lane_kernels_of
+from model.derived.load import load_kernels, load_lane_kernels
 from model.integrators.methods import get_method
 from model.kernels import workspace as W
 from model.kernels.lanes import LANES
@@ -44,7 +44,7 @@ def member(scene: Scene, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarr
 def compare(scene: Scene, rounds: int) -> int:
     """Compare linearise, prepare, skip, a stage and, to the bit, stepping; returns how many contacts were closed."""
     n, contacts = scene.size, scene.solved_contacts
-    alone, together = kernels_of(scene.tables), lane_kernels_of(scene.tables, LANES)
+    alone, together = load_kernels(scene.tables), load_lane_kernels(scene.tables, LANES)
     rng = np.random.default_rng(5)
     method = get_method("rodas4p").coefficients
     closed = 0
@@ -112,13 +112,13 @@ def stepping(whole: np.ndarray, members: list[Any], alone: Any, together: Any) -
     together.fit(whole.ravel(), numbers.ravel())
     finite = together.end(whole.ravel(), method.b, stages, 0)
     together.dense(whole.ravel(), method.dense, rows, stages, 0)
-    together.inside(whole.ravel(), rows, 0)
+    together.interpolate(whole.ravel(), rows, 0)
     for lane, (p, _, _, _) in enumerate(members):
         w = before[: W.SIZE, lane].copy()
         alone.fit(w, p)
         assert alone.end(w, method.b, stages, 0) == finite >> lane & 1
         alone.dense(w, method.dense, rows, stages, 0)
-        alone.inside(w, rows, 0)
+        alone.interpolate(w, rows, 0)
         assert w.tobytes() == whole[: W.SIZE, lane].tobytes()
         assert w[W.FITTED] <= before[W.FITTED, lane]
 

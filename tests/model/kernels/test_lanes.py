@@ -9,7 +9,7 @@ import numba
 import numpy as np
 import pytest
 
-from model.kernels.lanes import filled, rows
+from model.kernels.lanes import broadcast_like, rows
 
 X = np.array([1.5, -2.25, 0.1, -0.0, 3.0, 1e-300, -7.0, 0.3])
 Y = np.array([0.5, 2.25, -0.3, 0.0, 3.0, 1e300, 2.0, np.nan])
@@ -36,7 +36,7 @@ def in_lanes(function: Callable[..., float], width: int) -> Callable[[np.ndarray
 @pytest.mark.parametrize("width", [2, 4, 8])
 def test_operators(width: int) -> None:
     def mixed(x, y):  # type: ignore[no-untyped-def]
-        z = filled(1.0, x)
+        z = broadcast_like(1.0, x)
         for _ in range(2):
             z += max(x, 1.0)
         return (z / 2.0) - (1.0 - abs(y))

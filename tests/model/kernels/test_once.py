@@ -6,16 +6,16 @@ import subprocess
 import sys
 from pathlib import Path
 
-from model.kernels.once import alone
+from model.kernels.once import hold_lock
 
 WORK = """
 import sys, os
 from pathlib import Path
-from model.kernels.once import alone
+from model.kernels.once import hold_lock
 folder = Path(sys.argv[1])
 print("ready", flush=True)
 sys.stdin.readline()
-with alone(folder, "scene"):
+with hold_lock(folder, "scene"):
     made = folder / "made"
     if not made.exists():
         made.touch()
@@ -63,12 +63,17 @@ def test_nobody_waits_for_a_process_that_died(tmp_path: Path) -> None:
     assert first.wait() == 1
     first.communicate()
     (tmp_path / "made").unlink()
-    with alone(tmp_path, "scene"):
+    with hold_lock(tmp_path, "scene"):
         (tmp_path / "made").touch()
     assert (tmp_path / "made").exists()
 
 
 def test_without_a_cache_folder_there_is_nothing_to_hold(tmp_path: Path) -> None:
-    with alone(None, "scene"), alone(tmp_path / "absent", "scene"), alone(tmp_path, "a"), alone(tmp_path, "b"):
+    with (
+        hold_lock(None, "scene"),
+        hold_lock(tmp_path / "absent", "scene"),
+        hold_lock(tmp_path, "a"),
+        hold_lock(tmp_path, "b"),
+    ):
         pass
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.lock", "b.lock"]

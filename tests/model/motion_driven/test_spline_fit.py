@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from model.kernels import banded
-from model.motion_driven.spline_fit import fit_key_motion, noise_of, repeated_share, resolution_of
+from model.motion_driven.spline_fit import find_resolution, fit_key_motion, fit_noise, repeated_share
 from tests.model.key_blows import COUNT, PROFILES, counted, key_truth
 
 
@@ -18,15 +18,15 @@ def test_banded_sums_equal_dense_ones() -> None:
     band, vector, dense = np.zeros((b + 1, n)), np.zeros(n), np.zeros((n - b, n))
     for r in first:
         dense[r, r : r + b + 1] = rows[r]
-    banded.add_rows(band, first, rows, weight)
+    banded.add_outer_products(band, first, rows, weight)
     band[-1] += 0.5
     normal = dense.T @ np.diag(weight) @ dense + 0.5 * np.eye(n)
     for i in range(n):
         for j in range(i, min(n, i + b + 1)):
             assert band[b + i - j, j] == pytest.approx(normal[i, j], abs=1e-12)
-    banded.add_to(vector, first, rows, weight)
+    banded.add_weighted_rows(vector, first, rows, weight)
     np.testing.assert_allclose(vector, dense.T @ weight)
-    np.testing.assert_allclose(banded.times(vector, first, rows), dense @ vector)
+    np.testing.assert_allclose(banded.multiply_rows(vector, first, rows), dense @ vector)
     from scipy.linalg import cholesky_banded
 
     inverse = banded.inverse_band(cholesky_banded(band))
@@ -34,7 +34,7 @@ def test_banded_sums_equal_dense_ones() -> None:
     for i in range(n):
         for j in range(i, min(n, i + b + 1)):
             assert inverse[b + i - j, j] == pytest.approx(whole[i, j], rel=1e-9, abs=1e-12)
-    np.testing.assert_allclose(banded.variances(inverse, first, rows), np.diag(dense @ whole @ dense.T), rtol=1e-9)
+    np.testing.assert_allclose(banded.row_variances(inverse, first, rows), np.diag(dense @ whole @ dense.T), rtol=1e-9)
     low, high = np.array([0, 2, 5]), np.array([3, 4, 12])
     np.testing.assert_allclose(
         banded.window_means(vector, low, high), [vector[a:z].mean() for a, z in zip(low, high, strict=True)]
@@ -44,9 +44,9 @@ def test_banded_sums_equal_dense_ones() -> None:
 def test_width_of_a_count_is_found() -> None:
     random = np.random.default_rng(3)
     angle = np.cumsum(random.normal(0.0, 2e-5, 500))
-    assert resolution_of(np.floor(angle / COUNT) * COUNT - 0.0123) == pytest.approx(COUNT, rel=1e-9)
-    assert resolution_of(np.round(angle, 6)) == pytest.approx(1e-6, rel=1e-6)
-    assert resolution_of(angle) == 0.0 and resolution_of(np.zeros(30)) == 0.0
+    assert find_resolution(np.floor(angle / COUNT) * COUNT - 0.0123) == pytest.approx(COUNT, rel=1e-9)
+    assert find_resolution(np.round(angle, 6)) == pytest.approx(1e-6, rel=1e-6)
+    assert find_resolution(angle) == 0.0 and find_resolution(np.zeros(30)) == 0.0
 
 
 def test_share_of_rounding_that_repeats() -> None:
@@ -60,11 +60,11 @@ def test_share_of_rounding_that_repeats() -> None:
 
 def test_noise_of_angle_and_clock_are_told_apart() -> None:
     speed = np.linspace(-1.0, 2.0, 200)
-    a, b = noise_of(4.0 + 9.0 * speed**2, speed, np.ones(200))
+    a, b = fit_noise(4.0 + 9.0 * speed**2, speed, np.ones(200))
     assert (a, b) == pytest.approx((2.0, 3.0))
-    assert noise_of(4.0 - 0.1 * speed**2, speed, np.ones(200))[1] == 0.0
-    assert noise_of(9.0 * speed**2 - 0.1, speed, np.ones(200))[0] == 0.0
-    assert noise_of(np.full(9, -1.0), np.zeros(9), np.ones(9)) == (0.0, 0.0)
+    assert fit_noise(4.0 - 0.1 * speed**2, speed, np.ones(200))[1] == 0.0
+    assert fit_noise(9.0 * speed**2 - 0.1, speed, np.ones(200))[0] == 0.0
+    assert fit_noise(np.full(9, -1.0), np.zeros(9), np.ones(9)) == (0.0, 0.0)
     time, truth = key_truth("forte")
     fit = fit_key_motion(time, counted(truth, 1, jitter=0.6, clock_s=2e-5))
     assert fit.resolution_rad == pytest.approx(COUNT, rel=1e-6)

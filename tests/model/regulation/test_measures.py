@@ -10,7 +10,7 @@ import pytest
 import model
 from model import hand_set_rest
 from model.regulation import TARGETS, measure
-from model.regulation.measures import at_rest, first_touch_angle, medium_blow
+from model.regulation.measures import first_touch_angle, measure_at_rest, medium_blow
 from model.simulation.hand_set_rest import slip_angle
 from tests.model.verification.reference_equations import Twin
 
@@ -47,17 +47,17 @@ def test_first_touch_of_a_felt_out_of_reach(action: model.Action) -> None:
 
 
 def test_rest_measures_follow_their_own_part(action: model.Action) -> None:
-    before = at_rest(action)
-    lower = at_rest(action.with_values({"contact12.second.y": action["contact12.second.y"] - 2e-3}))
+    before = measure_at_rest(action)
+    lower = measure_at_rest(action.with_values({"contact12.second.y": action["contact12.second.y"] - 2e-3}))
     assert lower["hammer_height"] - before["hammer_height"] == pytest.approx(-2e-3, abs=1e-12)  # string 2 mm lower
     assert lower["dip"] == before["dip"]
-    wider = at_rest(action.with_values({"contact09.second.x": action["contact09.second.x"] + 0.3e-3}))
+    wider = measure_at_rest(action.with_values({"contact09.second.x": action["contact09.second.x"] + 0.3e-3}))
     assert wider["jack"] - before["jack"] == pytest.approx(0.3e-3, abs=1e-12)  # jack 0.3 mm wider on its right
 
 
 def test_a_lever_above_the_jack_reads_negative(action: model.Action) -> None:
     high = action.with_values({"contact06.second.y": action["contact06.second.y"] - 1.5e-3})
-    assert -2e-3 < at_rest(high)["repetition"] < -0.2e-3
+    assert -2e-3 < measure_at_rest(high)["repetition"] < -0.2e-3
 
 
 def test_slip_angle_is_the_angle_of_the_knuckle_seen_from_the_jack(action: model.Action) -> None:

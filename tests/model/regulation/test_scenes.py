@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import model
-from model.regulation.measures import contact_gap, moved_pivots
+from model.regulation.measures import contact_penetration, pivot_displacements
 
 
 def test_all_targets_are_met_in_the_scene(action: model.Action) -> None:
@@ -24,13 +24,13 @@ def test_gaps_at_rest_are_those_of_the_loaded_joint(action: model.Action) -> Non
     """The geometry by hand against the kernels' own, where joints have given."""
     own = model.load_scene("giving-hammer").on(action.with_values({"hammer_pin.load.y": 3.0}))
     rest, at_rest = model.hand_set_rest(own), model.rest_state(own)
-    moved = moved_pivots(own, rest)
+    moved = pivot_displacements(own, rest)
     assert abs(moved["hammer"]) > 1e-5
     np.testing.assert_allclose(rest, at_rest.angle_rad, atol=1e-9)
     for contact, depth in zip(at_rest.contacts, at_rest.penetration_m, strict=True):
         if contact in own.structure or contact == "balance_rail":
             continue
-        assert contact_gap(own, contact, rest, moved).penetration_m == pytest.approx(depth, abs=1e-9), contact
+        assert contact_penetration(own, contact, rest, moved).penetration_m == pytest.approx(depth, abs=1e-9), contact
 
 
 @pytest.mark.parametrize("name", ["key-whippen", "motor-arm"])

@@ -17,4 +17,4 @@ def test_an_action_has_one_scene_per_choice_and_another_action_another(action: m
 def test_no_more_than_some_are_kept_and_no_action_is_taken_for_one_that_is_gone(action: model.Action) -> None:
     for k in range(build.MOST + 20):
         assert model.build_scene(action.with_values({"gravity.g": 1.0 + k / 100})).vector[0] == 1.0 + k / 100
-    assert build._kept.cache_info().currsize == build.MOST
+    assert build._cached_scene.cache_info().currsize == build.MOST

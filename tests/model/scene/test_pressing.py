@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import model
-from model.compiler.expressions import ONE, lift, slopes
+from model.compiler.expressions import ONE, as_expression, differentiator
 from model.elements.drives import amplifier, soft_limit
 from model.scene.build import build_scene
 from model.scene.pressing import RAMP_S, AmplifierCommand, FingerCommand, amplifier_voltage, steady_current
@@ -18,8 +18,8 @@ H = 1e-6
 
 def test_soft_limit_is_smooth_to_the_fourth_derivative_and_exact_below() -> None:
     limit, x = 3.0, given(0)
-    held = soft_limit(x, lift(limit), lift(0.1))
-    run = machine([held, slopes({x: ONE})(held)])
+    held = soft_limit(x, as_expression(limit), as_expression(0.1))
+    run = machine([held, differentiator({x: ONE})(held)])
 
     def limited(x: float) -> tuple[float, float]:
         value, slope = run(np.array([x]))[:2]
@@ -42,8 +42,8 @@ def test_amplifier_never_leaves_its_supply_and_its_slopes_are_right() -> None:
     numbers = (20.0, 12.0, 3.0, 100.0, 0.05)
     random = np.random.default_rng(1)
     u, i = given(0), given(1)
-    volts = amplifier((u, i), *map(lift, numbers))
-    run = machine([volts, slopes({u: ONE})(volts), slopes({i: ONE})(volts)])
+    volts = amplifier((u, i), *map(as_expression, numbers))
+    run = machine([volts, differentiator({u: ONE})(volts), differentiator({i: ONE})(volts)])
     for at in np.column_stack([60.0 * random.normal(size=200), 2.0 * random.normal(size=200)]):
         found, of_source, of_current = run(at)[:3]
         assert abs(found) <= 12.0

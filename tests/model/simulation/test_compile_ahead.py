@@ -34,9 +34,9 @@ def test_nothing_is_started_where_kernels_are_in_the_cache_or_cannot_be_kept(
     monkeypatch.setattr(compiling, "FOLDER", tmp_path)
     assert ahead.compile_ahead([whole]) is None
     (warm / "rosenbrock.integrate-113.py311.nbi").unlink()
-    monkeypatch.setattr(ahead, "on_disk", lambda tables: True)
+    monkeypatch.setattr(ahead, "is_cached", lambda tables: True)
     assert ahead.compile_ahead([whole]) is None
-    monkeypatch.setattr(ahead, "on_disk", lambda tables: False)
+    monkeypatch.setattr(ahead, "is_cached", lambda tables: False)
     monkeypatch.setattr(os, "cpu_count", lambda: 1)
     assert ahead.compile_ahead([whole]) is None
 

@@ -10,7 +10,7 @@ import pytest
 import model
 from model import BODIES
 from model.parameters.effects import PINS
-from model.simulation.giving_motion import giving_motion
+from model.simulation.giving_motion import compliant_joint_motion
 from model.simulation.run import Simulation, State
 from model.simulation.statics import solve_rest
 from tests.model.verification.energy import energy_terms
@@ -147,7 +147,7 @@ def test_rest_is_a_balance_and_hardly_moved(action: model.Action) -> None:
     run = started(unloaded)
     still, _ = run.advance(0.05, np.array([0.0, 1.0]), np.zeros(2), output_time_s=np.array([0.0, 0.05]))
     np.testing.assert_allclose(still[1], still[0], rtol=0, atol=1e-9)  # it begins where it rests
-    give = giving_motion(run.scene, run.remembered)
+    give = compliant_joint_motion(run.scene, run.remembered)
     assert give is not None and 1e-6 < np.abs(give.way_m[0]).max() < 1e-5
     np.testing.assert_allclose(give.force_n, -unloaded["hammer_pin.stiffness"] * give.way_m, rtol=0, atol=1e-6)
 

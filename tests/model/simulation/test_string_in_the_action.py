@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 import model
-from model.derived.load import kernels_of
+from model.derived.load import load_kernels
 from model.elements.strings import AWAKE
 from model.kernels import workspace as W
 from model.scene.string_terms import moved_modes, string_of
 from model.simulation.run import Simulation, State
 from model.simulation.statics import solve_rest
-from model.simulation.string_motion import lost_meanwhile, string_motion
+from model.simulation.string_motion import string_loss, string_motion
 from tests.model.kernels.linearised import touched
 
 STRUNG = model.load_scene("string")
@@ -43,7 +43,7 @@ def test_a_stage_solves_the_system_with_the_jacobian_of_differences(action: mode
     run = started(action.with_effects({"string.modes": 4}), 1e-7)
     run.advance(MID_BLOW_S, *FORTE)
     scene, n, z = run.scene, 5, len(run.state.memory)
-    kernels, w = kernels_of(scene.tables), np.zeros(W.WITH_MEMORY)
+    kernels, w = load_kernels(scene.tables), np.zeros(W.WITH_MEMORY)
     assert run.state.memory[0] == AWAKE
 
     def rates(y: np.ndarray) -> np.ndarray:
@@ -113,7 +113,7 @@ def test_energy_balances_and_a_ringing_string_is_met_again(action: model.Action)
     start, stored = run.state.copy(), run.stored_energy()
     run.advance(0.5, *FORTE)
     given, *lost = run.audit
-    lost[-1] += lost_meanwhile(run.scene, (start.time_s, run.state.time_s), (start.memory, run.state.memory))
+    lost[-1] += string_loss(run.scene, (start.time_s, run.state.time_s), (start.memory, run.state.memory))
     assert abs(given - (run.stored_energy() - stored) - sum(lost)) < 1e-6 * given
     assert lost[-1] > 0.05 * given and run.state.memory[1] > 1e-6  # lost before the hammer came near
     assert len(run.state.memory) == 2 + 2 * count

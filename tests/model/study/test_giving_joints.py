@@ -9,7 +9,7 @@ import pytest
 
 import model
 from model.parameters.effects import PINS
-from model.study.effects import OF_JOINTS, loaded_as_at_rest
+from model.study.effects import OF_JOINTS, preload_joints
 from tests.command_line import run
 
 BLOW = model.force_table("forte")
@@ -40,8 +40,8 @@ def test_the_command_prints_and_writes_it(
 def test_loads_are_those_of_the_action_by_itself(scene: str) -> None:
     """Whatever scene it carries: the arm's preload made the key's joint bear 0.1 N more, a lifting key was refused."""
     action = model.load_action("hirschkorn2004-regulated")
-    alone, carried = (loaded_as_at_rest(a) for a in (action, model.load_scene(scene).on(action)))
+    alone, carried = (preload_joints(a) for a in (action, model.load_scene(scene).on(action)))
     paths = [f"{pin}.load.{axis}" for pin in PINS for axis in "xy"]
     assert len({alone[path] for path in paths}) == 10
     assert [carried[path] for path in paths] == [alone[path] for path in paths]
-    assert loaded_as_at_rest(action.with_values({"key_pin.stiffness": 2e6}))["key_pin.stiffness"] == 2e6
+    assert preload_joints(action.with_values({"key_pin.stiffness": 2e6}))["key_pin.stiffness"] == 2e6

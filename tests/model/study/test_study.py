@@ -120,4 +120,4 @@ def test_a_variant_that_never_strikes_has_no_strike(action: model.Action) -> Non
 
 def test_what_is_lost_is_the_sum_of_every_loss() -> None:
     audit = model.EnergyAudit(1000.0, 40.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0)
-    assert (audit.lost, audit.residual) == (255.0, 705.0)
+    assert (audit.loss, audit.residual) == (255.0, 705.0)

@@ -11,9 +11,9 @@ import pytest
 import model
 from model.observables import head_approach_m_per_s
 from model.touch import fastest_repetition, feel, hammer_speeds
-from model.touch.feel import sounded
+from model.touch.feel import strikes_string
 from model.touch.figure import draw
-from model.touch.hammer_speed import touches
+from model.touch.hammer_speed import string_contact_starts
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def test_approach_speed_is_that_of_a_point_on_a_turning_body(action: model.Actio
 
 
 def test_touches_are_counted_once() -> None:
-    assert touches(np.array([2.0, 1.0, -1.0, -2.0, 1.0, 3.0, 0.0, 1.0])).tolist() == [1, 5]
+    assert string_contact_starts(np.array([2.0, 1.0, -1.0, -2.0, 1.0, 3.0, 0.0, 1.0])).tolist() == [1, 5]
 
 
 def test_hammer_speed_against_a_fine_run(action: model.Action) -> None:
@@ -50,8 +50,8 @@ def test_repetition_tells_a_regulated_action_from_one_that_is_not(
 ) -> None:
     good, bad = fastest_repetition(regulated), fastest_repetition(action)
     assert good > 9.0 and 3.0 <= bad < 7.0
-    assert sounded(regulated, 4.0, 4.0).all()
-    assert not sounded(action, 8.0, 4.0)[2:].all()
+    assert strikes_string(regulated, 4.0, 4.0).all()
+    assert not strikes_string(action, 8.0, 4.0)[2:].all()
     assert math.isnan(fastest_repetition(regulated, [0.3]))  # too soft ever to reach the string
 
 

@@ -28,5 +28,5 @@ def test_kernels_of_null_model_tracking_and_scores_are_compiled_and_no_file_is_l
     monkeypatch.setattr(first_run.vision, "track", tracked)
     first_run.call_once()
     assert len(folders) == 1 and not folders[0].exists()
-    for kernel in (time_stepping.integrate, compiled.go_on, iso18571._best_shift, iso18571._warp):
+    for kernel in (time_stepping.integrate, compiled.fit_remaining_bodies, iso18571._best_shift, iso18571._warp):
         assert kernel.signatures

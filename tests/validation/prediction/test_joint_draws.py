@@ -10,7 +10,7 @@ import pytest
 
 import model
 from model.batch import make_jobs, run_jobs
-from model.batch.lanes import choose
+from model.batch.lanes import select_lane_jobs
 from model.force_driven import ForceDrivenOptions
 from validation.measurement.measure_session import measure_session
 from validation.measurement.trial import U_REST_LEVEL_M
@@ -206,6 +206,6 @@ def test_draws_under_a_coarse_force_in_lanes_are_those_of_the_full_one(trials, t
     for r in (coarse[int(k)] for k in forked):
         options = ForceDrivenOptions(tolerance=r.tolerance, output_time_s=r.output_time_s, estimate_error=True)
         jobs = make_jobs(r.action, {"": (r.time_s, r.force_n)}, {"": {}}, options, r.rest)
-        (member,) = run_jobs(choose(jobs, lanes=True))
+        (member,) = run_jobs(select_lane_jobs(jobs, lanes=True))
         assert member.solution is not None and member.solution.error_rad is not None
         assert member.solution.error_rad > 10.0 * r.tolerance

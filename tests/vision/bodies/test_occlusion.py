@@ -24,7 +24,7 @@ def test_mark_covered_against_plain_geometry() -> None:
     distances = [signed_distance(body.polygon_px, 120, 180) for body in (back, front)]
     other = build_template("front", rng.uniform(50.0, 200.0, mask.shape), distances[1] > 4.0, 4)
     other_centre, other_pose = np.array(other.centre_px), np.array([-0.3, -4.0, 5.0])
-    covered = Occlusion([back, front], [template, other], distances).covered(0, pose, {1: other_pose})
+    covered = Occlusion([back, front], [template, other], distances).hidden_pixels(0, pose, {1: other_pose})
 
     def turn(phi: float) -> NDArray[np.float64]:
         return np.array([[np.cos(phi), -np.sin(phi)], [np.sin(phi), np.cos(phi)]])

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vision import Body, BodyError, build_masks, load_bodies, save_bodies
-from vision.bodies.outlines import parents_first, signed_distance
+from vision.bodies.outlines import signed_distance, sort_parents_first
 from vision.synthetic import box
 
 names = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
@@ -66,11 +66,11 @@ def test_bad_file_is_one_clear_line(tmp_path: Path, text: str, words: str) -> No
 def test_parents(tmp_path: Path) -> None:
     square = box(0, 0, 30, 20)
     chain = [Body("c", square, "b"), Body("b", square, "a"), Body("a", square)]
-    assert parents_first(chain) == [2, 1, 0]
+    assert sort_parents_first(chain) == [2, 1, 0]
     with pytest.raises(BodyError, match="circle"):
-        parents_first([Body("a", square, "b"), Body("b", square, "a")])
+        sort_parents_first([Body("a", square, "b"), Body("b", square, "a")])
     with pytest.raises(BodyError, match="unique"):
-        parents_first([Body("a", square), Body("a", square)])
+        sort_parents_first([Body("a", square), Body("a", square)])
     with pytest.raises(BodyError, match="cannot be read"):
         load_bodies(tmp_path / "absent.toml")
     with pytest.raises(BodyError, match="cannot be written"):

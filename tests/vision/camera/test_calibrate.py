@@ -28,7 +28,7 @@ from vision import (
     save_calibration,
     track,
 )
-from vision.camera.model import tilted
+from vision.camera.model import tilt_homography
 from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle
 
 WIDTH, HEIGHT = 300, 220
@@ -64,7 +64,7 @@ def target_film(lens: Projection, kind: str, seed: int, views: int = 3) -> Array
 
 def calibrated(seed: int, kind: str) -> tuple[Projection, Calibration]:
     rng = np.random.default_rng(100 + seed)
-    lean = tilted(math.radians(rng.uniform(0, 4)), rng.uniform(0, 2 * math.pi), 12.0 * WIDTH)
+    lean = tilt_homography(math.radians(rng.uniform(0, 4)), rng.uniform(0, 2 * math.pi), 12.0 * WIDTH)
     lens = Projection(WIDTH, HEIGHT, lean, rng.uniform(-0.008, 0.008))
     return lens, calibrate(target_film(lens, kind, seed), Target(kind, 9, 7, 5e-3))
 
@@ -72,14 +72,14 @@ def calibrated(seed: int, kind: str) -> tuple[Projection, Calibration]:
 def test_tilted_projection_is_a_pinhole_camera() -> None:
     """Against OpenCV's projectPoints: a camera 2000 px away that leans by 7 degrees."""
     tilt, distance = math.radians(7.0), 2000.0
-    lens = Projection(WIDTH, HEIGHT, tilted(tilt, 0.0, distance))
+    lens = Projection(WIDTH, HEIGHT, tilt_homography(tilt, 0.0, distance))
     points = np.array([[0.0, 0.0], [120.0, 30.0], [-90.0, 80.0]])
     space = np.column_stack([points, np.zeros(3)])
     turned = np.array([0.0, -tilt, 0.0])
     camera = np.array([[distance, 0, lens.centre_px[0]], [0, distance, lens.centre_px[1]], [0, 0, 1.0]])
     expected, _ = cv2.projectPoints(space, turned, np.array([0.0, 0.0, distance]), camera, None)
     np.testing.assert_allclose(lens.seen(points + lens.centre_px), expected[:, 0], atol=1e-6)
-    bent = Projection(WIDTH, HEIGHT, tilted(tilt, 1.1, distance), -0.02)
+    bent = Projection(WIDTH, HEIGHT, tilt_homography(tilt, 1.1, distance), -0.02)
     np.testing.assert_allclose(bent.rectified(bent.seen(points + 100.0)), points + 100.0, atol=1e-9)
     corner = Projection(WIDTH, HEIGHT, radial=0.01).seen([[WIDTH - 1.0, HEIGHT - 1.0]])[0]
     np.testing.assert_allclose(corner - lens.centre_px, 1.01 * lens.centre_px)
@@ -114,7 +114,7 @@ def bar_through(lens: Projection, turn_rad: float = 0.35) -> tuple[ArrayFilm, li
 
 
 def test_calibration_takes_the_cameras_error_out() -> None:
-    lens = Projection(WIDTH, HEIGHT, tilted(math.radians(4.0), 2.4, 12.0 * WIDTH), 0.003)
+    lens = Projection(WIDTH, HEIGHT, tilt_homography(math.radians(4.0), 2.4, 12.0 * WIDTH), 0.003)
     camera = calibrate(target_film(lens, "dots", 3), Target("dots", 9, 7, 5e-3)).camera
     film, bodies, angle = bar_through(lens)
     plain = track(film, bodies)
@@ -137,7 +137,7 @@ def test_budget_covers_lenses_of_the_assumed_size() -> None:
     assumed = AssumedCamera(math.radians(3.0), 0.004, 12.0)
     z, narrow = [], []
     for _ in range(5):
-        lean = tilted(abs(rng.normal(0, math.radians(3.0))), rng.uniform(0, 2 * math.pi), 12.0 * WIDTH)
+        lean = tilt_homography(abs(rng.normal(0, math.radians(3.0))), rng.uniform(0, 2 * math.pi), 12.0 * WIDTH)
         lens = Projection(WIDTH, HEIGHT, lean, rng.normal(0, 0.004))
         film, bodies, angle = bar_through(lens)
         result = quietly_tracked(film, bodies, n_still=14, camera=assumed)  # large ones show in the bodies' shapes
@@ -178,7 +178,7 @@ def test_file_round_trip_and_damage(tmp_path: Path) -> None:
 def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], refused: Callable[..., None]) -> None:
     from vision import write_mraw
 
-    lens = Projection(WIDTH, HEIGHT, tilted(math.radians(3.0), 0.5, 12.0 * WIDTH), 0.005)
+    lens = Projection(WIDTH, HEIGHT, tilt_homography(math.radians(3.0), 0.5, 12.0 * WIDTH), 0.005)
     film, out = tmp_path / "target.mraw", tmp_path / "camera.toml"
     source = target_film(lens, "checkerboard", 2, views=2)
     write_mraw(film, [source.read(i) for i in range(source.n_frames)], 1000.0)

@@ -81,8 +81,8 @@ def test_repeated_frames_are_found() -> None:
     frames[5] = frames[4]
     frames[8] = frames[9] = 255
     repeats = Repeats(ArrayFilm(frames), (2, 18, 3, 25))
-    assert [i for i in range(12) if repeats.at(i)] == [5]
-    assert [i for i in range(0, 12, 5) if repeats.at(i)] == [5]
+    assert [i for i in range(12) if repeats.is_repeat(i)] == [5]
+    assert [i for i in range(0, 12, 5) if repeats.is_repeat(i)] == [5]
 
 
 @pytest.mark.parametrize("kind", ["film.avi", "film.tif", "folder"])

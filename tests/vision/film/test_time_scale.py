@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from vision import FilmError, VisionInputError, VisionWarning
 from vision.film.source import ArrayFilm
-from vision.film.time_scale import frame_times_at_rate, spacing_of, warn_of_uneven_times
+from vision.film.time_scale import classify_spacing, frame_times_at_rate, warn_of_uneven_times
 
 GAP = np.r_[0:30, 40:70]
 
@@ -24,7 +24,7 @@ GAP = np.r_[0:30, 40:70]
 )
 def test_a_constant_rate_is_even_however_it_is_rounded(rate: float, tick: float, n: int, shift: float) -> None:
     stamps = np.rint(np.arange(n) / rate / tick + shift) * tick
-    found = spacing_of(stamps, tick)
+    found = classify_spacing(stamps, tick)
     # a tick that lasts nearly a frame cannot tell rounding from a frame left out; times are off by less than one then
     if found.kind == "gaps":
         assert 1.0 <= 1.0 / (rate * tick) < 8.0
@@ -37,7 +37,7 @@ def test_a_constant_rate_is_even_however_it_is_rounded(rate: float, tick: float,
 @pytest.mark.parametrize("tick", [0.0, 1 / 90_000, 1 / 25])
 def test_frames_left_out_are_counted(tick: float) -> None:
     stamps = GAP / 25.0 if not tick else np.rint(GAP / 25.0 / tick) * tick
-    found = spacing_of(stamps, tick)
+    found = classify_spacing(stamps, tick)
     assert found.kind == "gaps" and found.interval_s == pytest.approx(0.04, rel=1e-4)
     assert found.missing[29] == 10 and found.missing.sum() == 10
 
@@ -45,7 +45,7 @@ def test_frames_left_out_are_counted(tick: float) -> None:
 def test_single_frames_dropped_at_random_are_gaps() -> None:
     rng = np.random.default_rng(5)
     kept = np.flatnonzero(rng.random(400) > 0.2)
-    found = spacing_of(kept / 240.0, 1 / 90_000, None)
+    found = classify_spacing(kept / 240.0, 1 / 90_000, None)
     assert found.kind == "gaps"
     np.testing.assert_array_equal(found.missing, np.diff(kept) - 1)
 
@@ -53,7 +53,7 @@ def test_single_frames_dropped_at_random_are_gaps() -> None:
 def test_a_rate_that_varies_without_order_is_no_ramp() -> None:
     """The stated share of false alarms is one in 10,000."""
     rng = np.random.default_rng(1)
-    kinds = [spacing_of(np.cumsum(rng.uniform(0.7, 1.3, 60)), 0.0).kind for _ in range(500)]
+    kinds = [classify_spacing(np.cumsum(rng.uniform(0.7, 1.3, 60)), 0.0).kind for _ in range(500)]
     assert kinds.count("variable") == 500
 
 
@@ -68,7 +68,7 @@ RAMPS = {
 @pytest.mark.parametrize("name", RAMPS)
 def test_a_ramp_is_refused(name: str) -> None:
     time_s = np.r_[0.0, np.cumsum(RAMPS[name])] / 25.0
-    assert spacing_of(time_s, 1 / 12_800).kind == "ramp"
+    assert classify_spacing(time_s, 1 / 12_800).kind == "ramp"
     film = Stamped(time_s)
     with pytest.raises(FilmError, match=r"change pace, from .* frames/s.*without the ramp"):
         frame_times_at_rate(film, 2000.0)
@@ -118,10 +118,10 @@ def test_a_rate_that_is_none_is_refused() -> None:
 
 def test_stamps_that_go_back_are_refused() -> None:
     with pytest.raises(FilmError, match="frames 1 and 2 have the same time stamp, or stamps that go back"):
-        spacing_of(np.array([0.0, 1.0, 0.5, 2.0, 3.0]), 1e-4)
+        classify_spacing(np.array([0.0, 1.0, 0.5, 2.0, 3.0]), 1e-4)
     coarse = np.floor(GAP / 2400.0 / 1e-3) * 1e-3
     with pytest.raises(FilmError, match="at 1 ms too coarse to tell which frames are missing"):
-        spacing_of(coarse, 1e-3)
+        classify_spacing(coarse, 1e-3)
 
 
 @pytest.mark.parametrize(("rate", "tick"), [(240.0, 1e-3), (120.0, 1e-3), (960.0, 1 / 12800), (5000.0, 1 / 90_000)])
@@ -132,7 +132,7 @@ def test_frames_left_out_are_counted_in_rounded_stamps(rate: float, tick: float,
     places = np.arange(300)
     for at in (40, 170):
         places[at:] += rng.integers(8, 40)
-    spacing = spacing_of(np.rint(places / rate / tick + rng.uniform()) * tick, tick)
+    spacing = classify_spacing(np.rint(places / rate / tick + rng.uniform()) * tick, tick)
     assert spacing.kind == "gaps"
     np.testing.assert_array_equal(spacing.missing, np.diff(places) - 1)
     assert abs(spacing.interval_s * rate - 1.0) < 2.0 * tick * rate / 300

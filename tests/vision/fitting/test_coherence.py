@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vision.fitting.assessment import LEAST_BLOCKS, N_LEVELS, blocks_of, ratios_of
+from vision.fitting.assessment import LEAST_BLOCKS, N_LEVELS, build_blocks, coherence_ratios
 from vision.fitting.template import build_template
 
 
@@ -17,7 +17,7 @@ def _median_ratio(width: int, height: int, draws: int = 60) -> np.ndarray:
     mask[10:-10, 10:-10] = True
     template = build_template("small", picture, mask, 10, noise_grey=1.0)
     design = np.vstack([template.columns.astype(float), np.ones(template.n_pixels)])
-    inverse, blocks = np.linalg.inv(template.normal), blocks_of(template.offset_px)
+    inverse, blocks = np.linalg.inv(template.normal), build_blocks(template.offset_px)
     found = []
     for _ in range(draws):
         residual = rng.standard_normal(template.n_pixels)
@@ -26,7 +26,7 @@ def _median_ratio(width: int, height: int, draws: int = 60) -> np.ndarray:
         work[2] = residual
         white = np.diag(inverse)[:3] * np.mean(residual**2)
         weight = np.ones(template.n_pixels, dtype=np.float32)
-        found.append(ratios_of(blocks, template.columns, work, weight, inverse[:3], white).ratio)
+        found.append(coherence_ratios(blocks, template.columns, work, weight, inverse[:3], white).ratio)
     return np.asarray(np.median(found, axis=0))
 
 
@@ -38,7 +38,7 @@ def test_white_noise_is_white_on_large_and_small_bodies(width: int, height: int)
 
 def test_levels_with_too_few_blocks_are_left_to_smaller_ones() -> None:
     x, y = np.meshgrid(np.arange(34.0), np.arange(30.0))
-    blocks = blocks_of(np.stack([x.ravel(), y.ravel()]).astype(np.float32))
+    blocks = build_blocks(np.stack([x.ravel(), y.ravel()]).astype(np.float32))
     count = blocks.groups.max(axis=1) + 1
     assert count[0] >= LEAST_BLOCKS and len(count) == N_LEVELS
     assert np.all(count >= LEAST_BLOCKS) and np.all(np.isfinite(blocks.freedom))

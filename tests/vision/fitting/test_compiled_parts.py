@@ -70,9 +70,9 @@ def test_a_frame_is_read_once_for_all_bodies() -> None:
     spline = FrameSpline(film)
     spline.expect(1, (10, 70, 20, 110))
     for box in ((10, 40, 20, 60), (30, 70, 40, 110)):
-        assert spline.part(1, box).box == (10, 70, 20, 110)
+        assert spline.filtered_part(1, box).box == (10, 70, 20, 110)
     assert film.reads == 1
-    outside = spline.part(1, (0, 30, 0, 30))
+    outside = spline.filtered_part(1, (0, 30, 0, 30))
     assert outside.box == (0, 30, 0, 30) and film.reads == 2
     np.testing.assert_array_equal(outside.picture, frames[1, :30, :30])
-    assert spline.part(2, (10, 40, 20, 60)).box == (10, 40, 20, 60), "another frame than the expected one"
+    assert spline.filtered_part(2, (10, 40, 20, 60)).box == (10, 40, 20, 60), "another frame than the expected one"

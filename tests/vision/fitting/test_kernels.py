@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from tests.vision.known_films import PIVOT, bar_scene, still_bar
 from vision import ArrayFilm
-from vision.fitting.assessment import Blocks, block_ratios, blocks_of
+from vision.fitting.assessment import Blocks, block_ratios, build_blocks
 from vision.fitting.bspline import coefficients, noise_gain
 from vision.fitting.icgn import IcgnFitter
 from vision.fitting.kernels import (
@@ -17,8 +17,8 @@ from vision.fitting.kernels import (
     Settings,
     State,
     Subset,
-    accumulate,
     fit_rigid,
+    normal_equations,
     robust_scale,
     solve5,
     weighted_sums,
@@ -118,7 +118,7 @@ def test_sums_do_not_depend_on_where_arrays_lie(offset: int) -> None:
         return placed
 
     x, y = np.meshgrid(np.arange(71.0), np.arange(37.0))
-    blocks, n = blocks_of(np.stack([x.ravel(), y.ravel()]).astype(np.float32)), x.size
+    blocks, n = build_blocks(np.stack([x.ravel(), y.ravel()]).astype(np.float32)), x.size
     columns, work = (rng.normal(0.0, 9.0, (rows, n)).astype(np.float32) for rows in (4, 5))
     weight, influence, white = rng.uniform(0.0, 1.0, n).astype(np.float32), rng.normal(size=(3, 5)), np.ones(3)
 
@@ -127,7 +127,7 @@ def test_sums_do_not_depend_on_where_arrays_lie(offset: int) -> None:
         moved = Blocks(*(at(part, other) for part in blocks))
         a, w, wt = at(columns, shift), at(work, other), at(weight, shift)
         block_ratios(moved, a, w, wt, at(influence, other), at(white, shift), ratio, count)
-        accumulate(a, w[0], wt, w[1], matrix, right)
+        normal_equations(a, w[0], wt, w[1], matrix, right)
         sums = weighted_sums(w[2], wt, w[0], w[1], 2.0)
         return [part.tobytes() for part in (ratio, count, matrix, right, np.array(sums))]
 

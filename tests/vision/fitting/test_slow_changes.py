@@ -47,7 +47,7 @@ def test_light_that_grows_on_one_side() -> None:
     known = film_of(bar_scene("wood"), pose, cover=lamp)
     unlit = film_of(bar_scene("wood"), pose)
     result, plain = track(known.film, known.bodies), track(unlit.film, unlit.bodies)
-    assert not result.failed.any()
+    assert not result.is_lost.any()
     assert np.abs(z_of(result, pose)).max() < 5.0
     assert np.median(result.u_angle_rad[20:]) < 2.0 * np.median(plain.u_angle_rad[20:])
 
@@ -82,5 +82,5 @@ def test_defocus_that_drifts_does_not_drag_the_pose(texture: str, seed: int) -> 
     known = film_of(bar_scene(texture, 5 + seed), pose, seed=seed, cover=blurred(width))
     result = track(known.film, known.bodies)
     z = z_of(result, pose)
-    assert not result.failed.any() and np.mean(np.abs(z) < 1.96) > 0.9 and np.abs(z).max() < 4.5
+    assert not result.is_lost.any() and np.mean(np.abs(z) < 1.96) > 0.9 and np.abs(z).max() < 4.5
     assert result.u_angle_rad[-5:, 0].max() < 3.0 * result.u_angle_rad[:10, 0].mean()

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tests.vision.frame_fit.reference import PlainBody, PlainStandards, plain_flags
 from vision import FrameFlag
 from vision.fitting.template import Template, build_template
-from vision.frame_fit.judgement import Figures, Standards, judge, learn_usual
+from vision.frame_fit.judgement import Figures, Standards, judge_fit, update_usual_quality
 from vision.frame_fit.motion import Motion, expect_bodies, expect_pose, place_body
 
 pytestmark = pytest.mark.processor
@@ -32,7 +32,7 @@ def test_bodies_are_expected_as_the_plain_ones(seed: int) -> None:
     """Random walks of a body, a child and a grandchild, with steps in which some are not found."""
     rng = np.random.default_rng(seed)
     templates = [template(60, 50), template(120, 80), template(190, 120)]
-    motion, size = Motion.of(templates, [None, 0, 1]), (200, 260)
+    motion, size = Motion.from_templates(templates, [None, 0, 1]), (200, 260)
     plain = [PlainBody(np.array(one.centre_px)) for one in templates]
     plain[1].parent, plain[2].parent = plain[0], plain[1]
     boxes, expected = np.array([one.box_px for one in templates]), np.zeros((3, 3))
@@ -56,7 +56,7 @@ def test_bodies_are_expected_as_the_plain_ones(seed: int) -> None:
 
 def test_prediction_is_of_constant_acceleration_and_starts_anew_after_a_gap() -> None:
     one = template(60, 50)
-    motion, found = Motion.of([one]), np.empty(3)
+    motion, found = Motion.from_templates([one]), np.empty(3)
     for k in range(3):
         place_body(motion, 0, k, np.array([0.1 * k * k, 2.0 * k, -1.0]))
     for step, is_moving, expected in (
@@ -73,7 +73,7 @@ def test_prediction_is_of_constant_acceleration_and_starts_anew_after_a_gap() ->
 
 def test_a_child_fixed_to_its_parent_turns_with_it() -> None:
     templates = [template(60, 50), template(120, 50)]
-    motion, found = Motion.of(templates, [None, 0]), np.empty(3)
+    motion, found = Motion.from_templates(templates, [None, 0]), np.empty(3)
     for body in range(2):
         place_body(motion, body, -1, np.zeros(3))
     place_body(motion, 0, 0, np.array([np.pi / 2, 0.0, 0.0]))
@@ -84,7 +84,7 @@ def test_a_child_fixed_to_its_parent_turns_with_it() -> None:
 
 def test_a_body_far_outside_the_picture_has_no_region() -> None:
     one = template(60, 50)
-    motion, expected = Motion.of([one]), np.zeros((1, 3))
+    motion, expected = Motion.from_templates([one]), np.zeros((1, 3))
     region, union = np.zeros((1, 4), dtype=np.int64), np.zeros(4, dtype=np.int64)
     for shift in (np.array([0.0, 5000.0, 0.0]), np.array([0.0, np.nan, 0.0])):
         place_body(motion, 0, 0, shift)
@@ -117,20 +117,20 @@ def test_fits_are_judged_as_by_the_plain_rules(
     u: float,
 ) -> None:
     one = template(60, 50, noise)
-    standards = Standards.of([template(120, 80), one])
+    standards = Standards.from_templates([template(120, 80), one])
     standards.usual[1] = usual
     zncc, inlier, more = shares
     figures = Figures(zncc, inlier, residual, gain, min(inlier + 0.3 * more, 1.0), off * gain * one.mean_grey)
     numbers = [float(values[1]) for values in standards[:-1]]
     plain = PlainStandards(*numbers, *map(float, usual))
     expected, covariance = np.array([0.1, 4.0, -3.0]), np.diag([u**2, 1e-4, 1e-4])
-    flag = judge(standards, 1, figures, expected + step, expected, covariance)
+    flag = judge_fit(standards, 1, figures, expected + step, expected, covariance)
     assert FrameFlag(flag) == plain_flags(plain, figures._asdict(), np.array(step), covariance)
 
 
 def test_standards_follow_from_texture_and_noise() -> None:
     clean, noisy = template(60, 50, 0.0), template(60, 50, 20.0)
-    standards = Standards.of([clean, noisy])
+    standards = Standards.from_templates([clean, noisy])
     texture = np.var(noisy.columns[3]) - 20.0**2 / 9
     np.testing.assert_allclose(standards.contrast, [1.0, texture / np.var(noisy.columns[3])])
     np.testing.assert_allclose(standards.noise_share, [0.0, 20.0**2 / texture])
@@ -138,7 +138,7 @@ def test_standards_follow_from_texture_and_noise() -> None:
 
 
 def test_the_usual_figures_are_running_means_until_a_lamp_is_switched() -> None:
-    standards = Standards.of([template(60, 50)])
+    standards = Standards.from_templates([template(60, 50)])
     for zncc, gain, expected in ((0.9, 1.0, (0.9, 1.0)), (0.8, 1.2, (0.89, 1.02)), (0.7, 0.4, (0.7, 0.4))):
-        learn_usual(standards, 0, Figures(zncc, 1.0, 2.0, gain, 1.0, 90.0))
+        update_usual_quality(standards, 0, Figures(zncc, 1.0, 2.0, gain, 1.0, 90.0))
         np.testing.assert_allclose(standards.usual[0], expected)

@@ -16,11 +16,11 @@ from vision import ArrayFilm, Body, FrameFlag, open_film, track, write_mraw
 from vision.film.source import Repeats
 from vision.fitting.frame_spline import NO_PART
 from vision.frame_fit.compiled import NOT_BEGUN
-from vision.frame_fit.frame_fit import NEVER, FrameFit, frames_around, watch
+from vision.frame_fit.frame_fit import NEVER, FrameFit, build_repeat_watch, read_frames_around
 from vision.frame_fit.motion import place_body
 from vision.results.pose_table import PoseTable
 from vision.synthetic import Scene, SyntheticBody, background, box, speckle
-from vision.tracking.film_tracker import FilmTracker, repeats_around
+from vision.tracking.film_tracker import FilmTracker, build_repeat_detector
 from vision.tracking.prepare import prepare
 
 pytestmark = pytest.mark.processor
@@ -91,19 +91,19 @@ def test_compiled_frames_have_the_bits_of_fits_in_python(
     known = film_of(lever_scene, lever_motion(), parents={"finger": "beam"})
     film = ArrayFilm(change(known.frames), frame_rate_hz=2000.0)
     walked = []
-    walk = FrameFit.walk
-    monkeypatch.setattr(FrameFit, "walk", lambda *a: walked.append(walk(*a)) or walked[-1])
+    walk = FrameFit.track_rows
+    monkeypatch.setattr(FrameFit, "track_rows", lambda *a: walked.append(walk(*a)) or walked[-1])
     with warnings.catch_warnings(action="ignore"):
         compiled = track(film, known.bodies, every=every, n_still=STILL)
-        monkeypatch.setattr(FilmTracker, "walk", lambda *a: 0)
+        monkeypatch.setattr(FilmTracker, "track_rows", lambda *a: 0)
         by_frame = track(film, known.bodies, every=every, n_still=STILL)
         go_on = FrameFit.go_on
         monkeypatch.setattr(FrameFit, "go_on", lambda self, *a: self.states.apart.fill(1) or go_on(self, *a))
         in_python = track(film, known.bodies, every=every, n_still=STILL)
     if change is nothing:
-        assert sum(walked) >= 10 / every and not compiled.failed.any()  # small bodies are looked at twice often
+        assert sum(walked) >= 10 / every and not compiled.is_lost.any()  # small bodies are looked at twice often
     else:
-        assert compiled.failed.any() and (compiled.flag & int(FrameFlag.COVERED)).any()
+        assert compiled.is_lost.any() and (compiled.flag & int(FrameFlag.COVERED)).any()
     for other, table in zip((by_frame, in_python), tables[1:], strict=True):
         for name in ("frame", "pose", "covariance", "zncc", "inlier", "noise_grey", "gain", "flag", "ratio", "blocks"):
             np.testing.assert_array_equal(getattr(table, name), getattr(tables[0], name), err_msg=name)
@@ -115,23 +115,23 @@ def test_compiled_frames_have_the_bits_of_fits_in_python(
 def test_frames_are_taken_as_they_lie_where_they_do(tmp_path: Path) -> None:
     frames = np.random.default_rng(1).integers(0, 250, (20, 30, 40)).astype(np.uint8)
     film = ArrayFilm(frames, frame_rate_hz=2000.0)
-    first, found, n = frames_around(film, np.arange(3, 20, 2))
+    first, found, n = read_frames_around(film, np.arange(3, 20, 2))
     assert (first, n) == (2, 9) and not found.flags.writeable and frames.flags.writeable
     np.testing.assert_array_equal(found, frames[2:20])
-    assert frames_around(film, np.arange(0, 20))[2] == 16, "a call ends soon"
-    assert frames_around(ArrayFilm(frames[:, :, ::2]), np.arange(5)) is None
-    assert frames_around(film, np.arange(0)) is None
+    assert read_frames_around(film, np.arange(0, 20))[2] == 16, "a call ends soon"
+    assert read_frames_around(ArrayFilm(frames[:, :, ::2]), np.arange(5)) is None
+    assert read_frames_around(film, np.arange(0)) is None
 
     class Other(ArrayFilm):
         """May read as it likes."""
 
-    assert frames_around(Other(frames), np.arange(5)) is None
+    assert read_frames_around(Other(frames), np.arange(5)) is None
     for bits, scale, lies in ((8, 1, True), (16, 200, True), (12, 10, False)):
         path = tmp_path / f"film{bits}.mraw"
         values = frames.astype(np.uint16) * scale if bits > 8 else frames
         write_mraw(path, values, 2000.0, bit_depth=bits)
         with open_film(path) as stored:
-            around = frames_around(stored, np.arange(4, 9))
+            around = read_frames_around(stored, np.arange(4, 9))
             assert (around is not None) == lies
             if around is not None:
                 np.testing.assert_array_equal(around[1], values[3:9])
@@ -141,20 +141,20 @@ def test_frames_are_taken_as_they_lie_where_they_do(tmp_path: Path) -> None:
 def test_which_frames_are_watched_for_repeating_the_one_before() -> None:
     frames = np.random.default_rng(1).integers(0, 250, (9, 30, 40)).astype(np.uint8)
     repeats = Repeats(ArrayFilm(frames), (4, 20, 5, 33))
-    assert watch(repeats, 3) == (3, 3, (12, 5, 33)) and watch(repeats, 0)[1] == 1
+    assert build_repeat_watch(repeats, 3) == (3, 3, (12, 5, 33)) and build_repeat_watch(repeats, 0)[1] == 1
     repeats.meaningful = False
-    assert watch(repeats, 3)[1] == NEVER
+    assert build_repeat_watch(repeats, 3)[1] == NEVER
 
 
 def test_a_body_that_was_never_placed_is_left_to_python(lever_scene: Scene) -> None:
     known = film_of(lever_scene, lever_motion()[:16], parents={"finger": "beam"})
     tracker = FilmTracker(vision.tracking.track_film.prepare(known.film, known.bodies, STILL))
     tracker.clear_histories()
-    table, repeats = PoseTable.empty(np.arange(4), 3), repeats_around(known.film, tracker.ready.templates, STILL)
-    assert tracker.walk(table, range(0, 4), 0, watch(repeats, 0)) == 0
+    table, repeats = PoseTable.empty(np.arange(4), 3), build_repeat_detector(known.film, tracker.ready.templates, STILL)
+    assert tracker.track_rows(table, range(0, 4), 0, build_repeat_watch(repeats, 0)) == 0
     tracker.place(-1, np.zeros((3, 3)))
-    done = tracker.walk(table, range(0, 4), 0, watch(repeats, 0))
-    assert done and not table.failed[:done].any() and tracker.trackers[2].fit.converged
+    done = tracker.track_rows(table, range(0, 4), 0, build_repeat_watch(repeats, 0))
+    assert done and not table.is_lost[:done].any() and tracker.trackers[2].fit.converged
     np.testing.assert_array_equal(tracker.trackers[2].fit.pose, table.pose[done - 1, 2])
     assert isinstance(known.bodies[0], Body)
 
@@ -171,8 +171,8 @@ def test_pixels_are_covered_by_bodies_as_placed_or_else_as_expected(lever_scene:
         assert fit.go_on(NO_PART, body, 0) == (body, NOT_BEGUN)
         # those before it have been found in this frame, not quite where they were expected
         poses = {i: fit.found.pose[i] if i < body else fit.found.expected[i] for i in ready.occlusion.in_front[body]}
-        expected = ready.occlusion.covered(body, fit.found.expected[body], poses)
-        np.testing.assert_array_equal(fit.covered(body), expected)
+        expected = ready.occlusion.hidden_pixels(body, fit.found.expected[body], poses)
+        np.testing.assert_array_equal(fit.hidden_pixels(body), expected)
         assert np.count_nonzero(expected) > 100 or body > 0, "finger and plate lie over the beam"
         fit.found.pose[body] = fit.found.expected[body] + rng.normal(0.0, [0.02, 3.0, 3.0])
         place_body(fit.states.motion, body, 0, fit.found.pose[body])

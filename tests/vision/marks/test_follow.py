@@ -42,7 +42,7 @@ def test_a_round_dot_is_followed_without_a_turn() -> None:
     z = []
     for seed in range(2):
         result = follow_marks(film(lambda i: dot(x[i], y[i]), seed), [PointMark("dot", (60.0, 56.0), 10.0)])
-        assert not result.failed.any() and np.isnan(result.turn_rad).all()
+        assert not result.is_lost.any() and np.isnan(result.turn_rad).all()
         moving = slice(STILL, None)
         for found, true, u in ((result.x_px, x, result.u_x_px), (result.y_px, y, result.u_y_px)):
             error = (found[:, 0] - found[:STILL, 0].mean()) - (true - true[:STILL].mean())
@@ -83,7 +83,7 @@ def test_an_edge_moves_across_itself(angle: float, texture: float) -> None:
 
     mark = LineMark("rim", tuple(np.array([cx, cy]) - 24.0 * along), tuple(np.array([cx, cy]) + 24.0 * along), 14.0)
     result = follow_marks(film(draw, 3), [mark])
-    assert not result.failed.any() and np.isnan(result.x_px).all()
+    assert not result.is_lost.any() and np.isnan(result.x_px).all()
     middle = slice(STILL, None)
     for found, true, u in ((result.offset_px, offset, result.u_offset_px), (result.turn_rad, turn, result.u_turn_rad)):
         error = found[:, 0] - found[:STILL, 0].mean() - true
@@ -100,7 +100,7 @@ def test_a_line_at_rest_does_not_slide_along_itself() -> None:
     noise = np.random.default_rng(3).normal(0.0, 8.0, (n, height, width))
     frames = np.clip(np.rint(light + noise), 0, 255).astype(np.uint8)
     result = follow_marks(ArrayFilm(frames, 2000.0), [LineMark("rim", (12.0, 23.4), (52.0, 27.4), 10.0)])
-    assert result.n_still > 32 and not result.failed.any()
+    assert result.n_still > 32 and not result.is_lost.any()
     z = (result.offset_px[:, 0] - result.offset_px[: result.n_still, 0].mean()) / result.u_offset_px[:, 0]
     assert 0.8 < np.sqrt(np.mean(z**2)) < 1.2
     assert result.inlier[-100:].mean() > result.inlier[:100].mean() - 0.01
@@ -117,7 +117,7 @@ def test_the_smallest_mark_in_a_film_without_noise() -> None:
     """Frames at rest are equal there, and are no repeated ones."""
     frames = np.rint([dot(60.0 + 0.5 * max(i - 24, 0), 56.0, 2.5) for i in range(40)]).astype(np.uint8)
     result = follow_marks(ArrayFilm(frames, 2000.0), [PointMark("dot", (60.0, 56.0), 3.0)], n_still=12)
-    assert not result.failed[:25].any()
+    assert not result.is_lost[:25].any()
 
 
 def test_textured_spot_gives_its_turn_and_lost_frames_are_flagged() -> None:
@@ -125,8 +125,8 @@ def test_textured_spot_gives_its_turn_and_lost_frames_are_flagged() -> None:
     pose = np.column_stack([0.3 * s, PIVOT[0] + 5.0 * s, PIVOT[1] - 4.0 * s])[:, None, :]
     known = film_of(bar_scene("speckle"), pose, cover=dark(range(40, 44)))
     result = follow_marks(known.film, [PointMark("spot", (PIVOT[0] + 30.0, PIVOT[1]), 14.0)])
-    np.testing.assert_array_equal(np.flatnonzero(result.failed[:, 0]), np.arange(40, 44))
-    good = ~result.failed[:, 0]
+    np.testing.assert_array_equal(np.flatnonzero(result.is_lost[:, 0]), np.arange(40, 44))
+    good = ~result.is_lost[:, 0]
     error = (result.turn_rad[:, 0] - pose[:, 0, 0])[good] / result.u_turn_rad[good, 0]
     assert np.abs(error).max() < 5.0
     x = pose[:, 0, 1] + 30.0 * np.cos(pose[:, 0, 0])

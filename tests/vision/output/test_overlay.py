@@ -10,8 +10,8 @@ import pytest
 
 from tests.vision.known_films import PIVOT, bar_scene, film_of
 from vision import ArrayFilm, Body, InputError, open_film, track, write_contact_sheet, write_overlay
-from vision.output.colours import LOST, bgr, colour_of
-from vision.output.overlay import OutlineDrawer, words_of, worst_of
+from vision.output.colours import LOST, body_colour, to_bgr
+from vision.output.overlay import OutlineDrawer, describe_row, select_worst_rows
 from vision.synthetic import box
 
 
@@ -38,7 +38,7 @@ def test_outline_is_drawn_on_the_body(tmp_path: Path, tracked: tuple) -> None:
     with open_film(path) as film:
         assert (film.n_frames, film.height, film.width) == (22, 150, 210)
     picture = OutlineDrawer(known.film, known.bodies, result).picture(42)
-    tinted = np.abs(picture.astype(int) - bgr(colour_of("bar", 0))).max(axis=2) < 60
+    tinted = np.abs(picture.astype(int) - to_bgr(body_colour("bar", 0))).max(axis=2) < 60
     # the true outline at that pose, rasterised apart: most of it carries the colour
     c, s = np.cos(-0.2), np.sin(-0.2)
     outline = box(-30.0, -22.0, 80.0, 22.0) @ np.array([[c, s], [-s, c]]) + (92.0, 96.0)
@@ -46,7 +46,7 @@ def test_outline_is_drawn_on_the_body(tmp_path: Path, tracked: tuple) -> None:
     cv2.polylines(line, [np.rint(outline).astype(np.int32)], True, 255, 3)
     assert np.count_nonzero(tinted & (line > 0)) > 0.8 * np.count_nonzero(tinted) > 100
     dark = OutlineDrawer(known.film, known.bodies, result).picture(31)
-    assert (np.abs(dark.astype(int) - bgr(LOST)).max(axis=2) < 60).sum() > 100
+    assert (np.abs(dark.astype(int) - to_bgr(LOST)).max(axis=2) < 60).sum() > 100
 
 
 def test_contact_sheet_shows_lost_frames_first(tmp_path: Path, tracked: tuple) -> None:
@@ -57,9 +57,11 @@ def test_contact_sheet_shows_lost_frames_first(tmp_path: Path, tracked: tuple) -
     sheet = cv2.imread(str(path))
     assert sheet.shape[1] == 2 * 2 * 210 and sheet.shape[0] > 3 * 2 * 150  # enlarged twice, strips of text between
     row = int(np.flatnonzero(result.frame == 30)[0])
-    assert words_of(result, row)[0].startswith("frame 30, ") and words_of(result, row)[1].startswith("bar lost: ")
-    assert words_of(result, 40)[1].startswith(f"bar correlates {result.zncc[40, 0]:.3f}")
-    good = worst_of(result.failed, result.zncc, 44)[4:]
+    assert describe_row(result, row)[0].startswith("frame 30, ") and describe_row(result, row)[1].startswith(
+        "bar lost: "
+    )
+    assert describe_row(result, 40)[1].startswith(f"bar correlates {result.zncc[40, 0]:.3f}")
+    good = select_worst_rows(result.is_lost, result.zncc, 44)[4:]
     correlation = result.zncc[good, 0]
     assert np.all(np.diff(correlation) >= 0)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["worst.png"]

@@ -112,7 +112,7 @@ def test_the_bodies_of_the_bench_can_be_tracked_as_proposed(bench_film: tuple[Pa
     assert max(len(body.polygon_px) for body in bodies) <= 20
     assert bodies[1].layer >= bodies[0].layer <= bodies[2].layer
     result = track(path, bodies, truth.frame_time_s, confirm="none")
-    assert not result.failed.any()
+    assert not result.is_lost.any()
     still = result.n_still
     error = result.angle_rad - (truth.mean_angle_rad - truth.mean_angle_rad[:still].mean(axis=0))
     for child in (1, 2):

@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from tests.vision.known_films import smooth_step
 from vision import ArrayFilm, Body, VisionWarning, track
-from vision.reference.camera_faults import WithoutDefects, skips_blocks, without_defects
+from vision.reference.camera_faults import DefectCorrectedFilm, correct_defects, skips_blocks
 
 N, HEIGHT, WIDTH, STILL = 30, 128, 160, 12
 RNG = np.random.default_rng(7)
@@ -33,8 +33,8 @@ def test_defect_pixels_are_replaced_and_the_angle_is_right() -> None:
     frames, way = shifted(1)
     bright, dark = (RNG.uniform(size=(HEIGHT, WIDTH)) < 0.002 for _ in range(2))
     frames[:, bright], frames[:, dark] = 255, 0
-    film = without_defects(ArrayFilm(frames, 2000.0))
-    assert isinstance(film, WithoutDefects)
+    film = correct_defects(ArrayFilm(frames, 2000.0))
+    assert isinstance(film, DefectCorrectedFilm)
     found = np.zeros((HEIGHT, WIDTH), dtype=bool)
     found[film.rows, film.columns] = True
     planted = bright | dark
@@ -47,7 +47,7 @@ def test_defect_pixels_are_replaced_and_the_angle_is_right() -> None:
     assert result.info["defect_pixels"] == film.rows.size
     z_x = (result.x_px[:, 0] - result.x_px[0, 0] - way)[STILL:] / result.u_position_px[STILL:, 0, 0]
     z = result.angle_rad[STILL:, 0] / result.u_angle_rad[STILL:, 0]
-    assert np.abs(z).max() < 5.0 and np.abs(z_x).max() < 5.0 and not result.failed.any()
+    assert np.abs(z).max() < 5.0 and np.abs(z_x).max() < 5.0 and not result.is_lost.any()
 
 
 @pytest.mark.parametrize("kind", ["clean", "glints that move", "salt and pepper"])
@@ -56,19 +56,19 @@ def test_other_films_are_left_alone(kind: str) -> None:
     if kind != "clean":
         paint[RNG.uniform(size=paint.shape) < (0.001 if kind.startswith("glints") else 0.05)] = 255.0
     film = ArrayFilm(shifted(2, paint=paint)[0], 2000.0)
-    assert without_defects(film) is film
+    assert correct_defects(film) is film
 
 
 def test_texture_of_a_body_that_rests_in_most_frames_is_no_defect() -> None:
     paint = np.where(np.random.default_rng(8).uniform(size=PAINT.shape) < 0.001, 255.0, PAINT)
     frames = shifted(5, paint=paint)[0][[*range(STILL)] * 4 + [*range(22, N)]]
     film = ArrayFilm(frames, 2000.0)
-    assert without_defects(film) is film
+    assert correct_defects(film) is film
     planted = [40, 90], [50, 70]
     frames[:, *planted] = 255
     frames[33, *planted] = frames[33, [39, 89], [50, 70]]  # one of the frames that are compared does not show them
-    found = without_defects(ArrayFilm(frames, 2000.0))
-    assert isinstance(found, WithoutDefects)
+    found = correct_defects(ArrayFilm(frames, 2000.0))
+    assert isinstance(found, DefectCorrectedFilm)
     np.testing.assert_array_equal((found.rows, found.columns), planted)
 
 

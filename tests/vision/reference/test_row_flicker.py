@@ -10,11 +10,11 @@ from scipy import ndimage
 from vision import ArrayFilm, FrameSource
 from vision.fitting.template import build_template
 from vision.reference.camera_faults import (
-    WithoutRowFlicker,
-    alternation,
-    grey_step,
-    in_coarse_steps,
-    without_row_flicker,
+    FlickerCorrectedFilm,
+    correct_row_flicker,
+    find_grey_step,
+    is_coarsely_quantised,
+    row_flicker_share,
 )
 
 BOX = (10, 90, 15, 140)
@@ -33,12 +33,12 @@ def film_of(depth: NDArray[np.float64], row_noise: float = 0.0) -> FrameSource:
 
 def test_rows_are_brought_to_the_same_light() -> None:
     depth = 0.04 * np.cos(1.3 * np.arange(12) + 1.0)
-    film = without_row_flicker(film_of(depth), BOX)
-    assert isinstance(film, WithoutRowFlicker)
+    film = correct_row_flicker(film_of(depth), BOX)
+    assert isinstance(film, FlickerCorrectedFilm)
     found = np.array([film.amplitude(k) for k in range(12)])
     np.testing.assert_allclose(found - found.mean(), depth - depth.mean(), atol=0.001)
     # also outside the rectangle where it was measured, and in a rectangle that begins with an odd row
-    left = [alternation(film.read_region(k, 3, 97, 0, 160), 3, 255)[0] for k in range(12)]
+    left = [row_flicker_share(film.read_region(k, 3, 97, 0, 160), 3, 255)[0] for k in range(12)]
     assert np.std(left) < 0.001
     np.testing.assert_array_equal(film.read(5)[3:97], film.read_region(5, 3, 97, 0, 160))
 
@@ -47,26 +47,26 @@ def test_rows_are_brought_to_the_same_light() -> None:
 def test_what_does_not_change_is_left_alone(depth: float, row_noise: float) -> None:
     """Texture, rows of another gain, which the still frames share with the film, and noise of whole rows."""
     film = film_of(np.full(12, depth), row_noise)
-    assert without_row_flicker(film, BOX) is film
+    assert correct_row_flicker(film, BOX) is film
 
 
 def test_saturated_pixels_stay_so() -> None:
     frames = np.full((6, 40, 40), 255, dtype=np.uint8)
     frames[:, 10:30] = (100.0 * (1.0 + 0.05 * np.cos(np.arange(6)))[:, None, None]).astype(np.uint8)
-    film = WithoutRowFlicker(ArrayFilm(frames), (0, 40, 0, 40))
+    film = FlickerCorrectedFilm(ArrayFilm(frames), (0, 40, 0, 40))
     assert np.all(film.read(2)[:10] == 255)
 
 
 def test_step_of_the_grey_values() -> None:
     film = film_of(np.zeros(2))
-    assert grey_step(film, BOX) == 1.0
+    assert find_grey_step(film, BOX) == 1.0
     coarse = ArrayFilm((np.rint(film.read(0) / 16.0) * 16).astype(np.uint8)[None])
-    assert grey_step(coarse, BOX) == 16.0
+    assert find_grey_step(coarse, BOX) == 16.0
 
 
 @pytest.mark.parametrize(("step", "noise", "coarse"), [(1.0, 0.2, False), (16.0, 0.5, True), (16.0, 9.0, False)])
 def test_steps_are_coarse_beside_texture_and_noise(step: float, noise: float, coarse: bool) -> None:
     picture = film_of(np.zeros(2)).read(0)
     template = build_template("bar", picture, np.ones(picture.shape, dtype=bool), 10, noise_grey=noise)
-    assert in_coarse_steps(template, step) is coarse
-    assert not in_coarse_steps(template, 0.1 * float(np.std(picture)))
+    assert is_coarsely_quantised(template, step) is coarse
+    assert not is_coarsely_quantised(template, 0.1 * float(np.std(picture)))

@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 
 from vision import ArrayFilm
-from vision.reference.still_average import average_still_frames, still_count
+from vision.reference.still_average import average_still_frames, count_still_frames
 
 
 def test_noise_alone_is_still() -> None:
     rng = np.random.default_rng(1)
     u = np.array([2e-5, 0.004, 0.006])
-    counts = [still_count(u * rng.standard_normal((64, 3)), np.tile(u, (64, 1))) for _ in range(200)]
+    counts = [count_still_frames(u * rng.standard_normal((64, 3)), np.tile(u, (64, 1))) for _ in range(200)]
     assert np.mean(np.array(counts) == 64) > 0.99
 
 
 def test_understated_uncertainty_is_noticed() -> None:
     """Compressed film: the poses scatter by twice what is stated, but stand still."""
     rng = np.random.default_rng(5)
-    counts = [still_count(2.0 * rng.standard_normal((64, 3)), np.ones((64, 3))) for _ in range(100)]
+    counts = [count_still_frames(2.0 * rng.standard_normal((64, 3)), np.ones((64, 3))) for _ in range(100)]
     assert np.mean(np.array(counts) == 64) > 0.93
 
 
@@ -31,7 +31,7 @@ def test_motion_ends_it_before_it_matters(power: int) -> None:
     for _ in range(50):
         move = 0.4 * np.clip(np.arange(64) - 30, 0, None) ** power
         pose = (move + rng.standard_normal(64))[:, None]
-        count = still_count(pose, np.ones((64, 1)))
+        count = count_still_frames(pose, np.ones((64, 1)))
         assert 10 <= count <= 40
         shifts.append(np.mean(move[:count]) * np.sqrt(count))
     assert np.sqrt(np.mean(np.square(shifts))) < 1.0
@@ -40,7 +40,7 @@ def test_motion_ends_it_before_it_matters(power: int) -> None:
 def test_lost_frame_ends_it() -> None:
     pose = np.zeros((20, 2))
     pose[12, 1] = np.nan
-    assert still_count(pose, np.ones((20, 2))) == 12
+    assert count_still_frames(pose, np.ones((20, 2))) == 12
 
 
 def test_average_and_its_noise() -> None:

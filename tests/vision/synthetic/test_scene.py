@@ -18,6 +18,6 @@ def test_drawn_body_is_the_formula() -> None:
     u = np.cos(angle) * (x - x0) - np.sin(angle) * (y - y0)
     v = np.sin(angle) * (x - x0) + np.cos(angle) * (y - y0)
     inner = (u > -23) & (u < 53) & (v > -13) & (v < 13)
-    np.testing.assert_allclose(picture[inner], texture.at(u[inner], v[inner]), atol=0.03)
+    np.testing.assert_allclose(picture[inner], texture.evaluate(u[inner], v[inner]), atol=0.03)
     outer = (u < -27) | (u > 57) | (v < -17) | (v > 17)
     assert np.all(picture[outer] == 0.0)

@@ -52,7 +52,7 @@ def test_film_of_a_turning_bar(texture: str) -> None:
     pose = bar_motion(160, PIVOT, 0.3)
     known = film_of(bar_scene(texture), pose, gain=1 + 0.08 * np.cos(0.37 * np.arange(160)))
     result = track(known.film, known.bodies)
-    assert not result.failed.any()
+    assert not result.is_lost.any()
     assert 10 <= result.n_still <= 22
     error = error_of(result, pose)
     assert np.sqrt(np.mean(error**2)) < 1.25 * known.bound()[0]  # 1.15 and the error of a zero from 14 frames
@@ -109,7 +109,7 @@ def two_body_film(n: int = 120) -> object:
 def test_relative_angle_and_moving_cover() -> None:
     known = two_body_film()
     result = track(known.film, known.bodies)
-    assert not result.failed.any()
+    assert not result.is_lost.any()
     angle, u, flag = result.relative("finger")
     pose = known.pose
     relative = pose[:, 1, 0] - pose[:, 0, 0]
@@ -185,7 +185,7 @@ def test_a_preview_is_what_the_whole_film_gives() -> None:
     known = two_body_film(90)
     clock = {"frame_time_s": np.arange(90) / 2000.0, "u_time_s": 2e-4}
     few, whole = preview(known.film, known.bodies, 4, **clock), track(known.film, known.bodies, **clock)
-    assert few.frame.tolist() == [22, 44, 67, 89] and not few.failed.any()
+    assert few.frame.tolist() == [22, 44, 67, 89] and not few.is_lost.any()
     apart = np.abs(few.angle_rad - whole.angle_rad[few.frame])
     assert np.all(apart < 0.5 * whole.u_angle_rad[few.frame])
     moved, truth = few.budget.absolute["synchronisation"], whole.budget.absolute["synchronisation"][few.frame]

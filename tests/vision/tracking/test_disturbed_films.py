@@ -35,7 +35,7 @@ KINDS = [
 def test_the_error_is_in_the_uncertainty_and_a_disturbance_is_taken_for_nothing_else(kind: str, texture: str) -> None:
     """Nothing is lost where the bound permits tracking; the body is rigid, the sensor has no pattern."""
     result, z = tracked(kind, texture)
-    assert not result.failed.any() and np.abs(z).max() < 5.0 and np.sqrt(np.mean(z**2)) < 1.6
+    assert not result.is_lost.any() and np.abs(z).max() < 5.0 and np.sqrt(np.mean(z**2)) < 1.6
     assert result.info["moving_parts"] == {} and result.info["pattern_grey"] == 0.0
 
 
@@ -46,7 +46,7 @@ def test_the_error_is_in_the_uncertainty_and_a_disturbance_is_taken_for_nothing_
 def test_what_can_be_told_from_the_pose_is_taken_out(kind: str, texture: str) -> None:
     """Light, tilt and flicker that the fit follows cost little of the uncertainty, and no row a flag."""
     result, z = tracked(kind, texture)
-    assert not result.failed.any() and not np.any(result.flag[STILL:] & ~WIDENED)
+    assert not result.is_lost.any() and not np.any(result.flag[STILL:] & ~WIDENED)
     assert np.abs(z).max() < 5.0
     assert result.n_still >= STILL - 2
     assert np.median(result.u_angle_rad[STILL:]) < 2.0 * result.predicted_u_rad[0]
@@ -77,7 +77,7 @@ def test_noise_of_all_rows_is_in_u_and_coarse_steps_of_grey_have_a_flag() -> Non
 @pytest.mark.parametrize("texture", ["speckle", "wood"])
 def test_a_clean_film_keeps_its_uncertainty(texture: str) -> None:
     result, z = tracked("clean", texture)
-    assert not result.failed.any()
+    assert not result.is_lost.any()
     assert 0.6 < np.sqrt(np.mean(z**2)) < 1.5
     # as predicted before the film was tracked, so nothing was widened
     assert np.median(result.u_angle_rad) == pytest.approx(result.predicted_u_rad[0], rel=0.08)
@@ -87,7 +87,7 @@ def test_repeated_frames_are_lost_with_their_flag() -> None:
     known = disturbed("duplicates", "speckle")
     with pytest.warns(VisionWarning, match="5 frames repeat"):
         result = track(known.film, known.bodies, n_still=STILL)
-    for lost in (result.flag[:, 0] == int(FrameFlag.REPEATED), result.failed[:, 0]):
+    for lost in (result.flag[:, 0] == int(FrameFlag.REPEATED), result.is_lost[:, 0]):
         np.testing.assert_array_equal(np.flatnonzero(lost), [20, 27, 33, 34, 48])
 
 

@@ -18,7 +18,7 @@ def test_a_body_that_leaves_the_plane_of_focus() -> None:
     known = film_of(bar_scene("speckle"), pose, seed=3, cover=blurred(width))
     result = quietly_tracked(known.film, known.bodies, confirm="none")
     renewed = (result.flag[:, 0] & RENEWED) != 0
-    assert not result.failed.any() and renewed.sum() == result.info["rows_renewed"] > 5
+    assert not result.is_lost.any() and renewed.sum() == result.info["rows_renewed"] > 5
     assert np.abs(z_of(result, pose))[renewed].max() < 5.0
     # the pose a later reference starts from is uncertain too
     assert result.u_angle_rad[renewed, 0].min() > result.u_angle_rad[:10, 0].max()
@@ -35,7 +35,7 @@ def test_noise_that_hides_the_texture_is_no_reference() -> None:
     known = film_of(bar_scene("wood"), bar_motion(40, PIVOT, 0.25), noise_grey=60.0, seed=3, cover=gone)
     result = quietly_tracked(known.film, known.bodies, n_still=14)
     assert not np.any(np.isfinite(result.angle_rad[28:]))
-    assert 0.0 < Standards.of([_noise_only()]).contrast[0] < 0.1
+    assert 0.0 < Standards.from_templates([_noise_only()]).contrast[0] < 0.1
 
 
 def _noise_only() -> Template:

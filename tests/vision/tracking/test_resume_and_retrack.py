@@ -63,7 +63,7 @@ def test_a_frame_alone_gives_what_the_film_gave() -> None:
     with pytest.raises(InputError, match="each once"):
         retrack_frames(known.film, known.bodies, [50, 50], [near, near])
     lost = retrack_frames(known.film, known.bodies, [50], [far])
-    assert lost.failed[0, 0] and np.isnan(lost.angle_rad[0, 0])
+    assert lost.is_lost[0, 0] and np.isnan(lost.angle_rad[0, 0])
     with pytest.raises(InputError, match="frame 70"):
         retrack_frames(known.film, known.bodies, [70], [near])
     with pytest.raises(InputError, match="body bar"):
@@ -108,7 +108,7 @@ def test_backward_pass_takes_back_a_wrong_stretch(monkeypatch: pytest.MonkeyPatc
 
     monkeypatch.setattr("vision.tracking.track_film.track_forward", spoil)
     result = track(known.film, known.bodies, confirm="all")
-    assert np.flatnonzero(result.failed[:, 0]).tolist() == [40, 41, 42]
+    assert np.flatnonzero(result.is_lost[:, 0]).tolist() == [40, 41, 42]
     assert 55 * MDEG < result.u_angle_rad[50, 0] < 70 * MDEG > 10 * result.u_angle_rad[49, 0]
     assert np.all(result.flag[40:43, 0] & int(FrameFlag.UNCONFIRMED))
     assert np.all(np.isnan(result.angle_rad[40:43])) and np.all(np.isnan(result.u_total_rad[40:43]))
@@ -125,4 +125,4 @@ def test_only_doubtful_rows_are_seen_twice() -> None:
     known = film_of(bar_scene("speckle"), pose, cover=dark(range(50, 55)))
     result = track(known.film, known.bodies)
     assert result.info["rows_confirmed"] == 12 + 5 + 1 + 4
-    assert np.flatnonzero(result.failed[:, 0]).tolist() == [50, 51, 52, 53, 54]
+    assert np.flatnonzero(result.is_lost[:, 0]).tolist() == [50, 51, 52, 53, 54]

@@ -8,7 +8,7 @@ import pytest
 import vision.tracking.track_film
 from tests.vision.known_films import PIVOT, bar_motion, bar_scene, film_of, sliding_bar, smooth_step, z_of
 from vision import ArrayFilm, track
-from vision.tracking.sensor_pattern import WithoutPattern
+from vision.tracking.sensor_pattern import PatternCorrectedFilm
 
 
 def with_pattern(film: ArrayFilm, rms: float, seed: int = 0) -> tuple[ArrayFilm, np.ndarray]:
@@ -24,7 +24,7 @@ def test_a_fixed_pattern_is_taken_off() -> None:
     known = film_of(bar_scene("speckle"), pose)
     film, pattern = with_pattern(known.film, 2.5)
     result = track(film, known.bodies)
-    assert not result.failed.any()
+    assert not result.is_lost.any()
     assert result.info["pattern_grey"] == pytest.approx(pattern.std(), rel=0.25)
     z = z_of(result, pose)[result.n_still :]
     assert np.abs(z).max() < 5.0 and np.sqrt(np.mean(z**2)) < 1.6
@@ -63,7 +63,7 @@ def test_a_film_is_tracked_again_only_where_a_sample_of_rows_fits_better(
 def test_saturated_pixels_stay_so() -> None:
     frames = np.full((2, 20, 20), 100, dtype=np.uint8)
     frames[:, 5, 5] = 255
-    film = WithoutPattern(ArrayFilm(frames, 100.0), np.full((20, 20), 3.0, dtype=np.float32))
+    film = PatternCorrectedFilm(ArrayFilm(frames, 100.0), np.full((20, 20), 3.0, dtype=np.float32))
     picture = film.read(1)
     assert picture[5, 5] == 255.0 and picture[0, 0] == 97.0 and picture.dtype == np.float32
     np.testing.assert_array_equal(film.read_region(1, 2, 9, 3, 8), picture[2:9, 3:8])

@@ -26,8 +26,8 @@ def short_stretches(monkeypatch: pytest.MonkeyPatch) -> None:
 def counted_searches(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """The frames in which a body is searched for, as they come."""
     frames: list[int] = []
-    plain = vision.tracking.body_tracker.search_candidates
-    monkeypatch.setattr(vision.tracking.body_tracker, "search_candidates", lambda *a: frames.append(a[1]) or plain(*a))
+    plain = vision.tracking.body_tracker.search_near_pose
+    monkeypatch.setattr(vision.tracking.body_tracker, "search_near_pose", lambda *a: frames.append(a[1]) or plain(*a))
     return frames
 
 
@@ -38,7 +38,7 @@ def test_any_number_of_threads_gives_the_same_bits() -> None:
     one = track(known.film, known.bodies, threads=1)
     for threads in (2, 5):
         same_bits(track(known.film, known.bodies, threads=threads), one)
-    np.testing.assert_array_equal(np.flatnonzero(one.failed[:, 0]), np.arange(57, 62))
+    np.testing.assert_array_equal(np.flatnonzero(one.is_lost[:, 0]), np.arange(57, 62))
     assert np.nanmax(np.abs(z_of(one, pose))) < 5.0
     with pytest.raises(InputError, match="threads"):
         track(known.film, known.bodies, threads=0)
@@ -59,7 +59,7 @@ def test_a_stretch_that_does_not_join_is_tracked_from_the_one_before(
     monkeypatch: pytest.MonkeyPatch, fault: str
 ) -> None:
     known = film_of(bar_scene("speckle"), bar_motion(N, PIVOT, 0.4))
-    plain = vision.tracking.stretches.starts
+    plain = vision.tracking.stretches.find_segment_starts
 
     def misled(*arguments: object) -> object:
         for k, (before, newest) in enumerate(plain(*arguments)):
@@ -68,11 +68,11 @@ def test_a_stretch_that_does_not_join_is_tracked_from_the_one_before(
             # far enough to be another place, too far to be found again
             yield (before + [0.9, 70.0, -50.0], newest + [0.9, 70.0, -50.0]) if k == 1 else (before, newest)
 
-    monkeypatch.setattr(vision.tracking.stretches, "starts", misled)
+    monkeypatch.setattr(vision.tracking.stretches, "find_segment_starts", misled)
     searches = counted_searches(monkeypatch)
     results = [track(known.film, known.bodies, threads=threads, confirm="none") for threads in (1, 3)]
     same_bits(*results)
-    assert not results[0].failed.any()
+    assert not results[0].is_lost.any()
     assert not searches, "a stretch that cannot join is given up at its seam"
     monkeypatch.setattr(vision.tracking.stretches, "STRETCH_ROWS", N)
     whole = track(known.film, known.bodies, confirm="none")
@@ -82,12 +82,12 @@ def test_a_stretch_that_does_not_join_is_tracked_from_the_one_before(
 def test_a_stretch_begins_where_a_third_of_the_body_is_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
     known = film_of(bar_scene("speckle"), bar_motion(N, PIVOT, 0.3), cover=sliding_bar)
     searches, joined = counted_searches(monkeypatch), []
-    plain = vision.tracking.stretches.Stretch.joins
+    plain = vision.tracking.stretches.Segment.is_continuous
     monkeypatch.setattr(
-        vision.tracking.stretches.Stretch, "joins", lambda *both: joined.append(plain(*both)) or joined[-1]
+        vision.tracking.stretches.Segment, "is_continuous", lambda *both: joined.append(plain(*both)) or joined[-1]
     )
     result = track(known.film, known.bodies)
-    assert not result.failed.any() and not searches
+    assert not result.is_lost.any() and not searches
     assert joined == [True] * 3
 
 

@@ -37,7 +37,7 @@ def test_lost_frames_are_nan_and_found_again() -> None:
     result = track(known.film, known.bodies)
     lost = np.zeros(n, dtype=bool)
     lost[out] = True
-    np.testing.assert_array_equal(result.failed[:, 0], lost)
+    np.testing.assert_array_equal(result.is_lost[:, 0], lost)
     assert np.all(np.isnan(result.angle_rad[lost])) and np.all(np.isnan(result.u_angle_rad[lost]))
     assert np.all(result.flag[lost] != 0) and result.flag[out.stop, 0] == 32
     assert np.nanmax(np.abs(z_of(result, pose))) < 4.5
@@ -56,7 +56,7 @@ def test_unknown_object_covers_the_body(texture: str) -> None:
 
     known = film_of(bar_scene(texture), pose, cover=sweep)
     result = track(known.film, known.bodies)
-    assert not result.failed.any()
+    assert not result.is_lost.any()
     assert np.abs(error_of(result, pose)).max() < np.radians(0.05)
     assert result.inlier.min() < 0.78
     assert np.mean(np.abs(z_of(result, pose)) < 1.96) > 0.88
@@ -96,7 +96,7 @@ def test_leaving_the_picture() -> None:
     pose[:, 0, 1] += 70.0 * smooth_step((np.arange(n) - 14) / 75.0)
     known = film_of(bar_scene("speckle"), pose)
     result = track(known.film, known.bodies)
-    assert not result.failed.any()
+    assert not result.is_lost.any()
     assert result.inlier[-1, 0] < 0.75
     assert result.u_angle_rad[-1, 0] > 1.3 * result.u_angle_rad[0, 0]
     assert np.mean(np.abs(z_of(result, pose)) < 1.96) > 0.88
@@ -112,7 +112,7 @@ def test_moving_from_the_first_frame_on() -> None:
         known = film_of(bar_scene("speckle"), pose, seed=seed)
         with pytest.warns(VisionWarning, match="only 1 still"):
             result = track(known.film, known.bodies)
-        assert result.n_still == 1 and not result.failed.any()
+        assert result.n_still == 1 and not result.is_lost.any()
         assert 0.5 * known.noise_grey < float(result.info["noise_grey"]) < 12 * known.noise_grey
         errors.append(result.angle_rad[1:, 0] - pose[1:, 0, 0])
         stated.append(result.u_angle_rad[1:, 0])
@@ -131,7 +131,7 @@ def test_real_film_of_a_falling_ball() -> None:
     ]
     with pytest.warns(VisionWarning, match="only 1 still"):
         result = track(REAL_FILM, bodies)
-    assert not result.failed.any()
+    assert not result.is_lost.any()
     step = np.diff(result.y_px[:, 0])
     assert np.all(np.abs(step - 2.66) < 0.04) and np.all(np.abs(np.diff(result.x_px[:, 0])) < 0.03)
     strip = result.angle_rad[1:, 1] / result.u_angle_rad[1:, 1]
@@ -148,7 +148,7 @@ def test_steps_of_45_degrees() -> None:
     pose[:, 0, 0] = np.radians(45.0) * np.maximum(0, (np.arange(n) - 10) // 4)
     known = film_of(bar_scene("speckle"), pose)
     result = track(known.film, known.bodies, n_still=12)
-    assert not result.failed.any()
+    assert not result.is_lost.any()
     jumps = np.flatnonzero(np.diff(pose[:, 0, 0]) > 0.0) + 1
     np.testing.assert_array_equal(np.flatnonzero(result.flag[:, 0] & 32), jumps)
     assert np.abs(z_of(result, pose)).max() < 4.5 and result.angle_rad[-1, 0] > np.pi
@@ -165,7 +165,7 @@ def test_a_body_that_leaves_the_picture_and_returns_elsewhere() -> None:
     pose[away >= 10, 0, 2] += np.minimum(-260.0 + 40.0 * back, -10.0)[away >= 10]
     known = film_of(bar_scene("speckle"), pose)
     result = track(known.film, known.bodies, n_still=12)
-    found = ~result.failed[:, 0]
+    found = ~result.is_lost[:, 0]
     error = result.angle_rad[found, 0] - (pose[found, 0, 0] - pose[:12, 0, 0].mean())
     assert np.abs(error / result.u_angle_rad[found, 0]).max() < 5.0
     assert found[:15].all() and not found[20:25].any() and found[-2:].all()
@@ -179,7 +179,7 @@ def test_light_that_changes_at_once_and_stays_loses_no_frame(texture: str, light
     gain[30:55] = light
     known = film_of(bar_scene(texture), pose, gain=gain)
     result = track(known.film, known.bodies)
-    assert not result.failed.any()
+    assert not result.is_lost.any()
     z = z_of(result, pose)
     assert np.mean(np.abs(z) < 1.96) > 0.9 and np.abs(z).max() < 4.5
     if light < 1.0:  # where it is darker there is less contrast over the same noise
@@ -207,7 +207,7 @@ def test_light_that_changes_on_one_body_alone() -> None:
 
     known = film_of(scene, pose, cover=half_dark)
     result = track(known.film, known.bodies)
-    assert not result.failed.any()
+    assert not result.is_lost.any()
     z = (result.angle_rad - (pose[..., 0] - pose[: result.n_still, :, 0].mean(axis=0))) / result.u_angle_rad
     assert np.mean(np.abs(z) < 1.96) > 0.9 and np.abs(z).max() < 4.5
 
@@ -224,7 +224,7 @@ def test_another_surface_is_not_taken_for_other_light() -> None:
 
     known = film_of(bar_scene("speckle"), pose, cover=hidden)
     result = quietly_tracked(known.film, known.bodies)
-    np.testing.assert_array_equal(result.failed[:, 0], np.arange(n) >= 30)
+    np.testing.assert_array_equal(result.is_lost[:, 0], np.arange(n) >= 30)
 
 
 def one_picture(rng: np.random.Generator) -> NDArray[np.float32]:

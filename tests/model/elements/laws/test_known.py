@@ -9,7 +9,7 @@ import pytest
 
 import model
 from model.compiler.expressions import Expression, where
-from model.elements.laws.curve import loading, stored
+from model.elements.laws.curve import curve_energy, loading_force
 from model.elements.laws.felt_law import Felt, Law, Number
 from model.elements.laws.known import LAWS
 
@@ -22,11 +22,11 @@ def law_like(**changed: Any) -> Law:
         hardness = 1.0
 
         def force(self, felt: Felt) -> tuple[Expression, Expression]:
-            slow = self.hardness * loading(felt.depth, felt.curve)
+            slow = self.hardness * loading_force(felt.depth, felt.curve)
             return slow > 0.0, slow
 
         def energy(self, felt: Felt, label: str) -> tuple[list[Any], Expression, Expression]:
-            return [], self.hardness * stored(felt.depth, felt.curve), 0.0 * felt.rate
+            return [], self.hardness * curve_energy(felt.depth, felt.curve), 0.0 * felt.rate
 
     return type("Gel", (Gel,), changed)()
 
@@ -41,10 +41,13 @@ def _two(self: Law, *given: Any) -> tuple[int, tuple[float, ...]]:
         ({"name": "Gel 2"}, "found 'Gel 2', allowed an instance of Law whose name has lower-case letters"),
         ({"name": "stulov"}, "felt law stulov: the name of a law that is there"),
         ({"numbers": {"k": Number(2.0, "1", 0.1, 0.0, 1.0, "a guess")}}, "felt law gel: k: found Number(value=2.0"),
-        ({"packed": lambda *_: (4, ())}, "felt law gel: found 4 memories, allowed to 3"),
-        ({"packed": _two, "rates": lambda _, felt: felt.memory[:1]}, "found 1, 2, 2 numbers from rates, alone"),
+        ({"pack_numbers": lambda *_: (4, ())}, "felt law gel: found 4 memories, allowed to 3"),
         (
-            {"packed": _two, "rates": lambda _, felt: [felt.memory[1] - felt.memory[0], felt.memory[0] * 0.5]},
+            {"pack_numbers": _two, "rates": lambda _, felt: felt.memory[:1]},
+            "found 1, 2, 2 numbers from rates, recovery_rates",
+        ),
+        (
+            {"pack_numbers": _two, "rates": lambda _, felt: [felt.memory[1] - felt.memory[0], felt.memory[0] * 0.5]},
             "found a memory whose rate hangs on another",
         ),
     ],
@@ -75,7 +78,7 @@ def test_numbers_of_an_added_law_are_parameters_like_others() -> None:
     soft = {"soft": Number(0.5, "1", 0.1, 0.1, 1.0, "a guess")}
 
     def force(self: Law, felt: Felt) -> tuple[Expression, Expression]:
-        slow = felt.numbers[0] * loading(felt.depth, felt.curve)
+        slow = felt.numbers[0] * loading_force(felt.depth, felt.curve)
         return slow > 0.0, where(slow > 0.0, slow, 0.0)
 
     early = model.load_action()  # before the law is there

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import model
-from model.compiler.expressions import exponential, largest, power, root, sine, smaller, where
-from model.elements.laws.curve import loading, steepness, stored
+from model.compiler.expressions import exponential, maximum, minimum, power, root, sine, where
+from model.elements.laws.curve import curve_energy, loading_force, loading_stiffness
 from model.elements.laws.felt_law import Felt, Law, Number
 from model.elements.laws.known import LAWS
 from model.elements.laws.stulov import surface_energy
@@ -29,7 +29,7 @@ def laws_as_before() -> Iterator[None]:
 
 
 def slow(felt: Felt) -> Any:
-    return loading(felt.depth, felt.curve)
+    return loading_force(felt.depth, felt.curve)
 
 
 class Plain(Law):
@@ -41,19 +41,19 @@ class Plain(Law):
         return slow(felt) > 0.0, slow(felt)
 
     def energy(self, felt: Felt, label: str) -> Any:
-        return [], stored(felt.depth, felt.curve), 0.0 * felt.rate
+        return [], curve_energy(felt.depth, felt.curve), 0.0 * felt.rate
 
 
 class Lasting(Plain):
     """One memory (N) that follows the curve in a millisecond, and does not act."""
 
-    def packed(self, contact: str, values: Any, curve: Any) -> Any:
+    def pack_numbers(self, contact: str, values: Any, curve: Any) -> Any:
         return 1, ()
 
     def rates(self, felt: Felt) -> Any:
         return [(slow(felt) - felt.memory[0]) / 1e-3]
 
-    def alone(self, felt: Felt) -> Any:
+    def recovery_rates(self, felt: Felt) -> Any:
         return [-(felt.memory[0] / 1e-3)]
 
 
@@ -86,10 +86,10 @@ MISTAKES: dict[str, tuple[Callable[[], Law], str]] = {
     "and": (lambda: forced(lambda felt: ((slow(felt) > 0.0) and (felt.rate > 0.0), slow(felt))), "&, |, ~"),
     "not": (lambda: forced(lambda felt: (not slow(felt) < 0.0, slow(felt))), "where(condition, a, b)"),
     "chained comparison": (lambda: forced(lambda felt: (0.0 < slow(felt) < 50.0, slow(felt))), "&, |, ~"),
-    "max": (lambda: forced(lambda felt: (slow(felt) > 0.0, max(slow(felt), felt.depth))), "largest(a, b)"),
+    "max": (lambda: forced(lambda felt: (slow(felt) > 0.0, max(slow(felt), felt.depth))), "maximum(a, b)"),
     "math": (lambda: forced(lambda felt: (slow(felt) > 0.0, slow(felt) * math.sqrt(felt.depth))), "root, exponential"),
     "numpy": (lambda: forced(lambda felt: (slow(felt) > 0.0, slow(felt) * np.sqrt(felt.depth))), "numpy.sqrt"),
-    "numpy maximum": (lambda: forced(lambda felt: (slow(felt) > 0.0, np.maximum(slow(felt), 0.0))), "largest"),
+    "numpy maximum": (lambda: forced(lambda felt: (slow(felt) > 0.0, np.maximum(slow(felt), 0.0))), "maximum"),
     "half power": (lambda: forced(lambda felt: (slow(felt) > 0.0, slow(felt) ** 0.5)), "root(x) in place of x ** 0.5"),
     "power of an expression": (lambda: forced(lambda felt: (slow(felt) > 0.0, 2.0**felt.depth)), "exponential(x)"),
     "power without derivative": (
@@ -107,7 +107,7 @@ MISTAKES: dict[str, tuple[Callable[[], Law], str]] = {
     "nothing but a name": (Unfinished, "force is missing; return whether the felt presses"),
     "no energy": (WithoutEnergy, "energy is missing; return statements, the energy stored"),
     "energy as a number": (
-        lambda: changed(energy=lambda self, felt, label: stored(felt.depth, felt.curve)),
+        lambda: changed(energy=lambda self, felt, label: curve_energy(felt.depth, felt.curve)),
         "energy: found a Expression, allowed a list of statements",
     ),
     "negative force": (
@@ -128,12 +128,15 @@ MISTAKES: dict[str, tuple[Callable[[], Law], str]] = {
     ),
     "rates as one expression": (lambda: changed(Lasting, rates=lambda self, felt: felt.memory[0]), "allowed a list"),
     "rate as text": (lambda: changed(Lasting, rates=lambda self, felt: ["fast"]), "rate of memory 1: found 'fast'"),
-    "packed without numbers": (lambda: changed(packed=lambda self, *given: 0), "packed: found 0, allowed the number"),
-    "packed as text": (lambda: changed(packed=lambda self, *given: (0, ["a"])), "packed: found (0, ['a'])"),
+    "packed without numbers": (
+        lambda: changed(pack_numbers=lambda self, *given: 0),
+        "pack_numbers: found 0, allowed the number",
+    ),
+    "packed as text": (lambda: changed(pack_numbers=lambda self, *given: (0, ["a"])), "pack_numbers: found (0, ['a'])"),
     "stiffness as text": (lambda: changed(stiffness=lambda self, felt: "hard"), "stiffness: found 'hard'"),
     "rate as a plain number": (lambda: changed(Lasting, rates=lambda self, felt: [0.0]), "write 0.0 * ONE, or ZERO"),
     "loss as a plain number": (
-        lambda: changed(energy=lambda self, felt, label: ([], stored(felt.depth, felt.curve), 0.0)),
+        lambda: changed(energy=lambda self, felt, label: ([], curve_energy(felt.depth, felt.curve), 0.0)),
         "power lost: found the plain number 0.0",
     ),
     "equal to a number": (
@@ -168,7 +171,7 @@ def test_a_mistake_is_one_line_when_the_law_is_added(mistake: str) -> None:
         model.add_law(make())
     said = str(caught.value)
     assert words in said and "\n" not in said
-    assert "felt law" in said and (mistake == "packed" or __file__ in said)
+    assert "felt law" in said and (mistake == "pack_numbers" or __file__ in said)
     assert "plain" not in LAWS and "unfinished" not in LAWS
 
 
@@ -181,7 +184,7 @@ class Zener(Law):
         "tau": Number(5e-5, "s", 3e-5, 1e-9, 10.0, "a guess"),
     }
 
-    def packed(self, contact: str, values: Any, curve: Any) -> Any:
+    def pack_numbers(self, contact: str, values: Any, curve: Any) -> Any:
         return 1, (values["beta"], values["tau"])
 
     def force(self, felt: Felt) -> Any:
@@ -189,22 +192,22 @@ class Zener(Law):
         return force > 0.0, force
 
     def rates(self, felt: Felt) -> Any:
-        return [steepness(felt.depth, felt.curve) * felt.rate - felt.memory[0] / felt.numbers[1]]
+        return [loading_stiffness(felt.depth, felt.curve) * felt.rate - felt.memory[0] / felt.numbers[1]]
 
-    def alone(self, felt: Felt) -> Any:
+    def recovery_rates(self, felt: Felt) -> Any:
         return [-(felt.memory[0] / (felt.numbers[1] * (1.0 + felt.numbers[0])))]
 
     def energy(self, felt: Felt, label: str) -> Any:
         beta, tau = felt.numbers
         pressing, _ = self.force(felt)
-        f = largest(slow(felt), 0.0)
+        f = maximum(slow(felt), 0.0)
         h = where(pressing & (felt.depth > 0.0), f - felt.memory[0], -(1.0 + beta) * felt.memory[0])
         return surface_energy(label, felt.depth, h, felt.curve, beta / (1.0 + beta), tau)
 
     def stiffness(self, felt: Felt) -> Any:
         return felt.curve[2] * (1.0 + felt.numbers[0])
 
-    def rested(self, depth: Any, curve: Any, numbers: Any, memories: Any) -> Any:
+    def rest_memories(self, depth: Any, curve: Any, numbers: Any, memories: Any) -> Any:
         return [0.0]
 
 
@@ -245,8 +248,10 @@ def test_a_row_of_numbers_and_names_that_no_path_can_have_are_refused() -> None:
 
     with pytest.raises(model.InputError, match="felt law named: numbers: found 'd.0', allowed a name of letters"):
         model.add_law(Named())
-    packs = type("Packs", (Plain,), {"name": "packs", "packed": lambda self, contact, values, curve: dict(values)})
-    with pytest.raises(model.InputError, match="felt law packs: packed: found .* allowed the number of memories"):
+    packs = type(
+        "Packs", (Plain,), {"name": "packs", "pack_numbers": lambda self, contact, values, curve: dict(values)}
+    )
+    with pytest.raises(model.InputError, match="felt law packs: pack_numbers: found .* allowed the number of memories"):
         model.add_law(packs())
 
 
@@ -255,7 +260,7 @@ def test_numbers_of_numpy_and_whole_powers_calculate_as_plain_ones() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         model.add_law(law)
-    kept = smaller(1.0, law.force(_felt(law))[1])
+    kept = minimum(1.0, law.force(_felt(law))[1])
     assert kept.op == "smaller"
 
 
@@ -299,7 +304,7 @@ def test_derivatives_refuse_a_jump_that_no_tried_press_shows() -> None:
         name = "stepped"
         numbers = {"height": Number(0.0, "1", 0.1, 0.0, 1.0, "a guess")}
 
-        def packed(self, contact: str, values: Any, curve: Any) -> Any:
+        def pack_numbers(self, contact: str, values: Any, curve: Any) -> Any:
             return 1, (values["height"],)
 
         def rates(self, felt: Felt) -> Any:

@@ -7,8 +7,9 @@ import numpy as np
 import model
 from model.derived.columns import NORMAL
 from model.derived.observe import contacts_at
+from model.kernels.lanes import allocate_aligned
 from model.sensitivity.parameter_names import directions
-from model.sensitivity.tangents import Recorded, _Run, aligned
+from model.sensitivity.tangents import RecordedMotion, _Run
 from model.simulation.statics import solve_rest
 
 
@@ -19,12 +20,16 @@ def test_normal_forces_of_all_numbers_agree_with_differences(action: model.Actio
     paths = [path for path in paths if "contact" in path or ".pivot." in path]
     slopes = directions(action, choice, model.sensitivity.find_parameters(action, paths))
     scene, random, count, m = slopes.scene, np.random.default_rng(5), len(paths), 12
-    recorded = object.__new__(Recorded)  # without a motion: states that no blow would give are tested too
+    recorded = object.__new__(RecordedMotion)  # without a motion: states that no blow would give are tested too
     recorded.run, recorded.directions = _Run(slopes), slopes
     angle = solve_rest(scene) + random.normal(0.0, 0.05, (m, scene.size))
     speed = random.normal(0.0, 0.3, (m, scene.size))
     filled = recorded.run.space.load.shape[2]
-    moved = aligned(m, scene.size, filled), aligned(m, scene.size, filled), aligned(m, 0, filled)
+    moved = (
+        allocate_aligned(m, scene.size, filled),
+        allocate_aligned(m, scene.size, filled),
+        allocate_aligned(m, 0, filled),
+    )
     for part in moved[:2]:
         part[:, :, :count] = random.normal(0.0, 1.0, (m, scene.size, count))
     found_force, found = recorded.normal_forces(np.concatenate([angle, speed], axis=1), moved)
