@@ -14,6 +14,7 @@ import pandas as pd
 
 from validation.result import ValidationResult
 from validation.tables.catalogue import all_tables
+from validation.tables.numbers import with_u
 
 
 @dataclass(frozen=True, repr=False)
@@ -57,8 +58,12 @@ class SideBySide:
     def verdict_lines(self) -> list[str]:
         """One line per session and model; all lines of the verdict when there is one result only."""
         lines = self.results[0].verdict_lines if len(self.results) == 1 else [headline(r) for r in self.results]
-        compared = [*pair_lines(self.model_pairs), *evidence_lines(self.evidence)]
-        return [*lines, *compared, *(f"Not compared: {text}" for text in self.refused), *self.notes]
+        return [*lines, *self.compared_lines, *(f"Not compared: {text}" for text in self.refused), *self.notes]
+
+    @property
+    def compared_lines(self) -> list[str]:
+        """How the models compare, a line each."""
+        return [*pair_lines(self.model_pairs), *evidence_lines(self.evidence)]
 
     @cached_property
     def compared(self) -> dict[str, pd.DataFrame]:
@@ -127,7 +132,7 @@ def evidence_lines(evidence: pd.DataFrame) -> list[str]:
     lines = []
     for row in evidence[evidence["model"] != evidence["against"]].itertuples():
         if math.isfinite(row.log_bayes_factor):
-            size = f"ln of the Bayes factor {row.log_bayes_factor:.1f} ± {row.u_log_bayes_factor:.1f}"
+            size = f"ln of the Bayes factor {with_u(row.log_bayes_factor, row.u_log_bayes_factor)}"
             cost = f"{row.cost_ratio:.2f} × its right-hand sides, {1e3 * row.seconds:.0f} ms of processor time"
             said = f"evidence for {row.model} against {row.against}: {row.reading} ({size})"
             lines.append(f"Session {row.session}, {said}; a blow costs {cost}.")

@@ -17,7 +17,8 @@ from matplotlib.figure import Figure
 
 from validation.conventions import Array
 
-COLUMNS = 560
+COLUMNS = 420
+BAND_COLUMNS = 160  # the edges of a band are smooth
 
 
 def decimate(time: Array, values: Array, *, columns: int = COLUMNS, keep: str = "both") -> tuple[Array, Array]:
@@ -166,18 +167,14 @@ def band(
     label: str | None = None,
     *,
     alpha: float = 0.35,
-    fits: bool = True,
     gid: str | None = None,
 ) -> None:
-    """A shaded band between two curves, nothing where it is not known; ``fits``: the panel grows to hold it."""
+    """A shaded band between two curves, nothing where it is not known."""
     if not np.isfinite(low).any():
         return
-    t, a = decimate(time, low, keep="min")
-    _, b = decimate(time, high, keep="max")
-    before = axes.dataLim.frozen()
+    t, a = decimate(time, low, columns=BAND_COLUMNS, keep="min")
+    _, b = decimate(time, high, columns=BAND_COLUMNS, keep="max")
     axes.fill_between(t, a, b, color=SKY, alpha=alpha, linewidth=0, label=label, gid=gid)
-    if not fits:
-        axes.dataLim.set(before)
 
 
 def shade_lifts(axes: Axes, marked: pd.DataFrame, trials: list[int], label: str = "left out: key may lift") -> None:

@@ -29,6 +29,7 @@ from validation.measurement.measure_session import measure_session, open_session
 from validation.measurement.trial import MeasuredTrial
 from validation.options import CompareOptions, ComparisonOptions
 from validation.pipeline.advice import what_to_do
+from validation.pipeline.part_names import name_parts
 from validation.pipeline.verdict import fitted_trials, identified_warnings, prediction_lines, verdict_lines
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession, predict_session
@@ -201,7 +202,8 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
     if explained.sentence:
         finer = verdict.outcome in (AGREES, CANNOT_TELL) and not explained.nothing
         warnings.append(explained.sentence + (FINER if finer else ""))
-    advice = what_to_do(findings.faults, explained, rivals, verdict.outcome)
+    advice = tuple(name_parts(text, action) for text in what_to_do(findings.faults, explained, rivals, verdict.outcome))
+    verdict = replace(verdict, sentence=name_parts(verdict.sentence, action))
     head, *rest = verdict_lines(name, action.name, tables, verdict, findings.faults, rivals.nearer)
     judgement = dict(verdict.facts)
     return ValidationResult(

@@ -8,6 +8,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -15,76 +16,59 @@ import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from validation.conventions import ENCODER_CHANNELS, Array
-from validation.curves.display_signs import degrees
+from validation.conventions import BODIES, ENCODER_CHANNELS, Array
+from validation.curves.display_signs import TITLE, degrees
 from validation.curves.style import uneven_samples
 from validation.curves.table import force_on_base, on_base
 from validation.events.definitions import EVENTS
 from validation.events.key_lift import EXCESS_M
+from validation.report.figures.five_angles import band_words, five_angles, limit_of
+from validation.report.figures.layout import MOST_LINES
 from validation.report.figures.measured import all_figures
 from validation.report.figures.overlays import limit_of_trial, trial_words
-from validation.report.overview import forest, heat_map
+from validation.report.overview import forest, verdict_parts
 from validation.report.view import SessionView, netcdf_names
 from validation.result import ValidationResult
 from validation.side_by_side import SideBySide
 from validation.tables.catalogue import pages_of
+from validation.tables.numbers import number
 from validation.tables.table import SECTIONS, PageTable, made_table, page_table
-from validation.verdict.quantities import PHASES
 
 GLOSSARY: tuple[tuple[str, str], ...] = (
     ("trial", "one recorded blow. All trials of a session are meant to be the same blow."),
-    (
-        "model",
-        "the simulated action. Each trial’s own measured force drives it; it is not fitted or aligned to the trials.",
-    ),
+    ("model", "the simulated action. It is neither fitted nor aligned to the trials."),
     ("difference", "model minus trial, at the same instant, of the same trial."),
     (
-        "u",
-        "standard uncertainty: about one error in three is larger.",
-    ),
-    (
         "model error",
-        "what is wrong with the model beyond force, sensors, parameters as declared and scatter of the trials, with "
-        "its 95 % interval (ASME V&V 20). Plain difference: an interval of measurement and repeatability only.",
+        "what is wrong with the model beyond force, sensors, parameters as declared and scatter of the trials (ASME "
+        "V&V 20). Plain difference: what would be seen again, with measurement and repeatability only.",
     ),
+    ("u", "standard uncertainty: about one error in three is larger."),
     (
-        "resolved",
-        "found by the one test of all primary quantities together, which a right model fails in one session of twenty.",
+        "shown",
+        "found by the one test of all primary quantities together, which a model without error fails in one session of "
+        "twenty. Alone: excluded by the quantity's own interval, not by that test.",
     ),
-    ("alone", "the quantity's own interval excludes zero, but the test of all together does not resolve it."),
-    ("limit", "from which a difference matters (--relevant)."),
-    (
-        "Y, shown in 80 %",
-        "the error that the test would resolve in 80 % of such sessions.",
-    ),
+    ("limit of relevance", "from which a difference matters (--relevant)."),
     ("sᵣ", "repeatability standard deviation: how much the trials differ from each other."),
     ("RMSE", "root mean square of the difference over the evaluation window."),
-    ("right model", "what the RMSE of a model would be that is right within the declared uncertainties."),
-    ("perfect model, ceiling", "a model that differs from the trials only by errors of force and sensors."),
+    ("perfect model", "a model that differs from the trials only by errors of force and sensors."),
     ("null model", "one moving part, nothing fitted: the least that a model of many bodies should beat."),
-    (
-        "rivals, skill",
-        "what a model should beat: the null model, the values before a fit, and three black boxes fitted to the same "
-        "strokes; skill 0.6 is an error 60 % smaller than that of the best of them, below 0 it is larger.",
-    ),
-    (
-        "outside",
-        "a stroke faster, softer, briefer … than those the set was fitted to, or with a phase that none of them has.",
-    ),
-    ("ISO-style score", "a score from 0 to 1 in the style of ISO/TS 18571; 1 is best."),
-    ("95 % band", "a band that holds the whole curve, not each instant alone, in 19 sessions of 20."),
-    (
-        "A, B, C",
-        "positions of the thesis: at A the key reaches its bottom, at B the force is released completely, at C the key "
-        "is back at its lowest point and begins to bounce.",
-    ),
-    ("let-off", "the jack leaves the hammer, which flies on freely."),
-    ("check", "the back check catches the hammer after its rebound and holds it."),
-    ("drop", "the hammer falls when the key comes up."),
+    ("skill", "0.6 is an error 60 % smaller than that of the best rival, below 0 it is larger."),
+    ("A, B, C", "positions of the thesis: the key reaches its bottom; the force is released; the key is back."),
     ("attack, check, release", "phases of a blow: to the string impact, to the key's release, to the end."),
-    ("null, dash", "a dash stands for what does not exist or cannot be stated."),
+    ("–", "does not exist or cannot be stated."),
 )
 """Term and meaning."""
+GISTS = {
+    "trials": "curves of each trial, zoom, events, correction of the force",
+    "causes": "what was compared, and what explains the difference",
+    "repeatability": "how much the trials differ among themselves",
+    "inside": "forces, felt and energies in the predicted blow",
+    "scores": "the verdict in full, every quantity, every score, rivals",
+    "provenance": "hashes, versions, tolerance, uncertainty of the sensors",
+}
+"""What a folded section holds."""
 
 
 LARGEST_BYTES = 1_200_000
@@ -150,23 +134,60 @@ def _packed(curves: dict[str, Any]) -> dict[str, Any]:
     return out
 
 
+DASH_WORDS = ("dashed", "dotted", "dash-dotted", "long dashes", "short dashes and dots")
+
+
 def session_section(view: SessionView) -> dict[str, Any]:
     """Everything the page shows of one session, by the names that the template knows.
 
     Tables that depend on the model are made for each, their caption names it; ids lead with the session's prefix.
     """
     first = view.first
+    figures = all_figures(view)
+    tables = {section: section_tables(view, section) for section in SECTIONS}
     return dict(
         prefix=view.prefix,
         result=first,
         simulated=is_simulated(first),
         impact_s=_impact_s(first),
         curves=page_data(view),
-        verdicts=[r.verdict_lines for r in view.results],
+        angles=five_angles(view),
+        caption=angles_caption(view),
+        forest=forest(view.results),
+        verdicts=[_lines_left(r) for r in view.results],
         warnings=_warnings(view),
-        figures=all_figures(view),
-        tables={section: section_tables(view, section) for section in SECTIONS},
+        differing=section_tables(view, "differing"),
+        figures={"trials": figures["comparison"], "repeatability": figures["repeatability"]}
+        | {section: [] for section in SECTIONS if section not in ("trials", "repeatability")},
+        tables=tables,
+        provenance=[(f"{r.session_name}, {r.action_name}", _flat(r.provenance)) for r in view.results],
     )
+
+
+def _lines_left(result: ValidationResult) -> list[str]:
+    """Lines of the verdict that do not stand on the first screen."""
+    return [line for line in result.verdict_lines[1:] if not line.startswith("What to do: ")]
+
+
+def angles_caption(view: SessionView) -> str:
+    """What the first figure shows, with the width of its band and the limits as numbers."""
+    n = len(view.first.traces)
+    trials = (
+        "the trial" if n == 1 else f"all {n} trials" + (" (median, quartiles, 5 % to 95 %)" if n > MOST_LINES else "")
+    )
+    text = f"Rotation since rest, measured in {trials} (colour of the body) and predicted (black{' dashes' if len(view.results) == 1 else ''}"
+    text += (
+        ""
+        if len(view.results) == 1
+        else ": " + ", ".join(f"{name} {dash}" for name, dash in zip(view.names, DASH_WORDS, strict=False))
+    )
+    text += "; mean). Below: model − trial" + (", each trial and the mean." if len(view.results) == 1 else ", means.")
+    band = band_words(view)
+    if band:
+        text += f" Grey: 95 % interval of the mean difference at each instant; half its width at its widest: {band}."
+    limits = [(TITLE[c], limit_of(view.first, c)) for c in BODIES]
+    known = ", ".join(f"{name} {number(limit, 2)}°" for name, limit in limits if math.isfinite(limit))
+    return text + (f" Red dots: limit of relevance, ± {known}." if known else "")
 
 
 def section_tables(view: SessionView, section: str) -> list[PageTable]:
@@ -190,11 +211,13 @@ def is_simulated(result: ValidationResult) -> bool:
 
 
 def _warnings(view: SessionView) -> list[str]:
-    """Warnings of the session; one that not every model raises names its model."""
+    """Warnings that do not stand among the findings; one that not every model raises names its model."""
     said: dict[str, list[str]] = {}
     for r in view.results:
+        shown = set(r.findings["text"])
         for text in r.warnings:
-            said.setdefault(text, []).append(r.action_name)
+            if text not in shown:
+                said.setdefault(text, []).append(r.action_name)
     every = len(view.results)
     return [text if len(names) == every else f"{', '.join(names)}: {text}" for text, names in said.items()]
 
@@ -249,18 +272,31 @@ def render_html(side: SideBySide, *, animation: bool = False) -> str:
         style=style_text(),
         script=Markup(script),
         script_sha256=base64.b64encode(digest).decode(),
-        heat=heat_map(side),
-        forest=forest(side),
-        phases=PHASES,
-        faults=", ".join(dict.fromkeys(side.results[0].findings["kind"])),
+        parts=[verdict_parts(result) for result in side.results],
+        lines=[*(f"Not compared: {text}" for text in side.refused), *side.notes],
+        said=side.compared_lines,
         glossary=GLOSSARY,
+        gists=GISTS,
         netcdf=netcdf_names(side),
         animation=ANIMATION if animation else "",
         compared=compared_tables(side),
         titles=SECTIONS,
+        window=_window_words(side),
         definitions=[(kind.title, kind.definition) for kind in EVENTS.values()],
         limits=cannot_claim(side),
-        provenance=[(f"{r.session_name}, {r.action_name}", _flat(r.provenance)) for r in side.results],
+    )
+
+
+def _window_words(side: SideBySide) -> str:
+    """The evaluation window of each session."""
+    parts = []
+    for name, results in side.sessions.items():
+        w = results[0].window
+        where = f"{name}: " if len(side.sessions) > 1 else ""
+        parts.append(f"{where}{w.start_s:.4f} s ({w.start_rule}) to {w.end_s:.4f} s ({w.end_rule})")
+    return (
+        f"Evaluation window, fixed before scoring: {'; '.join(parts)}. Angles are changes since rest. Model and trial "
+        "share one clock and are not aligned."
     )
 
 

@@ -1,4 +1,4 @@
-/* Tables: a click on a head sorts, a second one turns the order round. Print shows what is folded. */
+/* Tables: a click on a head sorts, a second one turns the order round. Print shows the methods too. */
 for (const table of document.querySelectorAll("table.sorts")) {
   const body = table.tBodies[0], rows = [...body.rows];
   const value = (row, i) => {
@@ -26,6 +26,6 @@ for (const table of document.querySelectorAll("table.sorts")) {
 }
 const opened = [];
 addEventListener("beforeprint", () => {
-  for (const part of document.querySelectorAll("details:not([open])")) { part.open = true; opened.push(part); }
+  for (const part of document.querySelectorAll("details.printed:not([open])")) { part.open = true; opened.push(part); }
 });
 addEventListener("afterprint", () => { for (const part of opened.splice(0)) part.open = false; });

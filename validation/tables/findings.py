@@ -35,5 +35,5 @@ TABLE = Table(
     "fault of a session that was recognised",
     COLUMNS,
     rows,
-    (Page("trials", "Findings", order=0),),
+    (Page("differing", "Findings"),),
 )

@@ -31,6 +31,7 @@ SHOWN = {
 OF_ROW = "unit of the row"
 SECTIONS = {
     "models": "Models side by side",
+    "differing": "Trials that differ",
     "trials": "Trial by trial",
     "causes": "Causes",
     "repeatability": "Repeatability",

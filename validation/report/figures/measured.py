@@ -49,7 +49,6 @@ from validation.report.figures.layout import (
     lift_text,
     quantiles,
     window,
-    zoom_on_impact,
 )
 from validation.report.figures.overlays import (
     force_of_one_trial,
@@ -254,35 +253,30 @@ def force_of_all_trials(view: SessionView) -> ReportFigure:
 def rotation_of_all_trials(view: SessionView, channel: str) -> ReportFigure:
     """One encoder channel of every trial, with s_r(t) below (thesis 3.10–3.12)."""
     result = view.first
-    figure = Figure(figsize=(WIDTH_IN, 3.9))
-    grid = figure.subplots(2, 2, sharex="col", height_ratios=(3, 1), width_ratios=(2.2, 1))
+    figure = Figure(figsize=(WIDTH_IN, 3.4))
+    top, low = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     several = len(result.traces) > MOST_LINES
     if several:
-        curves = on_columns(result, channel)
-        for top in grid[0]:
-            draw_quantiles(top, quantiles(result.base_s, curves))
+        draw_quantiles(top, quantiles(result.base_s, on_columns(result, channel)))
     for i, (trial, frame) in enumerate(result.traces.items() if not several else ()):
         f = window(result, frame)
         at, rotation = f["time_s"].to_numpy(), degrees(channel, f[f"{channel}_measured_rad"])
-        for top in grid[0]:
-            draw(top, at, rotation, f"trial {trial}", columns=columns_for(len(result.traces)), **line_style(i))
+        draw(top, at, rotation, f"trial {trial}", columns=columns_for(len(result.traces)), **line_style(i))
+    base = result.base_s
     s_r = np.degrees(result.spread[f"{channel}_s_r_rad"].to_numpy())
     known = bool(np.isfinite(s_r).any())
-    base = result.spread["time_s"].to_numpy()
     mean = degrees(channel, result.spread[f"{channel}_mean_rad"])
     reach = np.degrees(result.spread[f"{channel}_band95_rad"].to_numpy())
     lifts = left_out_intervals(result, channel)
     banded = bool(np.isfinite(reach).any())
-    for top, low in grid.T:
-        band(top, base, mean - reach, mean + reach, "mean, 95 % band", fits=False)
-        shade_lifts(top, lifts, list(result.traces))
-        if known:
-            draw(low, result.spread["time_s"].to_numpy(), s_r, color=BLACK, linewidth=1.0)
-        finish_axes(top, rotation_label(channel), bottom=False)
-        finish_axes(low, "$s_r$ (°)")
-        low.set_ylim(bottom=0)
-    legend(grid[0, 0], 3 if several else len(result.traces))
-    zoom_on_impact(result, next(iter(result.traces)), grid[0, 1])
+    band(top, base, mean - reach, mean + reach, "mean, 95 % band")
+    shade_lifts(top, lifts, list(result.traces))
+    if known:
+        draw(low, base, s_r, color=BLACK, linewidth=1.0)
+    finish_axes(top, rotation_label(channel), bottom=False)
+    finish_axes(low, "$s_r$ (°)")
+    low.set_ylim(bottom=0)
+    legend(top, 3 if several else len(result.traces))
     text = f"sᵣ(t) is at most {np.nanmax(s_r):.3f}°." if known else "Repeatability is not known with one trial."
     caption = f"Rotation of the {TITLE[channel]} in all {len(result.traces)} trials"
     caption += f": {QUANTILES}; below: repeatability sᵣ(t)." if several else "; below: repeatability sᵣ(t)."

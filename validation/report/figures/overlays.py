@@ -51,9 +51,6 @@ MARKS_SAID = (
 )
 
 
-WIDEST_BAND = 5.0  # times the lines in its panel; wider ones would flatten them
-
-
 def force_of_one_trial(view: SessionView) -> ReportFigure:
     """Corrected and raw force of one trial (thesis 4.1, 4.5, 4.12)."""
     result, trial = view.first, view.shown_trial()
@@ -85,12 +82,13 @@ def model_against_trial(view: SessionView, channel: str) -> ReportFigure:
     measured = degrees(channel, f[f"{channel}_measured_rad"])
     low, high = _extent(view, channel)
     limit = limit_of_trial(result, channel, time)
+    about = float(np.nanmax(limit)) if np.isfinite(limit).any() else 0.0
     lifts = left_out_intervals(result, channel)
     n = len(view.results)
     figure = Figure(figsize=(WIDTH_IN, 3.3 + 1.9 * n))
     grid = figure.subplots(n + 1, 2, sharex="col", height_ratios=(1.6, *[1] * n), width_ratios=(2.2, 1))
     for place, top in enumerate(grid[0]):
-        band(top, time, measured - limit, measured + limit, "repeatability limit", fits=False, gid=f"limit-{place}")
+        band(top, time, measured - limit, measured + limit, "repeatability limit", gid=f"limit-{place}")
         shade_lifts(top, lifts, [trial])
         draw(top, time, measured, "trial", color=BLACK, linewidth=1.2, gid=f"trial-{place}")
         draw_marks(top, result.marks(trial))
@@ -100,10 +98,10 @@ def model_against_trial(view: SessionView, channel: str) -> ReportFigure:
             style = model_style(i) | {"gid": f"model{i}-{place}"}
             draw(top, own["time_s"].to_numpy(), predicted, plot_text(name), **style)
         finish_axes(top, rotation_label(channel), bottom=False)
-        top.set_ylim(low, high)
-    reached = []
+        top.set_ylim(low - about, high + about)
+    reached = 0.0
     for i, (row, name, other) in enumerate(zip(grid[1:], view.names, view.results, strict=True)):
-        reached.append(_residuals(row, other, channel, (i, trial), last=i == n - 1))
+        reached = max(reached, _residuals(row, other, channel, (i, trial), last=i == n - 1))
         if n > 1:
             row[0].set_title(plot_text(f"{name} − trial"), fontsize=9, loc="left")
     _same_scale([axes for row in grid[1:] for axes in row])
@@ -116,12 +114,12 @@ def model_against_trial(view: SessionView, channel: str) -> ReportFigure:
     if np.isfinite(limit).any():
         caption += (
             " Shaded above: repeatability limit about this trial, which two trials differ by less than in 95 % "
-            "of cases at each instant (cut off where it leaves the panel)."
+            f"of cases at each instant, at most {about:.2g}°."
         )
-    if any(reached):
+    if reached > 0.0:
         caption += (
-            " Shaded below: simultaneous 95 % band of the mean difference; where it leaves zero, model and trials "
-            "differ by more than the declared uncertainties explain (cut off where it is far wider than the lines)."
+            f" Shaded below: 95 % interval of the mean difference at each instant, at most ±{reached:.2g}°; by chance "
+            "it leaves zero at one instant in twenty."
         )
     caption += lift_text(lifts)
     anchor = compared_anchor(view.condition, channel, n)
@@ -171,8 +169,8 @@ def limit_of_trial(result: ValidationResult, channel: str, time: Array) -> Array
 
 def _residuals(
     panels: np.ndarray, result: ValidationResult, channel: str, shown: tuple[int, int], *, last: bool
-) -> bool:
-    """Model minus trial for all trials with the band of their mean; whether there is such a band.
+) -> float:
+    """Model minus trial for all trials with the band of their mean; its largest half width, 0 where there is none.
 
     ``shown``: number of the model in the figure, and the trial that is drawn above.
     """
@@ -200,13 +198,11 @@ def _residuals(
             )
         if scattered is not None:
             draw_quantiles(low, scattered)
-        largest = float(np.nanmax(np.abs(low.dataLim.intervaly)))
-        fits = bool(np.isfinite(reach).any() and np.nanmax(reach) <= WIDEST_BAND * largest)
-        band(low, base, mean - reach, mean + reach, "mean difference, 95 % at each instant", alpha=0.5, fits=fits)
+        band(low, base, mean - reach, mean + reach, "mean difference, 95 % at each instant", alpha=0.5)
         shade_lifts(low, lifts, list(result.traces))
         low.axhline(0.0, color="#777777", linewidth=0.7)
         finish_axes(low, "model − trial (°)", bottom=last)
-    return bool(np.isfinite(reach).any())
+    return float(np.nanmax(reach)) if np.isfinite(reach).any() else 0.0
 
 
 def _differences(result: ValidationResult, channel: str, base: Array) -> Array:

@@ -58,10 +58,18 @@ def panels(figure: Figure, key: str, start_s: float, end_s: float) -> tuple[str,
     return json.dumps(whole, separators=(",", ":")), json.dumps(parts, separators=(",", ":"))
 
 
-def figure_svg(figure: Figure, key: str, title: str, description: str, window_s: tuple[float, float]) -> str:
+def _shortened(path: str) -> str:
+    """A path with two decimals, a hundredth of a point, and no blank beside a command."""
+    return re.sub(r"\s*([MLCQZ])\s*", r"\1", re.sub(r"(\.\d\d)\d+", r"\1", path))
+
+
+def figure_svg(
+    figure: Figure, key: str, title: str, description: str, window_s: tuple[float, float] | None = None
+) -> str:
     """SVG text of a figure for a page: role img, title and description, unique ids, no addresses.
 
-    Panels that show ``window_s`` are named in the attribute ``data-panels``, others over time in ``data-parts``.
+    Where ``window_s`` is given, scripts may zoom: panels that show it are named in the attribute ``data-panels``,
+    others over time in ``data-parts``.
     """
     with rc_context(STYLE):
         FigureCanvasSVG(figure)
@@ -78,11 +86,15 @@ def figure_svg(figure: Figure, key: str, title: str, description: str, window_s:
     text = re.sub(r'\bid="([^"]+)"', rf'id="{key}-\1"', text)
     text = re.sub(r'href="#([^"]+)"', rf'href="#{key}-\1"', text)
     text = re.sub(r"url\(#([^)]+)\)", rf"url(#{key}-\1)", text)
+    text = re.sub(r'\bd="([^"]*)"', lambda path: f'd="{_shortened(path[1])}"', text)
     head, body = text.split(">", 1)
     head = re.sub(r'\s(width|height)="[^"]*"', "", head)
-    whole, parts = (html.escape(text) for text in panels(figure, key, *window_s))
+    zoomed = ""
+    if window_s is not None:
+        whole, parts = (html.escape(text) for text in panels(figure, key, *window_s))
+        zoomed = f' data-panels="{whole}" data-parts="{parts}"'
     label = (
-        f'{head} role="img" data-panels="{whole}" data-parts="{parts}" aria-labelledby="{key}-title {key}-desc">'
+        f'{head} role="img"{zoomed} aria-labelledby="{key}-title {key}-desc">'
         f'<title id="{key}-title">{html.escape(title)}</title>'
         f'<desc id="{key}-desc">{html.escape(description)}</desc>'
     )

@@ -1,0 +1,181 @@
+"""The first figure: each of the five angles, measured in all trials and predicted, and the difference below.
+
+Conventions: one small picture a body, in the body's colour; the thesis's signs, degrees; every curve and band lies
+wholly inside its frame.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from model.inside.labels import BODY_COLORS
+from validation.conventions import BODIES, FILM_CHANNELS, Array
+from validation.curves.display_signs import SIGN, TITLE, degrees
+from validation.curves.style import BLACK, MODEL_DASHES, decimate
+from validation.curves.table import on_base
+from validation.report.figures.layout import MOST_LINES, SHARES, quantiles
+from validation.report.figures.svg import STYLE, figure_svg
+from validation.report.view import SessionView
+from validation.result import ValidationResult
+from validation.tables.numbers import number
+
+SIZE_IN = (2.62, 3.0)  # a fifth of a screen of 1400 px, a third of a printed page
+MOST_COLUMNS = 160
+MARGIN = 0.06  # of the range of a panel
+FONT_PT = 9.5
+
+
+def five_angles(view: SessionView) -> list[tuple[str, str]]:
+    """One picture a body: its name, and its SVG."""
+    with rc_context({**STYLE, "font.size": FONT_PT}):
+        return [(TITLE[channel], _picture(view, channel)) for channel in BODIES]
+
+
+def band_words(view: SessionView) -> str:
+    """Half width of the 95 % band of each measured angle, in degrees, at its widest; empty where none was drawn."""
+    parts = []
+    for channel in BODIES:
+        reach = _spread(view.first, channel, "difference_u95")
+        if np.isfinite(reach).any():
+            parts.append(f"{TITLE[channel]} {number(float(np.nanmax(reach)), 2)}°")
+    return ", ".join(parts)
+
+
+def limit_of(result: ValidationResult, channel: str) -> float:
+    """Limit of relevance of an angle, degrees, the least of several conditions; NaN where nothing was judged."""
+    table = result.quantities
+    own = table[(table["channel"] == channel) & table["primary"].astype(bool)] if len(table) else table
+    return math.degrees(float(own["limit"].min())) if len(own) else math.nan
+
+
+def _picture(view: SessionView, channel: str) -> str:
+    first = view.first
+    base, color = first.base_s, BODY_COLORS[channel]
+    figure = Figure(figsize=SIZE_IN)
+    top, low = figure.subplots(2, 1, sharex=True, height_ratios=(1.5, 1))
+    measured = _curves(first, channel, "measured")
+    _lines(top, base, measured, color)
+    for i, result in enumerate(view.results):
+        predicted, difference = _curves(result, channel, "predicted"), _difference(result, channel)
+        mean = _mean(predicted)
+        reach = _spread(result, channel, "difference_u95")
+        _band(top, base, mean, reach)
+        _line(top, base, mean, color=BLACK, linewidth=1.0, dashes=MODEL_DASHES[i % len(MODEL_DASHES)])
+        if len(view.results) == 1:
+            _lines(low, base, difference, color)
+        _band(low, base, _mean(difference), reach)
+        _line(low, base, _mean(difference), color=BLACK, linewidth=1.0, dashes=MODEL_DASHES[i % len(MODEL_DASHES)])
+    limit = limit_of(first, channel)
+    low.axhline(0.0, color="#777777", linewidth=0.6)
+    for end in (-limit, limit):
+        if math.isfinite(limit):
+            low.axhline(end, color="#B3261E", linewidth=1.0, linestyle=(0, (1, 1.2)))
+    is_measured = bool(np.isfinite(measured).any())
+    if not is_measured:
+        words = "not filmed" if channel in FILM_CHANNELS else "left out"
+        low.set_yticks([])
+        low.text(0.5, 0.5, words, transform=low.transAxes, ha="center", va="center", color="#4a4a4a")
+    for axes in (top, low):
+        axes.grid(True, color="#E4E4E4", linewidth=0.5)
+        axes.set_xlim(float(base[0]), float(base[-1]))
+        _hold(axes)
+        if axes is top or is_measured:
+            axes.yaxis.set_major_locator(MaxNLocator(4))
+        axes.xaxis.set_major_locator(MaxNLocator(4))
+        axes.tick_params(length=2.5, pad=2)
+    low.set_xlabel("time (s)", labelpad=1)
+    top.set_title(f"{TITLE[channel]} (°)", fontsize=FONT_PT, loc="left", pad=3, color=color, fontweight="bold")
+    low.set_title("model − trial (°)", fontsize=FONT_PT, loc="left", pad=3)
+    figure.subplots_adjust(left=0.17, right=0.97, top=0.93, bottom=0.135, hspace=0.24)
+    key = f"{view.prefix}angle-{channel}"
+    return figure_svg(figure, key, f"{TITLE[channel]}, measured and predicted", _words(view, channel))
+
+
+def _words(view: SessionView, channel: str) -> str:
+    """What a picture shows, for readers who cannot see it."""
+    said = []
+    for name, result in zip(view.names, view.results, strict=True):
+        difference = _mean(_difference(result, channel))
+        if not np.isfinite(difference).any():
+            return f"Predicted rotation of the {TITLE[channel]}; not measured."
+        k = int(np.nanargmax(np.abs(difference)))
+        at = view.first.base_s[k]
+        said.append(f"{name} − trial at most {number(float(difference[k]), 2)}° in the mean, at {at:.3f} s")
+    limit = limit_of(view.first, channel)
+    ends = f"; limit of relevance ± {number(limit, 2)}°" if math.isfinite(limit) else ""
+    return f"Rotation of the {TITLE[channel]}, measured and predicted: {'; '.join(said)}{ends}."
+
+
+def _curves(result: ValidationResult, channel: str, kind: str) -> Array:
+    """Curves of all trials on the time base, (n_samples, n_trials) degrees, NaN where there is none."""
+    filmed = channel in FILM_CHANNELS and (kind == "measured" or bool(result.film_traces))
+    traces = result.film_traces if filmed else result.traces
+    name = f"{channel}_{kind}_rad"
+    columns = [on_base(result.base_s, f["time_s"].to_numpy(), degrees(channel, f[name])) for f in traces.values()]
+    return np.column_stack(columns) if columns else np.full((result.base_s.size, 1), np.nan)
+
+
+def _difference(result: ValidationResult, channel: str) -> Array:
+    traces = result.film_traces if channel in FILM_CHANNELS else result.traces
+    names = f"{channel}_predicted_rad", f"{channel}_measured_rad"
+    columns = [
+        on_base(result.base_s, f["time_s"].to_numpy(), SIGN[channel] * np.degrees(f[names[0]] - f[names[1]]).to_numpy())
+        for f in traces.values()
+    ]
+    return np.column_stack(columns) if columns else np.full((result.base_s.size, 1), np.nan)
+
+
+def _mean(curves: Array) -> Array:
+    known = np.isfinite(curves).any(axis=1)
+    mean = np.full(len(curves), np.nan)
+    mean[known] = np.nanmean(curves[known], axis=1)
+    return mean
+
+
+def _spread(result: ValidationResult, channel: str, name: str) -> Array:
+    column = f"{channel}_{name}_rad"
+    if column not in result.spread:
+        return np.full(result.base_s.size, np.nan)
+    return np.degrees(result.spread[column].to_numpy(dtype=float))
+
+
+def _lines(axes: Axes, time: Array, curves: Array, color: str) -> None:
+    """Every trial as a line; of many the quantiles."""
+    if curves.shape[1] <= MOST_LINES:
+        for curve in curves.T:
+            _line(axes, time, curve, color=color, linewidth=0.9, alpha=0.75)
+        return
+    at, ends = quantiles(time, curves)
+    for a, b, alpha in ((0, len(SHARES) - 1, 0.25), (1, len(SHARES) - 2, 0.4)):
+        axes.fill_between(at, ends[:, a], ends[:, b], color=color, alpha=alpha, linewidth=0)
+    axes.plot(at, ends[:, len(SHARES) // 2], color=color, linewidth=1.1)
+
+
+def _line(axes: Axes, time: Array, values: Array, **style: object) -> None:
+    t, v = decimate(time, values, columns=MOST_COLUMNS)
+    axes.plot(t, v, **style)  # type: ignore[arg-type]
+
+
+def _band(axes: Axes, time: Array, middle: Array, reach: Array) -> None:
+    if np.isfinite(reach + middle).any():
+        t, low = decimate(time, middle - reach, columns=MOST_COLUMNS, keep="min")
+        _, high = decimate(time, middle + reach, columns=MOST_COLUMNS, keep="max")
+        axes.fill_between(t, low, high, color="#808080", alpha=0.28, linewidth=0)
+
+
+def _hold(axes: Axes) -> None:
+    """Limits that hold every curve, band and limit line, with a margin."""
+    low, high = axes.dataLim.intervaly
+    for line in axes.lines:
+        values = np.asarray(line.get_ydata(), dtype=float)
+        if np.isfinite(values).any():
+            low, high = min(low, float(np.nanmin(values))), max(high, float(np.nanmax(values)))
+    if math.isfinite(low) and math.isfinite(high):
+        margin = MARGIN * (high - low) or 1.0
+        axes.set_ylim(low - margin, high + margin)
