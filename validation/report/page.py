@@ -22,7 +22,8 @@ from validation.curves.style import uneven_samples
 from validation.curves.table import force_on_base, on_base
 from validation.events.definitions import EVENTS
 from validation.events.key_lift import EXCESS_M
-from validation.report.figures.five_angles import band_words, five_angles, limit_of
+from validation.measurement.trial import trials_in_words
+from validation.report.figures.five_angles import band_words, five_angles, left_out_trials, limit_of
 from validation.report.figures.layout import MOST_LINES
 from validation.report.figures.measured import all_figures
 from validation.report.figures.overlays import limit_of_trial, trial_words
@@ -172,16 +173,19 @@ def _lines_left(result: ValidationResult) -> list[str]:
 def angles_caption(view: SessionView) -> str:
     """What the first figure shows, with the width of its band and the limits as numbers."""
     n = len(view.first.traces)
-    trials = (
-        "the trial" if n == 1 else f"all {n} trials" + (" (median, quartiles, 5 % to 95 %)" if n > MOST_LINES else "")
-    )
-    text = f"Rotation since rest, measured in {trials} (colour of the body) and predicted (black{' dashes' if len(view.results) == 1 else ''}"
-    text += (
-        ""
-        if len(view.results) == 1
-        else ": " + ", ".join(f"{name} {dash}" for name, dash in zip(view.names, DASH_WORDS, strict=False))
-    )
-    text += "; mean). Below: model − trial" + (", each trial and the mean." if len(view.results) == 1 else ", means.")
+    trials = "the trial" if n == 1 else f"all {n} trials"
+    if n > MOST_LINES:
+        trials += " (median, quartiles, 5 % to 95 %)"
+    if len(view.results) == 1:
+        predicted, drawn = "black dashes; mean", "each trial and the mean"
+    else:
+        predicted = "black: " + ", ".join(map(" ".join, zip(view.names, DASH_WORDS, strict=False))) + "; means"
+        drawn = "means"
+    text = f"Rotation since rest, measured in {trials} (colour of the body) and predicted ({predicted}). Below: "
+    text += f"model − trial, {drawn}."
+    left_out = left_out_trials(view)
+    if left_out:
+        text += f" Light grey: curves left out of means and differences ({trials_in_words(left_out)})."
     band = band_words(view)
     if band:
         text += f" Grey: 95 % interval of the mean difference at each instant; half its width at its widest: {band}."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from contextlib import contextmanager
 from pathlib import Path
@@ -43,29 +44,39 @@ def quietly(browser, file, **options):
     assert [url for url in requests if not url.startswith(("file:", "data:"))] == []
 
 
+UNFOLD = "document.querySelectorAll('details').forEach(e => { e.open = true; })"
+
+
 @pytest.fixture
-def opened(browser, written):
+def folded(browser, written):
     with quietly(browser, written.files["report.html"]) as page:
         yield page
 
 
 @pytest.fixture
+def opened(folded):
+    folded.evaluate(UNFOLD)
+    return folded
+
+
+@pytest.fixture
 def opened_side(browser, side_written):
     with quietly(browser, side_written.files["report.html"], color_scheme="dark") as page:
+        page.evaluate(UNFOLD)
         yield page
 
 
-def test_the_report_opens_and_is_no_wider_than_the_page(opened):
-    page = opened
+def test_the_report_opens_and_is_no_wider_than_the_page(folded):
+    page = folded
     assert page.locator("svg[data-panels]").count() == 9
-    assert page.locator("svg[data-panels]").first.bounding_box()["height"] > 150
-    assert "hirschkorn2004, 5 trials: " in page.locator("#verdict").inner_text()
+    assert page.locator(".five svg").first.bounding_box()["height"] > 150
+    assert "Model error" in page.locator("#verdict").inner_text()
     # by keyboard: the first stop is the way past the navigation, and details open without a mouse
     page.keyboard.press("Tab")
     assert page.evaluate("document.activeElement.className") == "skip"
-    page.locator("#trials details summary").first.focus()
+    page.locator("#scores > summary").focus()
     page.keyboard.press("Enter")
-    assert page.locator("#table-trials-scores").is_visible()
+    assert page.locator("#table-scores-channels").is_visible()
     for width in (1600, 600, 400):  # 600: what is left of 1200 at 200 %
         page.set_viewport_size({"width": width, "height": 900})
         assert page.evaluate("document.documentElement.scrollWidth") <= width
@@ -140,6 +151,7 @@ def test_without_scripts_everything_is_readable_and_no_dead_control_is_shown(bro
     page.goto(written.files["report.html"].as_uri())
     assert not page.locator("#zoom").is_visible()
     assert page.locator("svg[data-panels]").count() == 9
+    page.locator("#scores > summary").click()
     assert page.locator("#table-scores-channels").is_visible()
     context.close()
 
@@ -156,7 +168,6 @@ FOCUSED = """() => {
 
 
 def test_no_serious_accessibility_fault(opened):
-    opened.evaluate("document.querySelectorAll('details').forEach(e => { e.open = true; })")
     found = opened.evaluate(AUDIT)
     assert found["checked"] > 500
     assert found["faults"] == []
@@ -208,7 +219,6 @@ def test_sessions_side_by_side_zoom_on_their_own_and_no_name_breaks_the_page(ope
 
 def test_no_serious_accessibility_fault_side_by_side_in_the_dark(opened_side):
     assert opened_side.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(22, 22, 22)"
-    opened_side.evaluate("document.querySelectorAll('details').forEach(e => { e.open = true; })")
     found = opened_side.evaluate(AUDIT)
     assert found["checked"] > 1500
     assert found["faults"] == []
@@ -233,12 +243,12 @@ def test_a_session_of_one_trial_zooms_without_an_error(browser, make, tmp_path):
     result = compare_session(session, truth.action, keep_predictions=False, rivals=(), budget=False, suspect=False)
     file = write_report(result, tmp_path / "report").files["report.html"]
     with quietly(browser, file) as page:
+        page.evaluate(UNFOLD)
         page.get_by_role("button", name="Closer").click()
         assert "Whole" not in page.locator("form.zoom output").inner_text()
 
 
 def test_a_head_sorts_its_table_by_number_and_back(opened):
-    opened.evaluate("document.querySelectorAll('details').forEach(e => { e.open = true; })")
     head = opened.locator("#table-trials-events thead th").nth(0)
     column = "() => [...document.querySelectorAll('#table-trials-events tbody tr')].map(r => +r.cells[0].textContent)"
     head.get_by_role("button").click()
@@ -259,15 +269,24 @@ def test_a_head_sorts_its_table_by_number_and_back(opened):
         assert all(t == "\u2013" for t in texts[len(found) :])
 
 
-def test_a_long_table_is_folded_on_screen_and_whole_on_paper(opened):
-    rows = opened.locator("#table-trials-events tbody tr")
+def test_a_long_table_is_folded_and_paper_holds_first_screen_and_methods(folded):
+    folded.locator("#trials > summary").click()
+    rows = folded.locator("#table-trials-events tbody tr")
     assert rows.count() > 12 and not rows.first.is_visible()
-    opened.get_by_text(f"Every event of every trial: {rows.count()} rows").click()
+    folded.get_by_text(f"Every event of every trial: {rows.count()} rows").click()
     assert rows.last.is_visible()
-    opened.emulate_media(media="print")
-    opened.evaluate("dispatchEvent(new Event('beforeprint'))")
-    assert opened.evaluate("document.querySelectorAll('details:not([open])').length") == 0
-    opened.evaluate("dispatchEvent(new Event('afterprint'))")
+    folded.locator("#trials > summary").click()
+    pages = re.findall(rb"/Type\s*/Page\b(?!s)", folded.pdf(format="A4", prefer_css_page_size=True))
+    assert 1 <= len(pages) <= 6
+    folded.emulate_media(media="print")
+    folded.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert folded.locator("#methods dl").first.is_visible() and not folded.locator("#scores table").first.is_visible()
+    assert folded.locator("#scores > summary").is_visible()  # the list of what is folded
+    smallest = """() => Math.min(...[...document.querySelectorAll('body *')]
+      .filter(e => e.checkVisibility() && e.children.length === 0 && e.textContent.trim() && !e.closest('svg, script'))
+      .map(e => parseFloat(getComputedStyle(e).fontSize)))"""
+    assert folded.evaluate(smallest) >= 9 * 96 / 72 - 0.01
+    folded.evaluate("dispatchEvent(new Event('afterprint'))")
 
 
 CURVE = """() => [...document.querySelectorAll('#hammer-model-trial-0 path, #hammer-model-model0-0 path')]
@@ -366,20 +385,18 @@ def test_axe_core_finds_no_violation(browser, written):
     """Of structure on the whole page, of colours in both schemes, of all on a phone.
 
     Colours take axe ten seconds on the whole page: they are checked without the text of figures, whose background it
-    cannot tell (the audit above checks it), and on three rows of each table, but for the map whose colours are values.
+    cannot tell (the audit above checks it), and on three rows of each table.
     """
     axe = pytest.importorskip(AXE, reason="axe-playwright-python carries axe-core")
     script = next(Path(axe.__file__).parent.rglob("axe.min.js")).read_text(encoding="utf-8")
     page = browser.new_page(viewport={"width": 1400, "height": 900}, color_scheme="light", bypass_csp=True)
     page.goto(written.files["report.html"].as_uri())
-    page.evaluate("document.querySelectorAll('details').forEach(e => { e.open = true; })")
+    page.evaluate(UNFOLD)
     page.evaluate(script)
     whole = page.evaluate(AXE_RUN, {"rules": {"color-contrast": {"enabled": False}}})
     assert whole["violations"] == [] and whole["passes"] > 30
     page.evaluate("document.querySelectorAll('svg').forEach(e => e.remove())")
-    page.evaluate(
-        "document.querySelectorAll('tbody tr:nth-child(n+4)').forEach(e => e.closest('#heat-map') || e.remove())"
-    )
+    page.evaluate("document.querySelectorAll('tbody tr:nth-child(n+4)').forEach(e => e.remove())")
     for scheme in ("light", "dark"):
         page.emulate_media(color_scheme=scheme)
         colours = page.evaluate(AXE_RUN, CONTRAST)
@@ -393,12 +410,18 @@ def test_axe_core_finds_no_violation(browser, written):
 
 
 def test_no_table_is_cut_at_1400_and_nothing_is_wider_than_a_phone(opened):
-    opened.evaluate("document.querySelectorAll('details').forEach(e => { e.open = true; })")
     opened.set_viewport_size({"width": 1400, "height": 1000})
     cut = """() => [...document.querySelectorAll('.scroll, .plotted')]
       .filter(e => e.scrollWidth > e.clientWidth + 1).length"""
     assert opened.evaluate(cut) == 0
     opened.set_viewport_size({"width": 390, "height": 844})
     assert opened.evaluate("document.documentElement.scrollWidth") <= 390
-    heat = "() => { const e = document.querySelector('#heat-map .scroll'); return e.scrollWidth - e.clientWidth; }"
-    assert opened.evaluate(heat) <= 1
+    forest = "() => { const e = document.querySelector('#forest .scroll'); return e.scrollWidth - e.clientWidth; }"
+    assert opened.evaluate(forest) <= 1
+
+
+def test_the_first_screen_holds_verdict_angles_and_events(folded):
+    folded.set_viewport_size({"width": 1400, "height": 900})
+    for part in ("#verdict .outcomes", ".five", "#forest table"):
+        box = folded.locator(part).bounding_box()
+        assert box["y"] >= 0 and box["y"] + box["height"] <= 900, part

@@ -13,6 +13,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
 
 from model.inside.labels import BODY_COLORS
 from validation.conventions import BODIES, FILM_CHANNELS, Array
@@ -29,6 +30,7 @@ SIZE_IN = (2.62, 3.0)  # a fifth of a screen of 1400 px, a third of a printed pa
 MOST_COLUMNS = 160
 MARGIN = 0.06  # of the range of a panel
 FONT_PT = 9.5
+LEFT_OUT = "#A0A0A0"
 
 
 def five_angles(view: SessionView) -> list[tuple[str, str]]:
@@ -60,9 +62,14 @@ def _picture(view: SessionView, channel: str) -> str:
     figure = Figure(figsize=SIZE_IN)
     top, low = figure.subplots(2, 1, sharex=True, height_ratios=(1.5, 1))
     measured = _curves(first, channel, "measured")
-    _lines(top, base, measured, color)
+    counted = _counted(first, channel)
+    for curve in measured[:, ~counted].T[:MOST_LINES]:
+        _line(top, base, curve, color=LEFT_OUT, linewidth=0.7)
+    _lines(top, base, measured[:, counted], color)
     for i, result in enumerate(view.results):
         predicted, difference = _curves(result, channel, "predicted"), _difference(result, channel)
+        if len(predicted.T) == counted.size:
+            predicted = predicted[:, counted]
         mean = _mean(predicted)
         reach = _spread(result, channel, "difference_u95")
         _band(top, base, mean, reach)
@@ -90,7 +97,7 @@ def _picture(view: SessionView, channel: str) -> str:
         axes.xaxis.set_major_locator(MaxNLocator(4))
         axes.tick_params(length=2.5, pad=2)
     low.set_xlabel("time (s)", labelpad=1)
-    top.set_title(f"{TITLE[channel]} (°)", fontsize=FONT_PT, loc="left", pad=3, color=color, fontweight="bold")
+    top.set_title(f"{TITLE[channel]} (°)", fontsize=FONT_PT, loc="left", pad=3, fontweight="bold")
     low.set_title("model − trial (°)", fontsize=FONT_PT, loc="left", pad=3)
     figure.subplots_adjust(left=0.17, right=0.97, top=0.93, bottom=0.135, hspace=0.24)
     key = f"{view.prefix}angle-{channel}"
@@ -122,13 +129,29 @@ def _curves(result: ValidationResult, channel: str, kind: str) -> Array:
 
 
 def _difference(result: ValidationResult, channel: str) -> Array:
+    """Model − trial of the trials that count, (n_samples, n_trials) degrees."""
     traces = result.film_traces if channel in FILM_CHANNELS else result.traces
     names = f"{channel}_predicted_rad", f"{channel}_measured_rad"
     columns = [
         on_base(result.base_s, f["time_s"].to_numpy(), SIGN[channel] * np.degrees(f[names[0]] - f[names[1]]).to_numpy())
-        for f in traces.values()
+        for f, is_counted in zip(traces.values(), _counted(result, channel), strict=False)
+        if is_counted
     ]
     return np.column_stack(columns) if columns else np.full((result.base_s.size, 1), np.nan)
+
+
+def _counted(result: ValidationResult, channel: str) -> NDArray[np.bool_]:
+    """Whether figures of several trials count each trial, (n_trials,); one value where there is none."""
+    traces = result.film_traces if channel in FILM_CHANNELS else result.traces
+    scores = result.scores[(result.scores["channel"] == channel) & ~result.scores["pooled"].astype(bool)]
+    out = set(scores["trial"])
+    return np.array([number not in out for number in traces] or [True])
+
+
+def left_out_trials(view: SessionView) -> list[int]:
+    """Trials of which some angle is left out of the means."""
+    scores = view.first.scores
+    return sorted({int(trial) for trial in scores["trial"][~scores["pooled"].astype(bool)]})
 
 
 def _mean(curves: Array) -> Array:
