@@ -189,6 +189,8 @@ def encoder_travel(travels: Mapping[int, Travel], without: Collection[tuple[int,
             # a trial that reached the stops tells of which encoder; the others have the same encoders
             name = _off(t) if reached else told.most_common(1)[0][0]
             ratios[name][number] = t.lever if name == "whippen" else 1 / t.lever
+            if reached and min(np.abs(t.ratio[:2] - 1)) > STOPS_MAY:  # neither goes as far as in the model
+                ratios["key"][number], ratios["whippen"][number] = t.ratio[:2].tolist()
         elif abs(t.lever - 1) > STOPS_MAY:
             levers[number] = t.lever
         elif reached and (t.held or abs(t.ratio[0] - 1) > SCALE_ONLY):

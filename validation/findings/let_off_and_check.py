@@ -9,6 +9,7 @@ of 1.5 m/s and more.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -32,19 +33,20 @@ def let_off_way_m(
     events: Mapping[str, Event],
     model: Mapping[str, Event],
     geometry: ActionGeometry,
-) -> float:
-    """Way from let-off to the string of the trial less that of its prediction, m; NaN where either has none.
+) -> tuple[float, float]:
+    """Way from let-off to the string of the trial less that of its prediction, m, and u; NaN where either has none.
 
     The way ends where the hammer turns, which a string that yields moves, or where it meets the string, which another
     scale or blow distance moves: stated is what both have, the smaller one of the two.
     """
     if not _has_fast_event(events, model, LET_OFF_SPEED, "let_off"):
-        return float("nan")
+        return float("nan"), float("nan")
     known = np.isfinite(p.angle_rad[:, 0])
     predicted = geometry.hammer_height_m(p.angle_rad[known])
     own, theirs = _ways(m.time_s, m.motion.hammer_height_m, events), _ways(p.time_s[known], predicted, model)
     to_turn, to_contact = (float(a - b) for a, b in zip(own, theirs, strict=True))
-    return min(to_turn, to_contact, key=abs) if to_turn * to_contact > 0.0 else 0.0
+    u = math.hypot(*(e["let_off"].u * e["hammer_speed"].value for e in (events, model)))
+    return min(to_turn, to_contact, key=abs) if to_turn * to_contact > 0.0 else 0.0, u
 
 
 def _ways(time: np.ndarray, height: np.ndarray, events: Mapping[str, Event]) -> tuple[float, float]:
@@ -55,12 +57,13 @@ def _ways(time: np.ndarray, height: np.ndarray, events: Mapping[str, Event]) -> 
     return float(start - height[near].min()), float(start - contact)
 
 
-def check_difference_m(events: Mapping[str, Event], model: Mapping[str, Event]) -> float:
-    """Height of check of the trial less that of its prediction, m; NaN where not caught, or after a soft blow."""
+def check_difference_m(events: Mapping[str, Event], model: Mapping[str, Event]) -> tuple[float, float]:
+    """Height of check of the trial less the prediction's, m, and u; NaN where not caught, or after a soft blow."""
     if not _has_fast_event(events, model, CHECK_SPEED, "check_height"):
-        return float("nan")
-    mine, theirs = events["check_height"].value, model["check_height"].value
-    return mine - theirs if max(mine, theirs) < CHECKED_WITHIN_M else float("nan")
+        return float("nan"), float("nan")
+    mine, theirs = events["check_height"], model["check_height"]
+    is_caught = max(mine.value, theirs.value) < CHECKED_WITHIN_M
+    return mine.value - theirs.value if is_caught else float("nan"), math.hypot(mine.u, theirs.u)
 
 
 def _has_fast_event(events: Mapping[str, Event], model: Mapping[str, Event], speed: float, name: str) -> bool:
@@ -76,24 +79,27 @@ def _has_fast_event(events: Mapping[str, Event], model: Mapping[str, Event], spe
         "check height": "Measure the height of check of the action.",
     }
 )
-def let_off_and_check(let_off_m: Mapping[int, float], check_m: Mapping[int, float]) -> list[SessionFinding]:
+def let_off_and_check(
+    let_off_m: Mapping[int, tuple[float, float]], check_m: Mapping[int, tuple[float, float]]
+) -> list[SessionFinding]:
     """Differences of let-off and check from the model; arguments by trial, of the two functions above."""
     out = []
     for kind, channel, differences, limit, what in (
         ("let-off", "let_off", let_off_m, LET_OFF_M, "let-off: the hammer's free flight begins"),
         ("check height", "check_height", check_m, CHECK_M, "check: the hammer is caught"),
     ):
-        further = {n: d for n, d in differences.items() if d > limit}
-        closer = {n: d for n, d in differences.items() if d < -limit}
+        further = {n: d for n, (d, _) in differences.items() if d > limit}
+        closer = {n: d for n, (d, _) in differences.items() if d < -limit}
         for away, side in ((further, "further from"), (closer, "closer to")):
             if away:
-                text = f"{what} {_size(away)} {side} the string than in the model {name_trials(away, differences)}"
+                size = _size(away, float(np.mean([differences[n][1] for n in away])))
+                text = f"{what} {size} {side} the string than in the model {name_trials(away, differences)}"
                 text += f" (limit {1e3 * limit:g} mm)"
                 out.append(finding_of(kind, channel, away, limit, text))
     return out
 
 
-def _size(values: Mapping[int, float]) -> str:
-    u = uncertainty_of_mean(values.values())
-    size = f"{1e3 * abs(float(np.mean(list(values.values())))):.1f} mm"
-    return f"{size} (u {1e3 * u:.1g} mm)" if np.isfinite(u) else size
+def _size(values: Mapping[int, float], u_each: float) -> str:
+    """Mean size with its u: what each trial's is known to is common to them, their scatter is not."""
+    u = math.hypot(u_each, float(np.nan_to_num(uncertainty_of_mean(values.values()))))
+    return f"{1e3 * abs(float(np.mean(list(values.values())))):.1f} mm (u {1e3 * u:.1g} mm)"

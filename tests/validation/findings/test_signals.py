@@ -92,6 +92,9 @@ def test_a_key_that_does_not_go_with_the_whippen_is_no_gross_difference():
     for apart, kind in ((0.3, "travel difference"), (0.05, "gross travel difference")):
         given = Travel(np.array([0.42, 1.0, np.nan]), 1 / 0.42, True, apart=apart)
         assert kinds(encoder_travel({n: given for n in (1, 2, 3)})) == [(kind, "key")]
+    both = Travel(np.array([0.05, 0.11, np.nan]), 2.2, True, apart=0.3)
+    said = encoder_travel({n: both for n in (1, 2, 3)})
+    assert [(f.channel, f.value) for f in said] == [("key", pytest.approx(0.05)), ("whippen", pytest.approx(0.11))]
 
 
 def test_key_and_whippen_alike_are_no_scale():

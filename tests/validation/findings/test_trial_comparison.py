@@ -169,22 +169,27 @@ def test_lost_frames_and_a_wrong_rate_are_named_together(stage, lost, rate):
 def test_let_off_without_faults_is_the_models(stage):
     for m in stage.trials:
         own, theirs = stage.events.trial[m.number], stage.events.model[m.number]
-        d = let_off_way_m(m, stage.predictions(m.number), own, theirs, stage.geometry(m))
-        assert abs(d) < 0.3e-3
-        assert abs(check_difference_m(own, theirs)) < 1e-3
+        d, u = let_off_way_m(m, stage.predictions(m.number), own, theirs, stage.geometry(m))
+        assert abs(d) < 0.3e-3 and 0.02e-3 < u < 0.4e-3
+        assert abs(check_difference_m(own, theirs)[0]) < 1e-3
 
 
 def test_let_off_and_check_are_said_of_exactly_the_trials_that_have_them():
+    def differences(by_trial, u=1e-4):
+        return {n: (d, u) for n, d in by_trial.items()}
+
     none = dict.fromkeys(range(1, 7), float("nan"))
     for d in (-2e-3, 1e-3):
-        (found,) = let_off_and_check({n: d + 5e-5 * n for n in none}, none)
+        (found,) = let_off_and_check(differences({n: d + 5e-5 * n for n in none}), differences(none))
         assert (found.kind, found.channel) == ("let-off", "let_off")
-        assert found.value == pytest.approx(d, abs=2e-4)
-    assert let_off_and_check(dict.fromkeys(none, 4e-4), dict.fromkeys(none, 1.5e-3)) == []
-    further, closer = let_off_and_check({1: 3e-3, 2: -3e-3, 3: 3e-3, 4: -2e-3, 5: 0.0, 6: 4e-3}, none)
+        assert found.value == pytest.approx(d, abs=2e-4) and "mm (u 0.1 mm)" in found.text
+    small = differences(dict.fromkeys(none, 4e-4)), differences(dict.fromkeys(none, 1.5e-3))
+    assert let_off_and_check(*small) == []
+    both = differences({1: 3e-3, 2: -3e-3, 3: 3e-3, 4: -2e-3, 5: 0.0, 6: 4e-3})
+    further, closer = let_off_and_check(both, differences(none))
     assert (further.trials, closer.trials) == ((1, 3, 6), (2, 4))
     assert "further from the string than in the model in trials 1, 3, 6 (3 of 6 trials)" in further.text
-    (found,) = let_off_and_check(none, dict.fromkeys(none, -3e-3) | {2: 0.0})
+    (found,) = let_off_and_check(differences(none), differences(dict.fromkeys(none, -3e-3) | {2: 0.0}))
     assert found.kind == "check height"
     assert "in trials 1, 3, 4, 5, 6 (5 of 6 trials)" in found.text and "model" in found.text
 
