@@ -29,7 +29,7 @@ from validation.prediction.input_sampling import parameter_draws
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession, PredictedTrial, predict_trial
 from validation.result import OUTCOMES
-from validation.scores.traces import SessionTraces, trace_table
+from validation.scores.traces import SessionTraces, make_trace_table
 from validation.verdict.error_draws import SessionErrors, session_errors, trial_errors, usable_errors
 from validation.verdict.quantities import QUANTITIES, relevance_limits
 from validation.verdict.verdict import judge_model
@@ -100,7 +100,7 @@ def compared(data: list[TrialData], tested: ModelUnderTest, seal: str) -> tuple[
     predicted = PredictedSession(tuple(trials), found, {})
     events = find_session_events(predicted, tested)
     no_speeds = pd.DataFrame({"time_s": trials[0].time_s})
-    frames = {m.number: trace_table(m, found[m.number], events.lifts[m.number], no_speeds) for m in trials}
+    frames = {m.number: make_trace_table(m, found[m.number], events.lifts[m.number], no_speeds) for m in trials}
     return predicted, SessionTraces(frames, {}, events.window, events.impact_s), events
 
 

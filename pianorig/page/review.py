@@ -30,7 +30,7 @@ from validation.curves.display_signs import SIGN, TITLE, degrees
 from validation.errors import ValidationError
 from validation.events.definitions import EVENTS, Event
 from validation.events.detect import find_events
-from validation.events.session_events import predicted_motion
+from validation.events.session_events import make_predicted_motion
 from validation.measurement.trial import MeasuredTrial, measure
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedAngles, predict_trial
@@ -300,7 +300,7 @@ def _events(measured: MeasuredTrial, predicted: list[_Predicted]) -> list[dict[s
     """Moments of the trial and of the first model, in the order of time."""
     sources = [("measured", find_events(measured.motion, measured.quiet.stop))]
     for tested, angles in predicted[:1]:
-        motion = predicted_motion(angles, tested.geometry_at(measured.force.preload_n), tested.tolerance)
+        motion = make_predicted_motion(angles, tested.geometry_at(measured.force.preload_n), tested.tolerance)
         sources.append(("model", find_events(motion, measured.quiet.stop)))
     rows = [_row(source, event) for source, events in sources for event in events.values() if _is_moment(event)]
     return sorted(rows, key=lambda row: row["time_s"])

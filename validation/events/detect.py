@@ -40,12 +40,12 @@ from validation.events.definitions import Event, Status
 from validation.measurement.geometry import Motion
 
 
-def absent(name: str, note: str = "") -> Event:
+def make_absent_event(name: str, note: str = "") -> Event:
     """An event that did not happen."""
     return Event(name, float("nan"), float("nan"), "absent", note)
 
 
-def crossing(name: str, value: float, u: float) -> Event:
+def make_crossing_event(name: str, value: float, u: float) -> Event:
     """A time at which a level is crossed; ambiguous when it is not crossed at all levels within the uncertainty."""
     if math.isnan(u):
         return Event(name, value, u, "ambiguous", "grazes its level: not found within the uncertainty of the level")
@@ -96,7 +96,7 @@ def bend_uncertainty_s(time_s: Array, signal: Array, at_s: float) -> float:
     return 0.73 * bend / slope if slope > 0 else 0.0
 
 
-def last_fall(time_s: Array, signal: Array, level: float) -> float | None:
+def find_last_fall(time_s: Array, signal: Array, level: float) -> float | None:
     """Time at which a signal falls through a level for good; None when it was never above, still is, or is lost."""
     above = np.flatnonzero(signal > level)
     if above.size == 0 or above[-1] + 1 >= signal.size or not np.isfinite(signal[above[-1] + 1]):
@@ -106,7 +106,7 @@ def last_fall(time_s: Array, signal: Array, level: float) -> float | None:
     return float(time_s[i] + share * (time_s[i + 1] - time_s[i]))
 
 
-def first_after(times: list[float], after_s: float) -> float | None:
+def select_first_after(times: list[float], after_s: float) -> float | None:
     """First of increasing times that is not before `after_s`."""
     return next((t for t in times if t >= after_s), None)
 
@@ -167,7 +167,7 @@ SEEN = 18.0  # chi-square of two parameters at the best of some frequencies: one
 TEST_HZ = np.arange(170.0, 420.0, 25.0)
 
 
-def is_seen(age: Array, residual: Array, sigma: float) -> bool:
+def has_vibration(age: Array, residual: Array, sigma: float) -> bool:
     """Whether what a rigid flight leaves holds a vibration that a chi-square of all samples overlooks."""
     turn = np.exp(2j * np.pi * TEST_HZ[:, None] * age)
     power = 2 * np.abs(turn @ (residual / sigma)) ** 2 / age.size
@@ -352,7 +352,7 @@ def _is_pushed(path: _Path) -> bool:
     return bool(path.value[2] < DECELERATION_M_PER_S2 - 3 * np.hypot(path.u(2), U_DECELERATION_M_PER_S2))
 
 
-def flight(time_s: Array, way_m: Array, contact_s: float, side: int, sigma_m: float) -> Flight:
+def fit_flight(time_s: Array, way_m: Array, contact_s: float, side: int, sigma_m: float) -> Flight:
     """Speed and time of contact from samples on one side of it.
 
     Parameters
@@ -376,11 +376,11 @@ def flight(time_s: Array, way_m: Array, contact_s: float, side: int, sigma_m: fl
         nan = float("nan")
         return Flight(nan, nan, contact_s, nan, f"only {samples} samples within 2 ms of contact; 4 are needed")
     expected = DECELERATION_M_PER_S2 if side < 0 else FALL_M_PER_S2
-    length, clean = _undisturbed(stretch, sigma, expected)
+    length, clean = _find_undisturbed(stretch, sigma, expected)
     path = _path(*stretch(0.0, length), sigma, expected)
     if side < 0 and not clean and path.value[1] > 0:  # a string lower than the geometry says brakes the last samples
         touch = NEAR_MISS_M / float(path.value[1])
-        length, clean = _undisturbed(lambda begin, end: stretch(touch + begin, touch + end), sigma, expected)
+        length, clean = _find_undisturbed(lambda begin, end: stretch(touch + begin, touch + end), sigma, expected)
         if clean:
             path = _path(*stretch(touch, touch + length), sigma, expected)
     speed, u_speed, note = float(path.value[1]), path.u(1), f"free flight over {1e3 * length:.0f} ms"
@@ -396,7 +396,7 @@ def flight(time_s: Array, way_m: Array, contact_s: float, side: int, sigma_m: fl
             speed, u_speed, slowing = float(curve.value[1]), curve.u(1), float(curve.value[2])
             gap, u_gap, note = float(curve.value[0]), curve.u(0), "not in free flight: parabola over 2 ms"
             if not (side < 0 and curve.good and _is_pushed(curve) and _is_pushed(before)):
-                swing = _swing(*stretch(0.0, LONGEST_FLIGHT_S))
+                swing = _measure_swing(*stretch(0.0, LONGEST_FLIGHT_S))
                 u_gap = float(np.hypot(u_gap, swing))
                 line, u_line = float(path.value[1]), path.u(1)
                 u_speed = float(np.hypot(u_line, max(abs(speed - line), 2 * np.pi * SHANK_HZ * swing)))
@@ -409,13 +409,13 @@ def flight(time_s: Array, way_m: Array, contact_s: float, side: int, sigma_m: fl
     )
 
 
-def _swing(age: Array, way: Array) -> float:
+def _measure_swing(age: Array, way: Array) -> float:
     """How far a bent path swings about a straight line, root mean square, m."""
     line = np.polyfit(age, way, 1)
     return float(np.std(way - np.polyval(line, age)))
 
 
-def _undisturbed(stretch: Stretch, sigma: float, slowing: float) -> tuple[float, bool]:
+def _find_undisturbed(stretch: Stretch, sigma: float, slowing: float) -> tuple[float, bool]:
     """Length of free flight to use, and whether at least 3 ms are one.
 
     The last millisecond of the longest stretch that passes is left out: a disturbance may have begun in it unseen.
@@ -429,7 +429,7 @@ def _undisturbed(stretch: Stretch, sigma: float, slowing: float) -> tuple[float,
         if not path.good:
             break
         longest, last = float(length), (age, path.left(age, way))
-    if last is not None and longest >= CLEAN_FLIGHT_S - 1e-9 and is_seen(*last, sigma):
+    if last is not None and longest >= CLEAN_FLIGHT_S - 1e-9 and has_vibration(*last, sigma):
         return WINDOW_S, False
     return max(longest - STEP_S, WINDOW_S), longest >= CLEAN_FLIGHT_S - 1e-9
 
@@ -453,10 +453,10 @@ class Strike:
     note: str = ""
 
 
-def _strike_at(motion: Motion, crossing_s: float) -> Strike:
+def _fit_strike(motion: Motion, crossing_s: float) -> Strike:
     """Strike whose contact begins at a crossing of the string line."""
     time, height = motion.time_s, motion.hammer_height_m
-    arrival = flight(time, motion.hammer_way_m, crossing_s, -1, motion.u_height_m)
+    arrival = fit_flight(time, motion.hammer_way_m, crossing_s, -1, motion.u_height_m)
     known = np.isfinite(arrival.u_contact_s)
     contact_s = arrival.contact_s if known else crossing_s
     speed = arrival.speed if known else motion.u_height_m / WINDOW_S
@@ -465,11 +465,11 @@ def _strike_at(motion: Motion, crossing_s: float) -> Strike:
     if not leaves:
         note = "hammer crosses the string line without turning back within 6 ms"
         return Strike(contact_s, u_time, arrival, NO_FLIGHT, "ambiguous", note)
-    rebound = flight(time, motion.hammer_way_m, leaves[0], +1, motion.u_height_m)
+    rebound = fit_flight(time, motion.hammer_way_m, leaves[0], +1, motion.u_height_m)
     return Strike(contact_s, u_time, arrival, rebound, "found")
 
 
-def _near_misses(motion: Motion, known: list[float]) -> list[Strike]:
+def _find_near_misses(motion: Motion, known: list[float]) -> list[Strike]:
     """Sharp reversals close below the string line: a string that is lower than the geometry says."""
     time, height = motion.time_s, motion.hammer_height_m
     out = []
@@ -490,7 +490,7 @@ def _near_misses(motion: Motion, known: list[float]) -> list[Strike]:
         if speed_in + speed_out < SHARP_M_PER_S:
             continue
         gap = 1e3 * height[turn]
-        arrival = flight(time, motion.hammer_way_m, float(time[turn] - WINDOW_S / 2), -1, motion.u_height_m)
+        arrival = fit_flight(time, motion.hammer_way_m, float(time[turn] - WINDOW_S / 2), -1, motion.u_height_m)
         note = f"hammer turns back sharply {gap:.2f} mm below the string line; check rest and string height"
         out.append(Strike(float(time[turn]), WINDOW_S / 2, arrival, NO_FLIGHT, "ambiguous", note))
     return out
@@ -503,8 +503,8 @@ def find_strikes(motion: Motion) -> list[Strike]:
     6 ms.  A sharp reversal within 2 mm below the string line is reported as ambiguous.
     """
     times = down_crossings(motion.time_s, motion.hammer_height_m, 0.0, AWAY_M)
-    strikes = [_strike_at(motion, t) for t in times]
-    return sorted([*strikes, *_near_misses(motion, times)], key=lambda s: s.time_s)
+    strikes = [_fit_strike(motion, t) for t in times]
+    return sorted([*strikes, *_find_near_misses(motion, times)], key=lambda s: s.time_s)
 
 
 # A hammer that turns round in flight stays within half a millimetre for up to 2·√(2·0.5 mm/9 m/s²) ≈ 20 ms about the
@@ -535,7 +535,7 @@ def key_bottom(motion: Motion, read: LevelReading = read_level_with_uncertainty)
     """First time the key dip rises through the dip at which the key front touches its felt."""
 
     def find(level: float) -> float | None:
-        return first_after(up_crossings(motion.time_s, motion.key_dip_m, level, DIP_HYSTERESIS_M), -np.inf)
+        return select_first_after(up_crossings(motion.time_s, motion.key_dip_m, level, DIP_HYSTERESIS_M), -np.inf)
 
     value, u = read(find, motion.key_touch_dip_m, motion.level_u_dip_m())
     if value is not None:
@@ -543,8 +543,8 @@ def key_bottom(motion: Motion, read: LevelReading = read_level_with_uncertainty)
     else:
         deepest = 1e3 * float(np.nanmax(motion.key_dip_m))
         touch = 1e3 * motion.key_touch_dip_m
-        return absent("key_bottom", f"deepest dip {deepest:.2f} mm, touch at {touch:.2f} mm")
-    return _timed("key_bottom", value, u)
+        return make_absent_event("key_bottom", f"deepest dip {deepest:.2f} mm, touch at {touch:.2f} mm")
+    return _make_time_event("key_bottom", value, u)
 
 
 @dataclass(frozen=True)
@@ -573,7 +573,7 @@ def find_hold(motion: Motion, after_s: float, until_s: float = np.inf) -> Hold |
     margin = 3 * motion.u_height_m
     ranges = (HOLD_RANGE_M, HOLD_RANGE_M - margin, HOLD_RANGE_M + margin)
     for length, note in ((LEAST_HOLD_S, ""), (DOUBTFUL_HOLD_S, "held for less than 20 ms")):
-        found, *others = _held(motion, after_s, until_s, length, ranges)
+        found, *others = _find_held(motion, after_s, until_s, length, ranges)
         if found is None:
             continue
         level, first, last, by_sample = found
@@ -584,7 +584,7 @@ def find_hold(motion: Motion, after_s: float, until_s: float = np.inf) -> Hold |
     return None
 
 
-def _held(
+def _find_held(
     motion: Motion, after_s: float, until_s: float, length_s: float, ranges_m: tuple[float, ...]
 ) -> list[tuple[float, int, int, float] | None]:
     """First stretch of given length in which the hammer stays within each range between string and rest.
@@ -631,7 +631,7 @@ def check(
     """
     if hold is None:
         why = "hammer is never held" if struck else "no string impact"
-        return absent("check_time", why), absent("check_height", why)
+        return make_absent_event("check_time", why), make_absent_event("check_height", why)
     time, height = motion.time_s, motion.hammer_height_m
 
     def entry(band: float) -> float | None:
@@ -645,7 +645,11 @@ def check(
     if value is not None:  # the back check brakes the hammer within a few samples
         u = float(np.hypot(u, bend_uncertainty_s(time, height, value)))
     status: Status = "ambiguous" if hold.note else "found"
-    when = absent("check_time", "no entry into the held band") if value is None else _timed("check_time", value, u)
+    when = (
+        make_absent_event("check_time", "no entry into the held band")
+        if value is None
+        else _make_time_event("check_time", value, u)
+    )
     if hold.note and value is not None:
         when = Event("check_time", value, u, "ambiguous", hold.note)
     u_height = math.hypot(motion.u_height_zero_m, hold.u_own_m)
@@ -663,8 +667,8 @@ def key_release(motion: Motion, read: LevelReading = read_level_with_uncertainty
 
     value, u = read(find, RELEASE_SHARE * motion.key_touch_dip_m, motion.level_u_dip_m())
     if value is None:
-        return absent("key_release", "key never went half down, or is still down at the end of the record")
-    return _timed("key_release", value, u)
+        return make_absent_event("key_release", "key never went half down, or is still down at the end of the record")
+    return _make_time_event("key_release", value, u)
 
 
 def rest(motion: Motion, quiet_stop: int, read: LevelReading = read_level_with_uncertainty) -> Event:
@@ -677,22 +681,22 @@ def rest(motion: Motion, quiet_stop: int, read: LevelReading = read_level_with_u
     away = np.fmax((height - REST_BAND_M) / u_height, (dip - REST_BAND_M) / u_dip)
 
     def find(level: float) -> float | None:
-        when = last_fall(time, away, level)
+        when = find_last_fall(time, away, level)
         return when if when is not None and time[-1] - when >= REST_LASTS_S else None
 
     value, u = read(find, 0.0, 1.0)
     if value is None:
         far = np.fmax(height, dip)
         left = 1e3 * float(far[np.isfinite(far)][-1])
-        return absent("rest", f"not at rest for the last 50 ms of the record; {left:.2f} mm away at its end")
-    return _timed("rest", value, u)
+        return make_absent_event("rest", f"not at rest for the last 50 ms of the record; {left:.2f} mm away at its end")
+    return _make_time_event("rest", value, u)
 
 
-def _timed(name: str, value: float, u: float) -> Event:
+def _make_time_event(name: str, value: float, u: float) -> Event:
     """A time event; one that jumps by more than 10 ms within its level's uncertainty is ambiguous."""
     if u > DOUBTFUL_TIME_S:
         return Event(name, value, u, "ambiguous", f"moves by {1e3 * u:.0f} ms within the uncertainty of its level")
-    return crossing(name, value, u)
+    return make_crossing_event(name, value, u)
 
 
 ONSET_M = 0.1e-3
@@ -711,18 +715,18 @@ def onset(motion: Motion, quiet_stop: int, read: LevelReading = read_level_with_
     dip = motion.key_dip_m - float(np.mean(motion.key_dip_m[:quiet_stop]))
 
     def find(level: float) -> float | None:
-        return first_after(up_crossings(motion.time_s, dip, level), -np.inf)
+        return select_first_after(up_crossings(motion.time_s, dip, level), -np.inf)
 
     value, u = read(find, ONSET_M, motion.own_u_dip_m())
     if value is None:
-        return absent("onset", f"key never dips by {1e3 * ONSET_M:g} mm")
-    return _at("onset", value, u, motion.time_s, dip)
+        return make_absent_event("onset", f"key never dips by {1e3 * ONSET_M:g} mm")
+    return _make_bent_crossing("onset", value, u, motion.time_s, dip)
 
 
 def let_off(motion: Motion, strike: Strike | None, read: LevelReading = read_level_with_uncertainty) -> Event:
     """Last time before the impact at which the hammer is 0.1 mm off the path of its free flight."""
     if strike is None or not math.isfinite(strike.arrival.speed):
-        return absent("let_off", "no string impact")
+        return make_absent_event("let_off", "no string impact")
     contact = strike.arrival.contact_s
     age = contact - motion.time_s
     near = (age > 0) & (age < FREE_FOR_S)
@@ -740,33 +744,33 @@ def let_off(motion: Motion, strike: Strike | None, read: LevelReading = read_lev
     swing = float(np.nanmax(np.where(in_flight, behind, np.nan), initial=0.0))
     vibrates = swing > OFF_PATH_M
     level = OFF_PATH_M + (SWINGS_BY * swing if vibrates else 0.0)
-    value, u = read(lambda level: last_fall(motion.time_s, -behind, level), level, motion.u_height_m)
+    value, u = read(lambda level: find_last_fall(motion.time_s, -behind, level), level, motion.u_height_m)
     if value is None:
-        return absent("let_off", "hammer is in free flight for longer than 50 ms, or never")
-    _, u_tilt = read(lambda v: last_fall(motion.time_s, -behind_path(v), level), speed, u_speed)
-    event = _at("let_off", value, math.hypot(u, u_tilt), motion.time_s, behind)
+        return make_absent_event("let_off", "hammer is in free flight for longer than 50 ms, or never")
+    _, u_tilt = read(lambda v: find_last_fall(motion.time_s, -behind_path(v), level), speed, u_speed)
+    event = _make_bent_crossing("let_off", value, math.hypot(u, u_tilt), motion.time_s, behind)
     if not vibrates:
         return event
     note = f"the hammer vibrates by {1e3 * swing:.2f} mm about the path of its flight"
     return Event("let_off", event.value, event.u, "ambiguous", note)
 
 
-def bounces(motion: Motion, strike: Strike | None, caught: Event) -> Event:
+def count_bounces(motion: Motion, strike: Strike | None, caught: Event) -> Event:
     """Number of times the hammer turns round by 0.3 mm or more between the impact and the check."""
     if strike is None:
-        return absent("check_bounces", "no string impact")
+        return make_absent_event("check_bounces", "no string impact")
     if not math.isfinite(caught.value):
-        return absent("check_bounces", "hammer is never held")
+        return make_absent_event("check_bounces", "hammer is never held")
     part = (motion.time_s > strike.time_s + 2e-3) & (motion.time_s < caught.value)
     height, margin = motion.hammer_height_m[part], 3 * motion.u_height_m
-    count, fewest, most = (_turns(height, BOUNCE_M + by) for by in (0.0, margin, -margin))
+    count, fewest, most = (_count_turns(height, BOUNCE_M + by) for by in (0.0, margin, -margin))
     note = caught.note if caught.status == "ambiguous" else ""
     if fewest != most:
         note = f"{min(fewest, most)} to {max(fewest, most)} within the uncertainty of a sample"
     return Event("check_bounces", float(count), 0.0, "ambiguous" if note else "found", note)
 
 
-def _turns(height: Array, least: float) -> int:
+def _count_turns(height: Array, least: float) -> int:
     """Reversals of a curve by at least so much."""
     count, direction = 0, 0
     low = high = None
@@ -788,32 +792,32 @@ def drop(
 ) -> Event:
     """Hammer first is 0.5 mm further from the string than the height it was held at, after the key was let go."""
     if hold is None or not math.isfinite(check_s):
-        return absent("drop", "hammer is never held")
+        return make_absent_event("drop", "hammer is never held")
     height = motion.hammer_height_m
 
     def find(level: float) -> float | None:
-        return first_after(up_crossings(motion.time_s, height, level), check_s)
+        return select_first_after(up_crossings(motion.time_s, height, level), check_s)
 
     value, u = read(find, hold.height_m + DROP_M, math.hypot(motion.u_height_m, hold.u_own_m))
     if value is None:
-        return absent("drop", "hammer stays where it was held")
+        return make_absent_event("drop", "hammer stays where it was held")
     note = hold.note
     if math.isfinite(release_s) and value < release_s - 0.05:
         note = "long before the key was let go"
-    event = _at("drop", value, u, motion.time_s, height)
+    event = _make_bent_crossing("drop", value, u, motion.time_s, height)
     return event if not note else Event("drop", value, event.u, "ambiguous", note)
 
 
 def landing(motion: Motion, hold: Hold | None, drop_s: float) -> Event:
     """After the drop the hammer first comes back by 0.3 mm: the time it was furthest from the string before that."""
     if hold is None or not math.isfinite(drop_s):
-        return absent("landing", "no drop")
+        return make_absent_event("landing", "no drop")
     time, height = motion.time_s, motion.hammer_height_m
     begin = int(np.searchsorted(time, drop_s))
     highest = np.fmax.accumulate(height[begin:])
     back = np.flatnonzero(highest - height[begin:] > LANDED_M)
     if back.size == 0:
-        return absent("landing", "hammer does not bounce by 0.3 mm when it lands")
+        return make_absent_event("landing", "hammer does not bounce by 0.3 mm when it lands")
     turn = begin + int(np.nanargmax(height[begin : begin + int(back[0]) + 1]))
     reach = max(round(TURN_S / float(time[1] - time[0])), 3)
     near = height[max(turn - reach, 0) : turn + reach + 1]
@@ -840,8 +844,8 @@ def _vertex(time: Array, height: Array, turn: int, reach: int, sigma: float) -> 
     return float(time[turn] - slope / bend), noise * math.sqrt(covariance[1, 1]) / abs(bend)
 
 
-def _at(name: str, value: float, u: float, time: Array, signal: Array) -> Event:
-    return crossing(name, value, math.hypot(u, bend_uncertainty_s(time, np.nan_to_num(signal), value)))
+def _make_bent_crossing(name: str, value: float, u: float, time: Array, signal: Array) -> Event:
+    return make_crossing_event(name, value, math.hypot(u, bend_uncertainty_s(time, np.nan_to_num(signal), value)))
 
 
 def find_events(motion: Motion, quiet_stop: int, read: LevelReading = read_level_with_uncertainty) -> dict[str, Event]:
@@ -886,32 +890,32 @@ def find_events(motion: Motion, quiet_stop: int, read: LevelReading = read_level
         onset(motion, quiet_stop, read),
         let_off(motion, first, read),
         key_bottom(motion, read),
-        _impact("string_impact", first, "hammer never reaches the string"),
-        _speed("hammer_speed", motion, first, first.arrival if first else None),
-        _speed("rebound_speed", motion, first, first.rebound if first else None),
+        _make_impact_event("string_impact", first, "hammer never reaches the string"),
+        _make_speed_event("hammer_speed", motion, first, first.arrival if first else None),
+        _make_speed_event("rebound_speed", motion, first, first.rebound if first else None),
         check_time,
         check_height,
-        bounces(motion, first, check_time),
+        count_bounces(motion, first, check_time),
         release,
         falls,
         landing(motion, hold, falls.value),
-        _impact("second_strike", second, "one string impact only" if first else "no string impact"),
+        _make_impact_event("second_strike", second, "one string impact only" if first else "no string impact"),
         rest(motion, quiet_stop, read),
     ]
     return {event.name: event for event in found}
 
 
-def _impact(name: str, strike: Strike | None, why_absent: str) -> Event:
+def _make_impact_event(name: str, strike: Strike | None, why_absent: str) -> Event:
     if strike is None:
-        return absent(name, why_absent)
+        return make_absent_event(name, why_absent)
     return Event(name, strike.time_s, strike.u_time_s, strike.status, strike.note if strike.status != "found" else "")
 
 
-def _speed(name: str, motion: Motion, strike: Strike | None, speed: Flight | None) -> Event:
+def _make_speed_event(name: str, motion: Motion, strike: Strike | None, speed: Flight | None) -> Event:
     if strike is None or speed is None:
-        return absent(name, "no string impact")
+        return make_absent_event(name, "no string impact")
     if math.isnan(speed.speed):
-        return absent(name, speed.note)
+        return make_absent_event(name, speed.note)
     elsewhere = speed.slowing * motion.u_height_zero_m / speed.speed  # a string that stands higher is met later
     u = math.hypot(speed.u_speed, motion.u_speed_relative * speed.speed, elsewhere)
     return Event(name, speed.speed, u, strike.status, speed.note)

@@ -50,7 +50,9 @@ class ReadingFault:
     is_alone: bool = True  # whether no other encoder leaps at that sample
 
 
-def step_excess(change_rad: Array, time_s: Array, resolution_rad: float, quiet_stop: int) -> tuple[Array, float]:
+def measure_step_excess(
+    change_rad: Array, time_s: Array, resolution_rad: float, quiet_stop: int
+) -> tuple[Array, float]:
     """By how much each step lies outside of its neighbours, rad, signed, (n − 1,), and the limit of what is one."""
     steps = np.diff(change_rad)
     out = np.zeros(steps.size)
@@ -60,10 +62,10 @@ def step_excess(change_rad: Array, time_s: Array, resolution_rad: float, quiet_s
     inner = steps[2:-2]
     out[2:-2] = np.maximum(inner - beside.max(axis=0), 0.0) - np.maximum(beside.min(axis=0) - inner, 0.0)
     dt = float(np.median(np.diff(time_s)))
-    return out, FEWEST_COUNTS * resolution_rad + _rest_noise(steps, quiet_stop) + THIRD_DIFFERENCE * dt**3
+    return out, FEWEST_COUNTS * resolution_rad + _estimate_rest_noise(steps, quiet_stop) + THIRD_DIFFERENCE * dt**3
 
 
-def step_from_rest(m: MeasuredTrial, expected: Array, i: int) -> tuple[Array, float]:
+def measure_step_from_rest(m: MeasuredTrial, expected: Array, i: int) -> tuple[Array, float]:
     """Each step that begins or ends a standstill, rad, 0 else, (n − 1,), and the largest that a body makes.
 
     A motion that goes on beyond such a step, as of a key that is thrown off its rail, counts where the model moves by
@@ -73,20 +75,20 @@ def step_from_rest(m: MeasuredTrial, expected: Array, i: int) -> tuple[Array, fl
     steps = np.diff(change)
     out = np.zeros(steps.size)
     dt = float(np.median(np.diff(m.time_s)))
-    for first, last in _standstills(change, m.time_s):
+    for first, last in _find_standstills(change, m.time_s):
         extent = float(np.ptp(expected[first : last + 1]))
         for at, side in ((first - 1, -1), (last, 1)):
-            if 0 <= at < steps.size and (not _continues(steps, at, side) or extent >= abs(steps[at])):
+            if 0 <= at < steps.size and (not _is_continued(steps, at, side) or extent >= abs(steps[at])):
                 out[at] = steps[at]
-    return out, FEWEST_FROM_REST * resolution_rad + _rest_noise(steps, quiet_stop) + FROM_REST * dt**2
+    return out, FEWEST_FROM_REST * resolution_rad + _estimate_rest_noise(steps, quiet_stop) + FROM_REST * dt**2
 
 
-def _rest_noise(steps: Array, quiet_stop: int) -> float:
+def _estimate_rest_noise(steps: Array, quiet_stop: int) -> float:
     at_rest = steps[: max(quiet_stop - 1, 0)]
     return NOISE * float(at_rest.std()) if at_rest.size > 2 else 0.0
 
 
-def _standstills(change: Array, time_s: Array) -> list[tuple[int, int]]:
+def _find_standstills(change: Array, time_s: Array) -> list[tuple[int, int]]:
     """First and last sample of each stretch of `LEAST_S` or more in which the reading stays the same."""
     edges = np.flatnonzero(np.diff(change) != 0)
     starts, ends = np.concatenate([[0], edges + 1]), np.concatenate([edges, [change.size - 1]])
@@ -94,9 +96,9 @@ def _standstills(change: Array, time_s: Array) -> list[tuple[int, int]]:
     return [(int(first), int(last)) for first, last in zip(starts[long], ends[long], strict=True)]
 
 
-def reading_faults(m: MeasuredTrial, p: PredictedAngles) -> list[ReadingFault]:
+def find_reading_faults(m: MeasuredTrial, p: PredictedAngles) -> list[ReadingFault]:
     """Jumps and standstills of all encoders of a trial, the first of each encoder in time."""
-    leaps = [_leaps(m, p.change_rad(name), i) for i, name in enumerate(ENCODER_CHANNELS)]
+    leaps = [_find_leaps(m, p.change_rad(name), i) for i, name in enumerate(ENCODER_CHANNELS)]
     found: list[ReadingFault] = []
     for i, name in enumerate(ENCODER_CHANNELS):
         still = _find_standstill(m, p, i)
@@ -120,10 +122,10 @@ def are_simultaneous(faults: Sequence[ReadingFault], time_s: Array) -> bool:
     return len(times) > 1 and max(times) - min(times) < 1.5 * step
 
 
-def _leaps(m: MeasuredTrial, expected: Array, i: int) -> tuple[Array, Array]:
+def _find_leaps(m: MeasuredTrial, expected: Array, i: int) -> tuple[Array, Array]:
     """Sizes of the steps of an encoder that are leaps, rad, 0 else, (n − 1,), and the limit of each."""
-    excess, limit = step_excess(m.change_rad[:, i], m.time_s, float(m.resolution_rad[i]), m.quiet.stop)
-    step, limit_from_rest = step_from_rest(m, expected, i)
+    excess, limit = measure_step_excess(m.change_rad[:, i], m.time_s, float(m.resolution_rad[i]), m.quiet.stop)
+    step, limit_from_rest = measure_step_from_rest(m, expected, i)
     excess, step = np.where(np.abs(excess) > limit, excess, 0.0), np.where(np.abs(step) > limit_from_rest, step, 0.0)
     return np.where(excess != 0.0, excess, step), np.where(excess != 0.0, limit, limit_from_rest)
 
@@ -136,14 +138,14 @@ def _describe_leap(m: MeasuredTrial, expected: Array, i: int, size: Array, limit
     name, time_s, change = ENCODER_CHANNELS[i], m.time_s, m.change_rad[:, i]
     steps, at = np.diff(change), np.flatnonzero(size)
     leap = int(at[0])
-    for first, last in _standstills(change, time_s):
+    for first, last in _find_standstills(change, time_s):
         if leap not in (first - 1, last):
             continue
         until = min(last + 1, change.size - 1)
         moved, by = float(expected[until] - expected[first]), float(change[until] - change[first])
-        stop = float(steps[leap]) if leap == first - 1 and _continues(steps, leap, -1) else 0.0
+        stop = float(steps[leap]) if leap == first - 1 and _is_continued(steps, leap, -1) else 0.0
         leaves = last < steps.size and bool(size[last])
-        caught_up = leaves and (abs(moved - by) < MATCHES * abs(by) or _continues(steps, last, 1))
+        caught_up = leaves and (abs(moved - by) < MATCHES * abs(by) or _is_continued(steps, last, 1))
         if stop or (leap == last and caught_up):
             still_s, ends = float(time_s[last] - time_s[first]), float(steps[last]) if leaves else 0.0
             return ReadingFault(name, float(time_s[first]), float(time_s[until]), ends, still_s, limit, stop)
@@ -152,7 +154,7 @@ def _describe_leap(m: MeasuredTrial, expected: Array, i: int, size: Array, limit
     return ReadingFault(name, float(time_s[leap + 1]), until_s, float(size[leap]), 0.0, limit)
 
 
-def _continues(steps: Array, at: int, side: int) -> bool:
+def _is_continued(steps: Array, at: int, side: int) -> bool:
     """Whether a step is like its neighbour on one side: the body moves at that speed there."""
     beside = steps[at + side] if 0 <= at + side < steps.size else 0.0
     return bool(abs(beside - steps[at]) < MATCHES * abs(steps[at]))
@@ -163,7 +165,7 @@ def _find_standstill(m: MeasuredTrial, p: PredictedAngles, i: int) -> ReadingFau
     change, time_s = m.change_rad[:, i], m.time_s
     name, expected = ENCODER_CHANNELS[i], p.change_rad(ENCODER_CHANNELS[i])
     reach = max(round(EDGE_S / float(np.median(np.diff(time_s)))), 1)
-    for first, last in _standstills(change, time_s):
+    for first, last in _find_standstills(change, time_s):
         part = slice(first, last + 1)
         if first < m.quiet.stop or last == change.size - 1:
             continue

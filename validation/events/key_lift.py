@@ -29,8 +29,8 @@ import model
 from model.parameters.action import CONTACTS, USUAL
 from validation.conventions import KEY, WHIPPEN, Array
 from validation.events.definitions import Event
-from validation.events.encoder_readings import reading_faults
-from validation.events.miswired_encoders import miswired_channels
+from validation.events.encoder_readings import find_reading_faults
+from validation.events.miswired_encoders import find_miswired_channels
 from validation.measurement.measure_session import representative
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
@@ -82,7 +82,7 @@ class Capstan:
     gap_per_lift: float
 
 
-def capstan_of(action: model.Action, scale_radius_m: float = SCALE_RADIUS_M) -> Capstan:
+def make_capstan(action: model.Action, scale_radius_m: float = SCALE_RADIUS_M) -> Capstan:
     """Capstan of an action of the `model` package.
 
     The free fall is that of whippen, jack and repetition lever together about the whippen's pivot; a hammer resting on
@@ -126,7 +126,7 @@ def find_lifts(
     rail : gives intervals in which the model's rail would have to pull; called only when there is something to decide
     """
     gap = capstan.gap_m(measured_rad)
-    expected = _widened(time_s, capstan.gap_m(predicted_rad), impact_s, release_s)
+    expected = _widen_gap(time_s, capstan.gap_m(predicted_rad), impact_s, release_s)
     excess = gap - expected
     over = np.flatnonzero(np.isfinite(excess) & (excess > EXCESS_M))
     if over.size == 0:
@@ -134,24 +134,24 @@ def find_lifts(
     step = float(np.median(np.diff(time_s)))
     model_gap = capstan.gap_m(predicted_rad)
     pulls = rail() if rail is not None else None
-    carried = _carried(measured_rad[:, WHIPPEN], step, capstan.free_fall_rad_per_s2)
+    carried = _is_carried(measured_rad[:, WHIPPEN], step, capstan.free_fall_rad_per_s2)
     found = []
     for run in np.split(over, np.flatnonzero(np.diff(over) > round(2e-3 / step)) + 1):
         begin, end = float(time_s[run[0]]), float(time_s[run[-1]])
         loaded = carried[run[0] : run[-1] + 1].mean() >= CARRIED_SHARE
         pressed = bool(np.median(model_gap[run]) < 0.0)
-        if not (loaded or (pressed and _near(pulls, begin, end))):
+        if not (loaded or (pressed and _select_near(pulls, begin, end))):
             continue
-        first, last = _edges(gap - model_gap, run, round(LONGEST_EDGE_S / step))
-        found.append(_lift(capstan, time_s, excess, first, last, pulls))
-    return _joined(found)
+        first, last = _find_edges(gap - model_gap, run, round(LONGEST_EDGE_S / step))
+        found.append(_make_lift(capstan, time_s, excess, first, last, pulls))
+    return _join_lifts(found)
 
 
-def _near(pulls: list[RailPull] | None, start_s: float, end_s: float) -> list[RailPull]:
+def _select_near(pulls: list[RailPull] | None, start_s: float, end_s: float) -> list[RailPull]:
     return [t for t in pulls or [] if t.start_s - RAIL_NEAR_S <= end_s and t.end_s + RAIL_NEAR_S >= start_s]
 
 
-def _widened(time: Array, gap: Array, impact_s: float, release_s: float) -> Array:
+def _widen_gap(time: Array, gap: Array, impact_s: float, release_s: float) -> Array:
     """Largest gap the model shows at any time near enough."""
     known = np.where(np.isfinite(gap), gap, -np.inf)
     step = float(np.median(np.diff(time)))
@@ -162,7 +162,7 @@ def _widened(time: Array, gap: Array, impact_s: float, release_s: float) -> Arra
     return np.where(np.isfinite(gap), np.maximum(out, 0.0), np.nan)
 
 
-def _carried(whippen_rad: Array, step: float, free_fall: float) -> NDArray[np.bool_]:
+def _is_carried(whippen_rad: Array, step: float, free_fall: float) -> NDArray[np.bool_]:
     """Samples at which the whippen is accelerated upwards of its free fall."""
     # start-up: scipy.signal costs 0.3 to 0.6 s, only doubtful trials need it
     from scipy.signal import savgol_filter
@@ -172,7 +172,7 @@ def _carried(whippen_rad: Array, step: float, free_fall: float) -> NDArray[np.bo
     return np.asarray(acceleration > FREE_SHARE * free_fall)
 
 
-def _edges(excess: Array, run: NDArray[np.intp], longest: int) -> tuple[int, int]:
+def _find_edges(excess: Array, run: NDArray[np.intp], longest: int) -> tuple[int, int]:
     """Ends of an interval: out to where the encoders agree again, within a limit."""
     first, last = int(run[0]), int(run[-1])
     while first > 0 and run[0] - first < longest and excess[first - 1] > EDGE_M:
@@ -182,7 +182,9 @@ def _edges(excess: Array, run: NDArray[np.intp], longest: int) -> tuple[int, int
     return first, last
 
 
-def _lift(capstan: Capstan, time: Array, excess: Array, first: int, last: int, pulls: list[RailPull] | None) -> KeyLift:
+def _make_lift(
+    capstan: Capstan, time: Array, excess: Array, first: int, last: int, pulls: list[RailPull] | None
+) -> KeyLift:
     part = excess[first : last + 1]
     worst = first + int(np.nanargmax(part))
     gap = float(excess[worst])
@@ -190,7 +192,7 @@ def _lift(capstan: Capstan, time: Array, excess: Array, first: int, last: int, p
     reason = f"the gap at the loaded capstan, by key and whippen encoder, is {1e3 * gap:.2f} mm larger than the model's"
     pull = float("nan")
     if pulls is not None:
-        near = _near(pulls, float(time[first]), float(time[last]))
+        near = _select_near(pulls, float(time[first]), float(time[last]))
         pull = max((float(t.largest_n) for t in near), default=0.0)
         reason += (
             f"; the model's balance rail pulls with {pull:.1f} N there"
@@ -200,7 +202,7 @@ def _lift(capstan: Capstan, time: Array, excess: Array, first: int, last: int, p
     return KeyLift(float(time[first]), float(time[last]), float(time[worst]), gap, lift, pull, reason)
 
 
-def _joined(lifts: list[KeyLift]) -> list[KeyLift]:
+def _join_lifts(lifts: list[KeyLift]) -> list[KeyLift]:
     """Intervals that overlap become one, with the larger gap's words."""
     out: list[KeyLift] = []
     for lift in lifts:
@@ -219,12 +221,12 @@ def find_key_lifts(
 
     The rail's pull is computed for the trial of median peak force, and moved to each trial's own impact.
     """
-    capstan = capstan_of(tested.action)
+    capstan = make_capstan(tested.action)
     middle = representative(predicted.trials)
 
     @cache
     def pulls() -> tuple[RailPull, ...]:
-        return tuple(rail_pulls(tested, middle))
+        return tuple(find_rail_pulls(tested, middle))
 
     def impact(number: int) -> float:
         return events[number]["string_impact"].value
@@ -238,7 +240,9 @@ def find_key_lifts(
     found: dict[int, list[KeyLift]] = {}
     for m in predicted.trials:
         angles = predicted.predictions[m.number].model
-        if miswired_channels(m, angles) or any(fault.channel != "hammer" for fault in reading_faults(m, angles)):
+        if find_miswired_channels(m, angles) or any(
+            fault.channel != "hammer" for fault in find_reading_faults(m, angles)
+        ):
             found[m.number] = []
             continue
         geometry = tested.geometry_at(m.force.preload_n)
@@ -254,7 +258,7 @@ def find_key_lifts(
     return found
 
 
-def rail_pulls(tested: ModelUnderTest, m: MeasuredTrial) -> list[RailPull]:
+def find_rail_pulls(tested: ModelUnderTest, m: MeasuredTrial) -> list[RailPull]:
     """Intervals in which the model's balance rail would have to pull the key down, under this trial's force.
 
     A run that records the inner forces costs some eighty times a prediction: it is made for one trial, and only when
@@ -278,7 +282,7 @@ def rail_pulls(tested: ModelUnderTest, m: MeasuredTrial) -> list[RailPull]:
     return [RailPull(*pull) for pull in tested.store.value("look inside", inputs, run)]
 
 
-def lifted_samples(time_s: Array, lifts: Sequence[KeyLift]) -> NDArray[np.bool_]:
+def mark_lifted_samples(time_s: Array, lifts: Sequence[KeyLift]) -> NDArray[np.bool_]:
     """Samples inside any lift."""
     out = np.zeros(len(time_s), dtype=bool)
     for lift in lifts:

@@ -33,7 +33,7 @@ class Rewired:
     error_rewired: float
 
 
-def best_wiring(measured: Array, expected: Array) -> list[Rewired]:
+def find_best_wiring(measured: Array, expected: Array) -> list[Rewired]:
     """Columns that are wired wrong; none where nothing can be predicted to move.
 
     Parameters
@@ -55,8 +55,8 @@ def best_wiring(measured: Array, expected: Array) -> list[Rewired]:
     best = error.min(axis=0)
     order = min(permutations(range(k)), key=lambda o: sum(best[o[j], j] ** 2 for j in range(k)))
     found = []
-    apart = _moving(expected[known])
-    for cycle in _cycles(order):
+    apart = _is_moving(expected[known])
+    for cycle in _find_cycles(order):
         declared = [float(error[0, j, j]) for j in cycle]
         rewired = [float(best[order[j], j]) for j in cycle]
         changed = len(cycle) > 1 or bool(sign[order[cycle[0]], cycle[0]])
@@ -71,18 +71,18 @@ def best_wiring(measured: Array, expected: Array) -> list[Rewired]:
     return sorted(found, key=lambda r: r.place)
 
 
-def miswired_channels(m: MeasuredTrial, predicted: PredictedAngles) -> list[Rewired]:
+def find_miswired_channels(m: MeasuredTrial, predicted: PredictedAngles) -> list[Rewired]:
     """Encoders of a trial, by their place in `ENCODER_CHANNELS`, that are wired wrong."""
-    return best_wiring(m.change_rad, np.column_stack([predicted.change_rad(name) for name in ENCODER_CHANNELS]))
+    return find_best_wiring(m.change_rad, np.column_stack([predicted.change_rad(name) for name in ENCODER_CHANNELS]))
 
 
-def _moving(expected: Array) -> NDArray[np.bool_]:
+def _is_moving(expected: Array) -> NDArray[np.bool_]:
     """Samples at which a body is predicted to move by more than `STILL` of its largest step."""
     steps = np.abs(np.gradient(expected, axis=0))
     return np.asarray((steps > STILL * np.maximum(steps.max(axis=0), 1e-300)).any(axis=1))
 
 
-def _cycles(order: tuple[int, ...]) -> list[list[int]]:
+def _find_cycles(order: tuple[int, ...]) -> list[list[int]]:
     """Places that exchange their columns, each group once."""
     left, out = set(range(len(order))), []
     while left:

@@ -44,7 +44,7 @@ class Window:
         return (time >= self.start_s) & (time <= self.end_s)
 
 
-def common_window(measurements: Sequence[MeasuredTrial], events: dict[int, dict[str, Event]]) -> Window:
+def choose_window(measurements: Sequence[MeasuredTrial], events: dict[int, dict[str, Event]]) -> Window:
     """From 20 ms before the earliest force onset to 50 ms after the last trial is at rest, within every record.
 
     Parameters
@@ -94,27 +94,27 @@ def find_session_events(predicted: PredictedSession, tested: ModelUnderTest) -> 
     model, trial = {}, {}
     for m in predicted.trials:
         geometry = tested.geometry_at(m.force.preload_n)
-        motion = predicted_motion(predicted.predictions[m.number].model, geometry, tested.tolerance)
-        model[m.number] = _events(tested.store, motion, m.quiet.stop)
-        trial[m.number] = _events(tested.store, m.motion, m.quiet.stop)
+        motion = make_predicted_motion(predicted.predictions[m.number].model, geometry, tested.tolerance)
+        model[m.number] = _find_stored_events(tested.store, motion, m.quiet.stop)
+        trial[m.number] = _find_stored_events(tested.store, m.motion, m.quiet.stop)
     lifts = find_key_lifts(predicted, tested, trial)
-    return SessionEvents(with_doubtful_events(trial, lifts), model, lifts, common_window(predicted.trials, trial))
+    return SessionEvents(mark_doubtful_events(trial, lifts), model, lifts, choose_window(predicted.trials, trial))
 
 
-def _events(store: ResultStore, motion: Motion, quiet_stop: int) -> dict[str, Event]:
+def _find_stored_events(store: ResultStore, motion: Motion, quiet_stop: int) -> dict[str, Event]:
     found = store.value(
         "events", (motion, quiet_stop), lambda: [asdict(event) for event in find_events(motion, quiet_stop).values()]
     )
     return {event["name"]: Event(**event) for event in found}
 
 
-def predicted_motion(p: PredictedAngles, geometry: ActionGeometry, tolerance: float) -> Motion:
+def make_predicted_motion(p: PredictedAngles, geometry: ActionGeometry, tolerance: float) -> Motion:
     """Motion of a prediction for the same event finders; a sample is as uncertain as the requested tolerance."""
     change = np.column_stack([p.change_rad(name) for name in ENCODER_CHANNELS])
     return motion_of(geometry, p.time_s, change, np.full(3, tolerance), u_zero_rad=np.full(3, tolerance))
 
 
-def with_doubtful_events(
+def mark_doubtful_events(
     events: dict[int, dict[str, Event]], lifts: dict[int, list[KeyLift]]
 ) -> dict[int, dict[str, Event]]:
     """The same events; those of the key inside a lift become ambiguous."""

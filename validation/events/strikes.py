@@ -25,12 +25,12 @@ AGAIN = 0.15
 
 
 @lru_cache(maxsize=64)
-def phases(stroke: Stroke) -> NDArray[np.int64]:
-    """Phase of each sample (n,) of a stroke, see `key_phases`."""
-    return key_phases(stroke.key.value_m, stroke.interval_s)
+def find_phases(stroke: Stroke) -> NDArray[np.int64]:
+    """Phase of each sample (n,) of a stroke, see `find_key_phases`."""
+    return find_key_phases(stroke.key.value_m, stroke.interval_s)
 
 
-def key_phases(key: Array, step: float) -> NDArray[np.int64]:
+def find_key_phases(key: Array, step: float) -> NDArray[np.int64]:
     """Phase of each sample (n,), an index of `PHASES`, of a key pressed by (n,) in any unit, ``step`` s apart.
 
     A strike begins when the key leaves its rest. It becomes a hold when the key has stayed down for a while, a release
@@ -85,15 +85,15 @@ FLIES_ON_S = 0.06
 SPEED_FROM, SPEED_TO = 0.6, 0.9
 
 
-def find(stroke: Stroke, hammer_m: Array) -> list[dict[str, float]]:
+def find_stroke_events(stroke: Stroke, hammer_m: Array) -> list[dict[str, float]]:
     """Events of every strike of a trial by its key and a hammer's displacement (n,), m; NaN where it does not show one.
 
     Strikes are told by the key alone, so that a trial and its prediction have the same ones, in the same order. A key
     that bounces on its rest is no strike.
     """
-    every = strikes(stroke.key.value_m, phases(stroke))
+    every = find_key_strikes(stroke.key.value_m, find_phases(stroke))
     nexts = [*(start for start, _ in every[1:]), stroke.time_s.size]
-    found = [_of_strike(stroke, hammer_m, *at, before) for at, before in zip(every, nexts, strict=True)]
+    found = [_find_strike_events(stroke, hammer_m, *at, before) for at, before in zip(every, nexts, strict=True)]
     for one, following in zip(found, found[1:], strict=False):  # a hammer may still fall when the key is pressed again
         between = (stroke.time_s >= one["impact_s"]) & (stroke.time_s < following["impact_s"])
         if between.any():
@@ -101,27 +101,27 @@ def find(stroke: Stroke, hammer_m: Array) -> list[dict[str, float]]:
     return found
 
 
-def strikes(key: Array, at: NDArray[np.int64]) -> list[tuple[int, int]]:
+def find_key_strikes(key: Array, at: NDArray[np.int64]) -> list[tuple[int, int]]:
     """First sample and end of every strike of a key (n,) with these phases (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], at == STRIKE, [False]]).astype(np.int8)))
     pairs = zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
     return [(a, b) for a, b in pairs if key[a:b].max() > STRUCK * float(key.max())]
 
 
-def _of_strike(stroke: Stroke, hammer_m: Array, first: int, end: int, before: int) -> dict[str, float]:
+def _find_strike_events(stroke: Stroke, hammer_m: Array, first: int, end: int, before: int) -> dict[str, float]:
     """Events of the strike of samples ``first`` to ``end``, whatever follows up to ``before``.
 
     A hammer that is still rising when the recording ends has met nothing yet.
     """
     out = dict.fromkeys(EVENTS, float("nan"))
-    at, time_s = phases(stroke), stroke.time_s
+    at, time_s = find_phases(stroke), stroke.time_s
     part = hammer_m[first : min(end + round(FLIES_ON_S / stroke.interval_s), before)]
     highest = float(part.max())
     top = first + int(np.argmax(part > highest - 0.005 * stroke.hammer.travel_m))
     if first + int(np.argmax(part)) == time_s.size - 1:
         return out
     out["impact_s"], out["top_m"] = float(time_s[top]), highest
-    out["speed_m_per_s"] = _speed(time_s[first : top + 1], hammer_m[first : top + 1], highest)
+    out["speed_m_per_s"] = _fit_speed(time_s[first : top + 1], hammer_m[first : top + 1], highest)
     if out["speed_m_per_s"] < SLOW_M_PER_S:
         after = hammer_m[top : top + round(DROP_WITHIN_S / stroke.interval_s)]
         out["let_off_m"], out["drop_m"] = highest, highest - float(after.min())
@@ -135,7 +135,7 @@ def _of_strike(stroke: Stroke, hammer_m: Array, first: int, end: int, before: in
     return out
 
 
-def _speed(time_s: Array, hammer_m: Array, highest: float) -> float:
+def _fit_speed(time_s: Array, hammer_m: Array, highest: float) -> float:
     inside = np.flatnonzero(hammer_m < SPEED_FROM * highest)
     low = int(inside[-1]) if inside.size else 0
     high = low + int(np.argmax(hammer_m[low:] >= SPEED_TO * highest))

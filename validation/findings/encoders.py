@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 from validation.conventions import ENCODER_CHANNELS, Array, rms
 from validation.events.definitions import Event
 from validation.events.key_lift import EXCESS_M, KeyLift
-from validation.events.miswired_encoders import WRONG_WIRED, miswired_channels
+from validation.events.miswired_encoders import WRONG_WIRED, find_miswired_channels
 from validation.findings.finding import (
     CHANNEL,
     CURVES,
     SessionFinding,
-    finding_of,
-    finds,
+    make_finding,
     name_trials,
+    register_kinds,
     uncertainty_of_mean,
 )
 from validation.measurement.geometry import ActionGeometry
@@ -35,7 +35,7 @@ STANDS_STILL = 0.01  # of the predicted range
 MOVES_AS_PREDICTED = 0.5  # of the predicted range, at least
 
 
-@finds(
+@register_kinds(
     {
         "sign flip": "Turn the sign of the encoder in the rig file and record again.",
         "swapped channels": "Exchange the channels in the rig file and record again.",
@@ -45,7 +45,7 @@ MOVES_AS_PREDICTED = 0.5  # of the predicted range, at least
 def find_miswired_encoders(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
     """Encoders that turn the wrong way round, or stand in each other's place."""
     out = []
-    for found in miswired_channels(m, p):
+    for found in find_miswired_channels(m, p):
         name, recorded_as = ENCODER_CHANNELS[found.place], ENCODER_CHANNELS[found.source]
         is_swapped = recorded_as != name
         parts = []
@@ -62,7 +62,7 @@ def find_miswired_encoders(m: MeasuredTrial, p: PredictedAngles) -> list[Session
     return out
 
 
-@finds({"no motion": "Check scale, cable and counter of the encoder that stands still."}, spoils=CHANNEL)
+@register_kinds({"no motion": "Check scale, cable and counter of the encoder that stands still."}, spoils=CHANNEL)
 def find_motionless_encoders(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
     """Encoders that stand still while another one moves as predicted and theirs should."""
     known = np.isfinite(p.angle_rad[:, 0])
@@ -108,7 +108,9 @@ class Travel:
     apart: float = 0.0
 
 
-def travel_of(m: MeasuredTrial, p: PredictedAngles, model: Mapping[str, Event], geometry: ActionGeometry) -> Travel:
+def measure_travel(
+    m: MeasuredTrial, p: PredictedAngles, model: Mapping[str, Event], geometry: ActionGeometry
+) -> Travel:
     """Travel of one trial; the sign belongs to the wiring."""
     out = np.full(3, np.nan)
     expected = np.column_stack([p.change_rad(name) for name in ENCODER_CHANNELS])
@@ -128,9 +130,9 @@ def travel_of(m: MeasuredTrial, p: PredictedAngles, model: Mapping[str, Event], 
     if model["string_impact"].status == "found" and wanted[2] > 0 and size[2] > 0:
         ratio = float(size[2] / wanted[2])
         to_m = geometry.string_lever_m / ratio
-        if _turns_sharply(m.time_s[known], to_m * np.abs(m.change_rad[known, 2]), step):
+        if _has_sharp_turn(m.time_s[known], to_m * np.abs(m.change_rad[known, 2]), step):
             out[2] = ratio
-    hammer_lever = _lever_before_flight(m.change_rad[known]) / _lever_before_flight(expected[known])
+    hammer_lever = _fit_lever_before_flight(m.change_rad[known]) / _fit_lever_before_flight(expected[known])
     key, whippen = m.change_rad[known, 0], m.change_rad[known, 1]
     share = float(key @ whippen) / max(float(whippen @ whippen), 1e-300)
     return Travel(out, lever, on_felt >= ON_FELT_S, hammer_lever, rms(key - share * whippen) / max(rms(key), 1e-300))
@@ -139,7 +141,7 @@ def travel_of(m: MeasuredTrial, p: PredictedAngles, model: Mapping[str, Event], 
 RISES = (0.1, 0.5)  # of the hammer's largest angle: from there to there the jack carries it
 
 
-def _lever_before_flight(change_rad: Array) -> float:
+def _fit_lever_before_flight(change_rad: Array) -> float:
     """Slope of the hammer's angle over the whippen's while the hammer first rises; NaN where it does not."""
     hammer = np.abs(change_rad[:, 2])
     first, last = (int(np.argmax(hammer > share * hammer.max(initial=0.0))) for share in RISES)
@@ -148,7 +150,7 @@ def _lever_before_flight(change_rad: Array) -> float:
     return float(np.polyfit(change_rad[first:last, 1], change_rad[first:last, 2], 1)[0])
 
 
-def _turns_sharply(time: Array, way: Array, step: float) -> bool:
+def _has_sharp_turn(time: Array, way: Array, step: float) -> bool:
     """Whether the way turns round at its largest value as at a string, not as under gravity."""
     top = int(np.argmax(way))
     near, far = (max(round(x / step), 1) for x in SHARP_S)
@@ -159,10 +161,12 @@ def _turns_sharply(time: Array, way: Array, step: float) -> bool:
     return bool(min(rise, fall) > SHARP_M_PER_S)
 
 
-@finds({"gross travel difference": "Check decoding and lines per revolution of the encoder, and its place."},
+@register_kinds({"gross travel difference": "Check decoding and lines per revolution of the encoder, and its place."},
        spoils=CHANNEL)  # fmt: skip
-@finds({"travel difference": "Measure key dip and blow distance, and check the scale of the encoder."})
-def encoder_travel(travels: Mapping[int, Travel], without: Collection[tuple[int, str]] = ()) -> list[SessionFinding]:
+@register_kinds({"travel difference": "Measure key dip and blow distance, and check the scale of the encoder."})
+def find_travel_differences(
+    travels: Mapping[int, Travel], without: Collection[tuple[int, str]] = ()
+) -> list[SessionFinding]:
     """Encoders whose travel is not the model's, and in which trials.
 
     Conventions: ratios of largest angles, trial over prediction, which share stops and levers and not their timing.
@@ -173,21 +177,25 @@ def encoder_travel(travels: Mapping[int, Travel], without: Collection[tuple[int,
 
     Parameters
     ----------
-    travels : Trial → `travel_of`
+    travels : Trial → `measure_travel`
     without : (trial, channel) that something else is said of
     """
     hammer = {n: float(t.ratio[2]) for n, t in travels.items() if (n, "hammer") not in without}
     lower = {n: t for n, t in travels.items() if not {(n, "key"), (n, "whippen")} & set(without)}
     ratios: dict[str, dict[int, float]] = {"key": {}, "whippen": {}, "key and whippen": {}, "hammer": hammer}
     levers: dict[int, float] = {}
-    stopped = [n for n, t in lower.items() if _key_stops_elsewhere(t)]
+    stopped = [n for n, t in lower.items() if _has_another_key_stop(t)]
     ratios["hammer"] = {n: ratio for n, ratio in hammer.items() if n not in stopped}  # it goes where the key takes it
-    told = Counter(_off(t) for t in lower.values() if abs(t.lever - 1) > STOPS_MAY and np.isfinite(t.ratio[:2]).all())
+    told = Counter(
+        _name_wrong_encoder(t)
+        for t in lower.values()
+        if abs(t.lever - 1) > STOPS_MAY and np.isfinite(t.ratio[:2]).all()
+    )
     for number, t in lower.items():
         reached = bool(np.isfinite(t.ratio[:2]).all())
         if abs(t.lever - 1) > STOPS_MAY and (reached or told):
             # a trial that reached the stops tells of which encoder; the others have the same encoders
-            name = _off(t) if reached else told.most_common(1)[0][0]
+            name = _name_wrong_encoder(t) if reached else told.most_common(1)[0][0]
             ratios[name][number] = t.lever if name == "whippen" else 1 / t.lever
             if reached and min(np.abs(t.ratio[:2] - 1)) > STOPS_MAY:  # neither goes as far as in the model
                 ratios["key"][number], ratios["whippen"][number] = t.ratio[:2].tolist()
@@ -199,28 +207,28 @@ def encoder_travel(travels: Mapping[int, Travel], without: Collection[tuple[int,
     key_goes = {n for n, t in travels.items() if t.apart < SCALE_ONLY}
     out = []
     for name, found in ratios.items():
-        out += _travel(name, found, travels, hammer_goes if name == "hammer" else key_goes)
+        out += _describe_travel(name, found, travels, hammer_goes if name == "hammer" else key_goes)
     if levers:
         text = (
-            f"encoders key and whippen: {name_trials(levers, travels)} the whippen turns {_mean(levers)} times as far "
-            f"for the key's turn as in the model (limit {100 * STOPS_MAY:g} %)"
+            f"encoders key and whippen: {name_trials(levers, travels)} the whippen turns {_format_mean(levers)} times "
+            f"as far for the key's turn as in the model (limit {100 * STOPS_MAY:g} %)"
         )
-        out.append(finding_of("travel difference", "key", levers, STOPS_MAY, text))
+        out.append(make_finding("travel difference", "key", levers, STOPS_MAY, text))
     return out
 
 
-def _key_stops_elsewhere(t: Travel) -> bool:
+def _has_another_key_stop(t: Travel) -> bool:
     """Whether key and whippen travel alike, and by far not as far as in the model."""
     away = t.ratio[:2] - 1
     return not abs(t.lever - 1) > STOPS_MAY and bool(np.all(np.abs(away) > SCALE_ONLY)) and away[0] * away[1] > 0
 
 
-def _off(t: Travel) -> str:
+def _name_wrong_encoder(t: Travel) -> str:
     """Which of key and whippen misses the stops."""
     return "whippen" if abs(t.ratio[1] - 1) > abs(t.ratio[0] - 1) else "key"
 
 
-def _travel(
+def _describe_travel(
     name: str, ratios: Mapping[int, float], among: Collection[int], by_scale: Collection[int]
 ) -> list[SessionFinding]:
     """What is said of the travel of one channel: gross differences apart from small ones."""
@@ -235,14 +243,14 @@ def _travel(
     ):
         if part:
             text = (
-                f"{head}: {name_trials(part, among)} {verb} {_mean(part)} times as far as in "
+                f"{head}: {name_trials(part, among)} {verb} {_format_mean(part)} times as far as in "
                 f"the model (limit {100 * limit:g} %)"
             )
-            out.append(finding_of(kind, "key" if both else name, part, limit, text))
+            out.append(make_finding(kind, "key" if both else name, part, limit, text))
     return out
 
 
-def _mean(values: Mapping[int, float]) -> str:
+def _format_mean(values: Mapping[int, float]) -> str:
     u = uncertainty_of_mean(values.values())
     mean = f"{np.mean(list(values.values())):.3f}"
     return f"{mean} (u {u:.1g})" if np.isfinite(u) else mean
@@ -254,34 +262,34 @@ DRIFTS = 0.5  # of the rate that leads from the first reading to the last
 RETURNS_RAD = (3e-3, 5e-3, 1.5e-3)  # key, whippen, hammer: friction lets a soft stroke rest up to half of it away
 
 
-def end_of(m: MeasuredTrial) -> slice:
+def select_last_samples(m: MeasuredTrial) -> slice:
     """Samples of the last 50 ms."""
     return slice(int(np.searchsorted(m.time_s, m.time_s[-1] - END_S)), m.time_s.size)
 
 
-def stands_still(m: MeasuredTrial) -> NDArray[np.bool_]:
+def is_standing_still(m: MeasuredTrial) -> NDArray[np.bool_]:
     """Whether each encoder stands still at the end of the record."""
-    return np.asarray(np.ptp(m.change_rad[end_of(m)], axis=0) < STILL_RAD)
+    return np.asarray(np.ptp(m.change_rad[select_last_samples(m)], axis=0) < STILL_RAD)
 
 
-def at_rest_again(m: MeasuredTrial) -> NDArray[np.bool_]:
+def is_at_rest_again(m: MeasuredTrial) -> NDArray[np.bool_]:
     """Whether each encoder stands still where it began."""
-    return stands_still(m) & (np.abs(m.change_rad[end_of(m)].mean(axis=0)) < np.array(RETURNS_RAD))
+    return is_standing_still(m) & (np.abs(m.change_rad[select_last_samples(m)].mean(axis=0)) < np.array(RETURNS_RAD))
 
 
-@finds(
+@register_kinds(
     {"encoder return": "Check signal level and largest count rate of the encoder, then record again."},
     spoils=CURVES,
 )
-def encoder_return(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
+def find_encoder_returns(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
     """Encoders that do not read at the end of the record what they read before the stroke, though the stroke is over.
 
     Conventions: rad, changes since rest; the last 50 ms of the record. Named is an encoder that reads something else
     and stands still, or goes on at the rate that led there, while the model or the two others are back at rest.
     Stated from 3, 5 and 1.5 mrad.
     """
-    end = m.change_rad[end_of(m)].mean(axis=0)
-    still, back = stands_still(m), at_rest_again(m)
+    end = m.change_rad[select_last_samples(m)].mean(axis=0)
+    still, back = is_standing_still(m), is_at_rest_again(m)
     known = np.isfinite(p.angle_rad[:, 0])
     if not known.any():
         return []
@@ -290,7 +298,7 @@ def encoder_return(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]
         abs(float(p.change_rad(name)[last])) < limit for name, limit in zip(ENCODER_CHANNELS, RETURNS_RAD, strict=True)
     )
     over = model_back or int(back.sum()) == 2
-    rate = np.polyfit(m.time_s[end_of(m)], m.change_rad[end_of(m)], 1)[0]
+    rate = np.polyfit(m.time_s[select_last_samples(m)], m.change_rad[select_last_samples(m)], 1)[0]
     out = []
     for i, name in enumerate(ENCODER_CHANNELS):
         if not over or back[i] or abs(end[i]) < RETURNS_RAD[i]:
@@ -317,8 +325,8 @@ LOWEST = 6  # below, a sector is so narrow that wrong decoding leaves it empty
 PASSES = 4
 
 
-@finds({"stuck bit": "Check cable and counter of the encoder, then record again."}, spoils=CURVES)
-def stuck_bits(m: MeasuredTrial) -> list[SessionFinding]:
+@register_kinds({"stuck bit": "Check cable and counter of the encoder, then record again."}, spoils=CURVES)
+def find_stuck_bits(m: MeasuredTrial) -> list[SessionFinding]:
     """Bits of each encoder's counter that never change.
 
     Conventions: counts since rest modulo twice the bit's weight, in sixteen sectors. A turning encoder fills all of
@@ -347,8 +355,10 @@ def stuck_bits(m: MeasuredTrial) -> list[SessionFinding]:
 LIFT_LATE_M = 0.15e-3  # as stated, which is some 70 % of the true lift
 
 
-@finds({"capstan gap": ""})
-def capstan_gaps(by_trial: Mapping[int, Sequence[KeyLift]], release_s: Mapping[int, float]) -> list[SessionFinding]:
+@register_kinds({"capstan gap": ""})
+def find_capstan_gaps(
+    by_trial: Mapping[int, Sequence[KeyLift]], release_s: Mapping[int, float]
+) -> list[SessionFinding]:
     """The largest disagreement of key and whippen of each trial that has one (`validation.events.key_lift`).
 
     After the release the model's timing tells large ones only.

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from validation.conventions import FILM_CHANNELS, WHIPPEN, Array
-from validation.events.miswired_encoders import best_wiring
-from validation.findings.finding import CURVES, SessionFinding, finds
+from validation.events.miswired_encoders import find_best_wiring
+from validation.findings.finding import CURVES, SessionFinding, register_kinds
 from validation.measurement.force_correction import correlation_inflation
 from validation.measurement.trial import FilmAngles, MeasuredTrial
 from validation.prediction.predict_session import PredictedAngles
@@ -17,24 +17,24 @@ SIGMAS = 5.0
 MOVES = 0.02  # of the largest speed: a frame in which the whippen moves tells the clock
 
 
-@finds(
+@register_kinds(
     {
         "film time offset": "Check trigger frame, exposure and delay of the camera.",
         "film time drift": "Check the camera's rate and look for lost frames.",
     },
     spoils=CURVES,
 )
-def camera_clock(m: MeasuredTrial) -> list[SessionFinding]:
+def check_camera_clock(m: MeasuredTrial) -> list[SessionFinding]:
     """Film times against the DAQ clock, by the whippen that both film and encoder see."""
     film = m.film
     if film is None or film.whippen_rad is None:
         return []
-    return clock_runs_away(m, film, film.whippen_rad) or clock_is_off(m, film, film.whippen_rad)
+    return find_clock_drift(m, film, film.whippen_rad) or find_clock_offset(m, film, film.whippen_rad)
 
 
-def clock_is_off(m: MeasuredTrial, film: FilmAngles, whippen_rad: Array) -> list[SessionFinding]:
+def find_clock_offset(m: MeasuredTrial, film: FilmAngles, whippen_rad: Array) -> list[SessionFinding]:
     """Frame times that are early or late all along."""
-    offset, u = clock_offset(film.time_s, whippen_rad, m.time_s, m.change_rad[:, WHIPPEN])
+    offset, u = estimate_clock_offset(film.time_s, whippen_rad, m.time_s, m.change_rad[:, WHIPPEN])
     limit = max(CLOCK_S, 3 * float(np.hypot(u, film.u_time_s)))
     if not abs(offset) > limit:
         return []
@@ -46,7 +46,7 @@ def clock_is_off(m: MeasuredTrial, film: FilmAngles, whippen_rad: Array) -> list
     return [SessionFinding("film time offset", m.number, "film", offset, limit, text)]
 
 
-def clock_runs_away(m: MeasuredTrial, film: FilmAngles, whippen_rad: Array) -> list[SessionFinding]:
+def find_clock_drift(m: MeasuredTrial, film: FilmAngles, whippen_rad: Array) -> list[SessionFinding]:
     """Frame times that lose or gain against the DAQ clock while the whippen moves.
 
     Between two motions nothing tells a wrong rate from lost frames: both are named. Detectable from 0.3 ms.
@@ -63,7 +63,7 @@ def clock_runs_away(m: MeasuredTrial, film: FilmAngles, whippen_rad: Array) -> l
     found = []
     for low, high in parts:
         here = (film.time_s > low) & (film.time_s <= high)
-        found.append(clock_offset(film.time_s[here], whippen_rad[here], m.time_s, encoder))
+        found.append(estimate_clock_offset(film.time_s[here], whippen_rad[here], m.time_s, encoder))
     (early, u_early), (late, u_late) = found
     by, u = late - early, float(np.hypot(u_early, u_late))
     limit = max(RUNS_AWAY_S, SIGMAS * u)
@@ -83,7 +83,7 @@ def clock_runs_away(m: MeasuredTrial, film: FilmAngles, whippen_rad: Array) -> l
     return [SessionFinding("film time drift", m.number, "film", by, limit, text)]
 
 
-def clock_offset(film_s: Array, film_rad: Array, time_s: Array, angle_rad: Array) -> tuple[float, float]:
+def estimate_clock_offset(film_s: Array, film_rad: Array, time_s: Array, angle_rad: Array) -> tuple[float, float]:
     """Delay of a film's clock against the encoder's, s, positive when frame times are late, and its uncertainty.
 
     Least squares of delay, zero and scale by Gauss–Newton; the uncertainty takes neighbouring residuals for dependent.
@@ -113,7 +113,7 @@ FEWEST_FRAMES = 20
 SCALES_MAY = 0.05  # also what a late film does to the regression
 
 
-@finds(
+@register_kinds(
     {
         "film mirrored": "Mirror the film and track it again.",
         "film bodies swapped": "Correct the names of the outlines and track the film again.",
@@ -121,7 +121,7 @@ SCALES_MAY = 0.05  # also what a late film does to the regression
         "film travel difference": "Check the scale of the whippen's encoder and of the film.",
     }
 )
-def film_wiring(m: MeasuredTrial, p: PredictedAngles, *, whippen_sound: bool) -> list[SessionFinding]:
+def find_miswired_film(m: MeasuredTrial, p: PredictedAngles, *, whippen_sound: bool) -> list[SessionFinding]:
     """Bodies of a film that turn the wrong way round or stand in each other's place, or move by another scale.
 
     The whippen is compared where its encoder is sound.
@@ -133,10 +133,10 @@ def film_wiring(m: MeasuredTrial, p: PredictedAngles, *, whippen_sound: bool) ->
     film = m.film
     if film is None:
         return []
-    whippen = _regression(m) if whippen_sound else float("nan")
+    whippen = _fit_whippen_slope(m) if whippen_sound else float("nan")
     measured = np.column_stack([film.change_rad[name] for name in FILM_CHANNELS])
     expected = np.column_stack([p.change_at(name, film.time_s) for name in FILM_CHANNELS])
-    wrong = {FILM_CHANNELS[w.place]: w for w in best_wiring(measured, expected)}
+    wrong = {FILM_CHANNELS[w.place]: w for w in find_best_wiring(measured, expected)}
     swapped = {name: FILM_CHANNELS[w.source] for name, w in wrong.items() if w.source != w.place}
     turned = [name for name, w in wrong.items() if w.reversed]
     out = []
@@ -163,7 +163,7 @@ def film_wiring(m: MeasuredTrial, p: PredictedAngles, *, whippen_sound: bool) ->
     return out
 
 
-def _regression(m: MeasuredTrial) -> float:
+def _fit_whippen_slope(m: MeasuredTrial) -> float:
     """Slope of the film's whippen on the encoder's; NaN where the film does not show it."""
     film = m.film
     if film is None or film.whippen_rad is None:

@@ -1,8 +1,8 @@
 """All findings of a session: the fifth stage of a comparison.
 
-A check stands in its subject's file, entered by `finding.finds`; only what needs a prediction or other findings is
-called here. Order: what makes a channel no measurement comes first, and explains what follows from it. One sound trial
-of median peak force stands for all where many runs of the model are needed.
+A check stands in its subject's file, entered by `finding.register_kinds`; only what needs a prediction or other
+findings is called here. Order: what makes a channel no measurement comes first, and explains what follows from it. One
+sound trial of median peak force stands for all where many runs of the model are needed.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from dataclasses import dataclass, replace
 
 from validation.events.session_events import SessionEvents
 from validation.findings.encoders import (
-    capstan_gaps,
-    encoder_return,
-    encoder_travel,
+    find_capstan_gaps,
+    find_encoder_returns,
     find_miswired_encoders,
     find_motionless_encoders,
-    stuck_bits,
-    travel_of,
+    find_stuck_bits,
+    find_travel_differences,
+    measure_travel,
 )
-from validation.findings.film import camera_clock, film_wiring
+from validation.findings.film import check_camera_clock, find_miswired_film
 from validation.findings.finding import (
     BLOW,
     CHANNEL,
@@ -32,29 +32,29 @@ from validation.findings.finding import (
     PREDICTION,
     Kind,
     SessionFinding,
-    sound_trials,
+    select_sound_trials,
 )
-from validation.findings.force import force_delay, force_drift, force_lag, force_sign_and_unit
-from validation.findings.force_spikes import like_trials, unanswered_spikes
-from validation.findings.let_off_and_check import check_difference_m, let_off_and_check, let_off_way_m
+from validation.findings.force import estimate_force_lag, find_force_drift, find_force_factor, find_force_lags
+from validation.findings.force_spikes import align_like_trials, find_unanswered_spikes
+from validation.findings.let_off_and_check import compare_check_height, compare_let_off, find_let_off_and_check
 from validation.findings.outlying_trials import (
-    changed_condition,
+    estimate_force_effect,
+    find_changed_condition,
+    find_outlying_residuals,
     find_outlying_trials,
-    force_reach,
-    outlying_residuals,
-    residuals_of,
+    make_residuals,
 )
-from validation.findings.readings import NO_REST, encoder_readings, force_stands_still, starts_at_rest
-from validation.findings.stroke_kinds import mixed_strokes, stroke_kinds, strokes_of_their_own
-from validation.findings.trial_records import short_records, unused_trials
-from validation.findings.unusable import UnusableData, unusable_data, unusable_pairs
+from validation.findings.readings import NO_REST, find_encoder_faults, find_force_standstill, find_missing_rest
+from validation.findings.stroke_kinds import find_mixed_strokes, find_single_strokes, group_strokes
+from validation.findings.trial_records import find_short_records, find_unused_trials
+from validation.findings.unusable import UnusableData, list_unusable_data, list_unusable_pairs
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession
 from validation.scores.score_session import ScoredSession
 
 
-def urgent_first() -> dict[str, Kind]:
+def order_kinds() -> dict[str, Kind]:
     """Every kind of finding, those that spoil most first; of the rest, those of several conditions."""
     order = (CHANNEL, CURVES, BLOW, PREDICTION, "")
     return dict(sorted(KINDS.items(), key=lambda item: (order.index(item[1].spoils), item[0] not in CONDITIONS)))
@@ -71,7 +71,7 @@ class SessionFindings:
     @property
     def unusable(self) -> tuple[UnusableData, ...]:
         """Trials and channels that neither the verdict nor a pooled figure may rest on."""
-        return unusable_data(self.faults)
+        return list_unusable_data(self.faults)
 
     @property
     def trials_without_rest(self) -> frozenset[int]:
@@ -81,7 +81,7 @@ class SessionFindings:
     @property
     def left_out(self) -> frozenset[tuple[int, str]]:
         """The same by trial and curve, of encoders and film."""
-        return unusable_pairs(self.unusable)
+        return list_unusable_pairs(self.unusable)
 
 
 def find_faults(
@@ -92,77 +92,79 @@ def find_faults(
 ) -> SessionFindings:
     """Faults of the session, wiring first."""
     trials = predicted.trials
-    found = unused_trials(predicted.refused) + [f for check in OF_TRIALS for f in check(trials)]
-    found += [f for m in trials for f in starts_at_rest(m, tested.geometry_at(m.force.preload_n))]
+    found = find_unused_trials(predicted.refused) + [f for check in OF_TRIALS for f in check(trials)]
+    found += [f for m in trials for f in find_missing_rest(m, tested.geometry_at(m.force.preload_n))]
     begun = {f.trial for f in found if f.kind == NO_REST}
     if begun:  # nothing that follows holds of them
         kept = tuple(m.number for m in trials if m.number not in begun)
-        predicted, events, scored = _only(kept, predicted, events, scored)
+        predicted, events, scored = _select_trials(kept, predicted, events, scored)
         trials = predicted.trials
     if not trials:
         return SessionFindings(tuple(found))
-    found += _single_trials(predicted, events, tested)
-    travel = _travel(predicted, events, tested, found)
-    found += travel + _let_off_and_check(predicted, events, tested, [*found, *travel])
+    found += _check_single_trials(predicted, events, tested)
+    travel = _check_travel(predicted, events, tested, found)
+    found += travel + _check_let_off_and_check(predicted, events, tested, [*found, *travel])
     wrong = {number for f in found if f.channel == "force" and KINDS[f.kind].spoils for number in f.numbers}
     with_force = [m for m in trials if m.has_force]
     sound_force = [m for m in with_force if m.number not in wrong] or with_force
-    kinds = stroke_kinds(sound_force)
-    found += mixed_strokes(sound_force, kinds) + strokes_of_their_own(sound_force, kinds)
-    found += _capstan_gaps(events, found)
+    kinds = group_strokes(sound_force)
+    found += find_mixed_strokes(sound_force, kinds) + find_single_strokes(sound_force, kinds)
+    found += _check_capstan(events, found)
     conditions: list[tuple[int, ...]] = []
     for numbers in kinds:
-        of_kind = _only(numbers, predicted, events, scored)
-        found += short_records(of_kind[0].trials)
-        unlike, parts = _unlike_others(*of_kind, tested, found)
+        of_kind = _select_trials(numbers, predicted, events, scored)
+        found += find_short_records(of_kind[0].trials)
+        unlike, parts = _split_conditions(*of_kind, tested, found)
         found += unlike
         conditions += parts
-    return SessionFindings(tuple(found), _several(kinds), _several(conditions))
+    return SessionFindings(tuple(found), _select_several(kinds), _select_several(conditions))
 
 
-def _several(groups: Sequence[tuple[int, ...]]) -> tuple[tuple[int, ...], ...]:
+def _select_several(groups: Sequence[tuple[int, ...]]) -> tuple[tuple[int, ...], ...]:
     """Groups of more than one trial, where there are several; of one trial each where all are so."""
     of_many = tuple(group for group in groups if len(group) > 1) or tuple(groups)
     return of_many if len(of_many) > 1 else ()
 
 
-def _single_trials(predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest) -> list[SessionFinding]:
+def _check_single_trials(
+    predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest
+) -> list[SessionFinding]:
     """Checks of one trial alone; a wrong force makes the prediction useless for the others."""
     found: list[SessionFinding] = []
     lags = {}
     bottom_s = {number: named["key_bottom"].value for number, named in events.trial.items()}
-    kinds = stroke_kinds([m for m in predicted.trials if m.has_force])
+    kinds = group_strokes([m for m in predicted.trials if m.has_force])
     for m in predicted.trials:
         p = predicted.predictions[m.number].model
         release = events.trial[m.number]["key_release"]
         until = release.value if release.status != "absent" else float(m.time_s[-1])
-        wrong = force_sign_and_unit(tested, m, p, until)
-        forces = wrong or force_drift(m)
-        forces = forces + force_stands_still(m)
-        readings = encoder_readings(m, p)
-        encoders = [*readings, *_keep_other_channels(stuck_bits(m), readings)]
+        wrong = find_force_factor(tested, m, p, until)
+        forces = wrong or find_force_drift(m)
+        forces = forces + find_force_standstill(m)
+        readings = find_encoder_faults(m, p)
+        encoders = [*readings, *_keep_other_channels(find_stuck_bits(m), readings)]
         if not wrong:
-            others = find_miswired_encoders(m, p) + find_motionless_encoders(m, p) + encoder_return(m, p)
+            others = find_miswired_encoders(m, p) + find_motionless_encoders(m, p) + find_encoder_returns(m, p)
             encoders += _keep_other_channels(others, readings)
         sound = not any(f.channel in ("whippen", "") for f in encoders)
-        films = film_wiring(m, p, whippen_sound=sound)
-        films += camera_clock(m) if sound and not films else []
+        films = find_miswired_film(m, p, whippen_sound=sound)
+        films += check_camera_clock(m) if sound and not films else []
         if not forces and not any(f.channel in ("key", "whippen", "") for f in encoders):
             kind = next((kind for kind in kinds if m.number in kind), ())
             same = [(o, predicted.predictions[o.number].model) for o in predicted.trials if o.number in kind]
-            forces = unanswered_spikes(tested, m, p, until, like_trials(m, same, bottom_s))
+            forces = find_unanswered_spikes(tested, m, p, until, align_like_trials(m, same, bottom_s))
         if not forces and not any(f.channel in ("key", "") for f in encoders):
-            lags[m.number] = force_lag(m, p)
+            lags[m.number] = estimate_force_lag(m, p)
         found += [f for check in OF_TRIAL for f in check(m)] + forces + encoders + films
-    return found + force_delay(lags)
+    return found + find_force_lags(lags)
 
 
-def _travel(
+def _check_travel(
     predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest, found: Sequence[SessionFinding]
 ) -> list[SessionFinding]:
     """Travel of the encoders between the stops, of those that nothing else is said of."""
     travels = {
-        m.number: travel_of(
+        m.number: measure_travel(
             m,
             predicted.predictions[m.number].model,
             events.model[m.number],
@@ -171,25 +173,25 @@ def _travel(
         for m in predicted.trials
         if not any(m.number in f.numbers and KINDS[f.kind].spoils == PREDICTION for f in found)
     }
-    return encoder_travel(travels, _explained(found))
+    return find_travel_differences(travels, _list_explained(found))
 
 
-def _let_off_and_check(
+def _check_let_off_and_check(
     predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest, found: Sequence[SessionFinding]
 ) -> list[SessionFinding]:
     """Let-off and check, of the trials without a fault of an encoder or of the force; a scale explains both."""
     if any(f.kind == "travel difference" and f.channel == "hammer" for f in found):
         return []
     let_off, check = {}, {}
-    for m in sound_trials(predicted.trials, found):
+    for m in select_sound_trials(predicted.trials, found):
         own, model = events.trial[m.number], events.model[m.number]
         p = predicted.predictions[m.number].model
-        let_off[m.number] = let_off_way_m(m, p, own, model, tested.geometry_at(m.force.preload_n))
-        check[m.number] = check_difference_m(own, model)
-    return let_off_and_check(let_off, check)
+        let_off[m.number] = compare_let_off(m, p, own, model, tested.geometry_at(m.force.preload_n))
+        check[m.number] = compare_check_height(own, model)
+    return find_let_off_and_check(let_off, check)
 
 
-def _only(
+def _select_trials(
     numbers: Sequence[int], predicted: PredictedSession, events: SessionEvents, scored: ScoredSession
 ) -> tuple[PredictedSession, SessionEvents, ScoredSession]:
     """The same of some trials."""
@@ -201,12 +203,12 @@ def _only(
     )
 
 
-def _explained(found: Sequence[SessionFinding]) -> set[tuple[int, str]]:
+def _list_explained(found: Sequence[SessionFinding]) -> set[tuple[int, str]]:
     """Trials and channels of which something is said that spoils them, or that is said of one trial alone."""
     return {(n, f.channel) for f in found if KINDS[f.kind].spoils or len(f.numbers) == 1 for n in f.numbers}
 
 
-def _unlike_others(
+def _split_conditions(
     predicted: PredictedSession,
     events: SessionEvents,
     scored: ScoredSession,
@@ -219,21 +221,21 @@ def _unlike_others(
     the trials that stand out.
     """
     numbers = tuple(m.number for m in predicted.trials)
-    change, odd = _change(predicted, events, tested, found), []
+    change, odd = _find_change(predicted, events, tested, found), []
     if not change:
-        odd = _outlying(predicted, events, scored, tested, found)
-        change = _change(predicted, events, tested, [*found, *odd]) if odd else []
+        odd = _find_outlying(predicted, events, scored, tested, found)
+        change = _find_change(predicted, events, tested, [*found, *odd]) if odd else []
     if not change:
         return odd, [numbers]
     first, out, parts = int(change[0].trial), list(change), []
     for part in (tuple(n for n in numbers if n < first), tuple(n for n in numbers if n >= first)):
-        unlike, own = _unlike_others(*_only(part, predicted, events, scored), tested, found)
+        unlike, own = _split_conditions(*_select_trials(part, predicted, events, scored), tested, found)
         out += unlike
         parts += own
     return out, parts
 
 
-def _outlying(
+def _find_outlying(
     predicted: PredictedSession,
     events: SessionEvents,
     scored: ScoredSession,
@@ -246,28 +248,28 @@ def _outlying(
     until = min(release, default=events.window.end_s)
 
     def reach(number: int) -> float:
-        return force_reach(tested, by_number[number], events.window.start_s, until)
+        return estimate_force_effect(tested, by_number[number], events.window.start_s, until)
 
     traces = scored.traces
     odd = find_outlying_trials(
-        traces.base_s, traces.encoder, predicted.trials, events.trial, _explained(found), reach, until
+        traces.base_s, traces.encoder, predicted.trials, events.trial, _list_explained(found), reach, until
     )
-    sound: list[MeasuredTrial] = sound_trials(predicted.trials, [*found, *odd])
-    by_model = outlying_residuals(tested, {m.number: m for m in sound}, residuals_of(predicted, events, sound))
+    sound: list[MeasuredTrial] = select_sound_trials(predicted.trials, [*found, *odd])
+    by_model = find_outlying_residuals(tested, {m.number: m for m in sound}, make_residuals(predicted, events, sound))
     lifted = {f.trial for f in found if f.kind == "capstan gap"}  # which explains it
     return odd + [f for f in by_model if f.trial not in lifted]
 
 
-def _change(
+def _find_change(
     predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest, found: Sequence[SessionFinding]
 ) -> list[SessionFinding]:
     """The trial from which the difference from the model is another one, if there is one."""
-    sound = sound_trials(predicted.trials, found)
+    sound = select_sound_trials(predicted.trials, found)
     by_number = {m.number: m for m in sound}
-    return changed_condition(tested, by_number, residuals_of(predicted, events, sound))
+    return find_changed_condition(tested, by_number, make_residuals(predicted, events, sound))
 
 
-def _capstan_gaps(events: SessionEvents, found: Sequence[SessionFinding]) -> list[SessionFinding]:
+def _check_capstan(events: SessionEvents, found: Sequence[SessionFinding]) -> list[SessionFinding]:
     """Disagreements of key and whippen, where nothing else is said of what they or the force read."""
     travel = any(f.kind == "travel difference" and f.channel != "hammer" for f in found)
     if travel or any(f.kind in ("let-off", "force lag") for f in found):
@@ -280,7 +282,7 @@ def _capstan_gaps(events: SessionEvents, found: Sequence[SessionFinding]) -> lis
         or KINDS[f.kind].spoils in (CHANNEL, PREDICTION)
     }
     release = {number: e["key_release"].value for number, e in events.trial.items()}
-    return capstan_gaps({number: x for number, x in events.lifts.items() if number not in broken}, release)
+    return find_capstan_gaps({number: x for number, x in events.lifts.items() if number not in broken}, release)
 
 
 def _keep_other_channels(found: Sequence[SessionFinding], before: Sequence[SessionFinding]) -> list[SessionFinding]:

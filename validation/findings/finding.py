@@ -55,7 +55,7 @@ KINDS = {
     "force level": Kind(PREDICTION, "Zero the load cell, check its mounting; loosen nothing in the action for this."),
 }
 """Every kind of finding: what is seen, and causes that the search names among those it compared. Those above are of the
-search (`validation.infer.causes`); the checks of this folder enter theirs by `finds`."""
+search (`validation.infer.causes`); the checks of this folder enter theirs by `register_kinds`."""
 Check = TypeVar("Check", bound=Callable[..., Any])
 OF_TRIAL: list[Callable[[MeasuredTrial], list[SessionFinding]]] = []
 OF_TRIALS: list[Callable[[Sequence[MeasuredTrial]], list[SessionFinding]]] = []
@@ -63,7 +63,7 @@ OF_TRIALS: list[Callable[[Sequence[MeasuredTrial]], list[SessionFinding]]] = []
 `validation.findings.find_faults` asks them before all others, which depend on each other and which it calls by name."""
 
 
-def finds(
+def register_kinds(
     kinds: Mapping[str, str], spoils: str = "", among: list[Callable[[Any], list[SessionFinding]]] | None = None
 ) -> Callable[[Check], Check]:
     """Enter the kinds that a check finds, with what is to be done about each and what all of them spoil, and the check
@@ -81,7 +81,7 @@ def finds(
     return entered
 
 
-def finding_of(kind: str, channel: str, by_trial: Mapping[int, float], limit: float, text: str) -> SessionFinding:
+def make_finding(kind: str, channel: str, by_trial: Mapping[int, float], limit: float, text: str) -> SessionFinding:
     """One finding of all trials in ``by_trial``, with the mean of their values."""
     numbers = tuple(sorted(by_trial))
     mean = float(np.mean([by_trial[number] for number in numbers]))
@@ -129,7 +129,7 @@ def select_counted(trials: Mapping[int, T], channel: str, without: LeftOut) -> d
     return {number: x for number, x in trials.items() if (number, channel) not in without}
 
 
-def counting_events(events: Mapping[int, dict[str, Event]], without: LeftOut) -> dict[int, dict[str, Event]]:
+def select_counted_events(events: Mapping[int, dict[str, Event]], without: LeftOut) -> dict[int, dict[str, Event]]:
     """The events of each trial that count: those of which every encoder they are read from is sound."""
     return {
         number: {
@@ -150,7 +150,7 @@ def describe_left_out(numbers: Collection[int], channel: str, without: LeftOut) 
     return f"{len(numbers) - len(missing)} of {len(numbers)}: {which} left out"
 
 
-def sound_trials(
+def select_sound_trials(
     trials: Sequence[MeasuredTrial], findings: Iterable[SessionFinding], but: str = ""
 ) -> list[MeasuredTrial]:
     """Trials without a fault that spoils the comparison of one trial with the model; one kind may be let pass."""

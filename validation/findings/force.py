@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 
 from model.errors import ModelError
 from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, KEY, Array
-from validation.findings.encoders import at_rest_again, end_of
+from validation.findings.encoders import is_at_rest_again, select_last_samples
 from validation.findings.finding import (
     OF_TRIAL,
     PREDICTION,
     SessionFinding,
-    finding_of,
-    finds,
+    make_finding,
     name_trials,
+    register_kinds,
     uncertainty_of_mean,
 )
-from validation.findings.readings import jumps_after
+from validation.findings.readings import is_followed_by_jump
 from validation.measurement.force_correction import correlation_inflation
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
@@ -32,7 +32,7 @@ from validation.prediction.predict_session import PredictedAngles
 HUM_N = 0.1
 
 
-@finds({"hum": "Check shield and ground of the load cell."}, among=OF_TRIAL)
+@register_kinds({"hum": "Check shield and ground of the load cell."}, among=OF_TRIAL)
 def find_mains_hum(m: MeasuredTrial) -> list[SessionFinding]:
     """Mains hum that was subtracted and is large enough to look for its cause."""
     fit = m.force.hum
@@ -51,12 +51,12 @@ FEWEST_FLAT, FEWEST_EQUAL = 5, 3
 COARSE = 0.05
 
 
-@finds(
+@register_kinds(
     {"force saturation": "Widen the range of the force channel and record again."},
     spoils=PREDICTION,
     among=OF_TRIAL,
 )
-def force_saturation(m: MeasuredTrial) -> list[SessionFinding]:
+def find_force_saturation(m: MeasuredTrial) -> list[SessionFinding]:
     """A plateau at the largest or the smallest reading.
 
     Conventions: raw readings, N. A plateau is three equal readings in a row at the largest or smallest value, or five
@@ -72,12 +72,12 @@ def force_saturation(m: MeasuredTrial) -> list[SessionFinding]:
     fine = float(np.mean(steps == 0)) < COARSE
     for sign, words in ((1.0, "largest"), (-1.0, "smallest")):
         most = float((sign * force).max())
-        start, length = _longest_run(sign * force > most - FLAT * noise)
+        start, length = _find_longest_run(sign * force > most - FLAT * noise)
         fewest = FEWEST_FLAT
         if length < fewest and fine:
-            start, length = _longest_run(sign * force == most)
+            start, length = _find_longest_run(sign * force == most)
             fewest = FEWEST_EQUAL
-        if length < fewest or jumps_after(m, start + length - 1):
+        if length < fewest or is_followed_by_jump(m, start + length - 1):
             continue
         text = (
             f"trial {m.number}: force: {length} readings in a row stay at the {words} value {sign * most:.2f} N from "
@@ -88,7 +88,7 @@ def force_saturation(m: MeasuredTrial) -> list[SessionFinding]:
     return []
 
 
-def _longest_run(flat: NDArray[np.bool_]) -> tuple[int, int]:
+def _find_longest_run(flat: NDArray[np.bool_]) -> tuple[int, int]:
     """Start and length of the longest run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flat.astype(np.int8), [0]])))
     if not edges.size:
@@ -119,14 +119,14 @@ FACTORS = {
 }
 
 
-@finds(
+@register_kinds(
     {
         "reversed force": "Turn the sign of the load cell in the rig file and record again.",
         "force factor": "Check unit and sensitivity of the load cell in the rig file.",
     },
     spoils=PREDICTION,
 )
-def force_sign_and_unit(
+def find_force_factor(
     tested: ModelUnderTest, m: MeasuredTrial, p: PredictedAngles, until_s: float
 ) -> list[SessionFinding]:
     """The factor on the force that explains why the model does not move as the trial does; known results are reused.
@@ -145,34 +145,34 @@ def force_sign_and_unit(
     size = np.sqrt(np.mean(m.change_rad[known] ** 2, axis=0))
     if not np.all(size > 0):
         return []
-    errors = _errors(expected[known], m.change_rad[known], size)
+    errors = _compute_errors(expected[known], m.change_rad[known], size)
     if errors.max() < MISSED:
         return []
     force = m.force
     found = tested.store.value(
         "force sign and unit",
         (tested.identity, m.number, force.time_s, force.force_n, force.preload_n, m.time_s, m.change_rad, until_s),
-        lambda: [asdict(f) for f in _search(tested, m, expected[known], known)],
+        lambda: [asdict(f) for f in _search_factors(tested, m, expected[known], known)],
     )
     return [SessionFinding(**f) for f in found]
 
 
-def _errors(expected: Array, trial: Array, size: Array) -> Array:
+def _compute_errors(expected: Array, trial: Array, size: Array) -> Array:
     return np.asarray(np.sqrt(np.mean((expected - trial) ** 2, axis=0)) / size)
 
 
-def _furthest(change: Array) -> Array:
+def _find_furthest(change: Array) -> Array:
     """Change of each body where it is furthest from rest, with its sign."""
     return np.asarray(np.take_along_axis(change, np.abs(change).argmax(axis=0)[None], axis=0)[0])
 
 
-def _search(
+def _search_factors(
     tested: ModelUnderTest, m: MeasuredTrial, expected: Array, inside: NDArray[np.bool_]
 ) -> list[SessionFinding]:
     force, trial = m.force, m.change_rad[inside]
     size = np.sqrt(np.mean(trial**2, axis=0))
-    errors = _errors(expected, trial, size)
-    far = _furthest(trial)
+    errors = _compute_errors(expected, trial, size)
+    far = _find_furthest(trial)
     still = bool((expected[:, 0] * np.sign(far[0])).max() < HARDLY * abs(far[0]))
     rest = tested.load(force.preload_n).rest
     left: dict[float, float] = {}
@@ -194,10 +194,10 @@ def _search(
             continue
         change = np.asarray(run.angle_rad, dtype=float) - np.asarray(rest.angle_rad, dtype=float)
         change = change[:, ENCODER_BODIES]
-        by_body = _errors(change, trial, size)
+        by_body = _compute_errors(change, trial, size)
         explains = bool(np.all(by_body < np.minimum(LEAVES * errors, STILL_MISSES)))
         if still and (factor < 0 or factor >= GROSS):
-            explains |= bool(np.all(np.abs(_furthest(change) / far - 1)[:2] < TRAVEL) and np.all(by_body < errors))
+            explains |= bool(np.all(np.abs(_find_furthest(change) / far - 1)[:2] < TRAVEL) and np.all(by_body < errors))
         if explains:
             left[factor] = float(np.sqrt(np.mean(by_body**2)))
     order = sorted(left, key=lambda factor: left[factor])
@@ -222,7 +222,7 @@ CLEAR, CLEAR_S = 0.85, 0.5e-3
 VISIBLE, VISIBLE_S = 0.5, 1.2e-3
 
 
-def force_lag(m: MeasuredTrial, p: PredictedAngles) -> tuple[float, float]:
+def estimate_force_lag(m: MeasuredTrial, p: PredictedAngles) -> tuple[float, float]:
     """Lag of the force behind the key's acceleration beyond the prediction's, s, and its limit; NaN if unclear."""
     step = float(np.median(np.diff(m.time_s)))
     force = np.interp(m.time_s, m.force.time_s, m.force.force_n)
@@ -230,8 +230,8 @@ def force_lag(m: MeasuredTrial, p: PredictedAngles) -> tuple[float, float]:
     known = np.isfinite(p.angle_rad[:, KEY])
     if 1 / step < 3 * BAND_HZ[1] or known.sum() < round(0.1 / step):
         return float("nan"), float("nan")
-    lag, clear = _lag(force[known], m.change_rad[known, 0], step)
-    lag_model, clear_model = _lag(force[known], expected[known], step)
+    lag, clear = _estimate_lag(force[known], m.change_rad[known, 0], step)
+    lag_model, clear_model = _estimate_lag(force[known], expected[known], step)
     if min(clear, clear_model) < VISIBLE:
         return float("nan"), float("nan")
     limit = CLEAR_S if clear > CLEAR else VISIBLE_S
@@ -241,9 +241,9 @@ def force_lag(m: MeasuredTrial, p: PredictedAngles) -> tuple[float, float]:
     return float(safe), limit
 
 
-def _lag(force: Array, key_rad: Array, step: float) -> tuple[float, float]:
+def _estimate_lag(force: Array, key_rad: Array, step: float) -> tuple[float, float]:
     """Lag of the best correlation and that correlation."""
-    a, f = band_passed(second_derivative(key_rad, step), step), band_passed(force, step)
+    a, f = filter_band(second_derivative(key_rad, step), step), filter_band(force, step)
     reach = round(LONGEST_S / step)
     inner = slice(2 * reach, a.size - 2 * reach)
     a0 = a[inner] - a[inner].mean()
@@ -265,16 +265,16 @@ def second_derivative(values: Array, step: float) -> Array:
     """Second derivative of the cubics fitted over `SMOOTH_S` around each sample (Savitzky and Golay 1964)."""
     half = max(round(SMOOTH_S / step / 2), 2)
     weights = 2.0 * np.linalg.pinv(np.vander(np.arange(-half, half + 1.0), 4, increasing=True))[2] / step**2
-    return np.convolve(_extended(values, half), weights[::-1], "valid")
+    return np.convolve(_extend(values, half), weights[::-1], "valid")
 
 
-def band_passed(values: Array, step: float) -> Array:
+def filter_band(values: Array, step: float) -> Array:
     """Values within `BAND_HZ`: Butterworth's second order there and back, so that nothing is delayed.
 
     By the transform: ``scipy.signal`` takes half a second to import.
     """
     pad = min(round(2.0 / BAND_HZ[0] / step), values.size - 1)
-    whole = _extended(values, pad)
+    whole = _extend(values, pad)
     tangent = np.tan(np.pi * np.fft.rfftfreq(whole.size)[1:])
     low, high = np.tan(np.pi * step * np.array(BAND_HZ))
     apart = (tangent**2 - low * high) / (tangent * (high - low))
@@ -282,14 +282,16 @@ def band_passed(values: Array, step: float) -> Array:
     return np.asarray(np.fft.irfft(gain * np.fft.rfft(whole), whole.size)[pad : pad + values.size])
 
 
-def _extended(values: Array, by: int) -> Array:
+def _extend(values: Array, by: int) -> Array:
     """Values with ``by`` more at either end, turned about the first and the last."""
     return np.pad(values, by, mode="reflect", reflect_type="odd")
 
 
-@finds({"force lag": "Measure the delay of the force channel against the encoders and state it in the rig file."})
-def force_delay(lags: Mapping[int, tuple[float, float]]) -> list[SessionFinding]:
-    """The lag of the force behind the key's acceleration, in the trials that have one; ``lags`` are of `force_lag`.
+@register_kinds(
+    {"force lag": "Measure the delay of the force channel against the encoders and state it in the rig file."}
+)
+def find_force_lags(lags: Mapping[int, tuple[float, float]]) -> list[SessionFinding]:
+    """The lag of the force behind the key's acceleration, in the trials that have one, by `estimate_force_lag`.
 
     Conventions: s, positive when the force comes late after the declared delay was taken off. The motor's own inertia
     makes force and acceleration rise together, whatever the friction; both are filtered alike, 30 to 400 Hz, and the
@@ -308,16 +310,16 @@ def force_delay(lags: Mapping[int, tuple[float, float]]) -> list[SessionFinding]
     beside = f"force: {name_trials(away, lags)} it lags the key's acceleration"
     stated = f"than in the model (limit {1e3 * limit:.1f} ms)"
     if np.ptp(list(away.values())) > limit:
-        each = ", ".join(f"{_ms(lag)} in trial {n}" for n, lag in sorted(away.items()))
+        each = ", ".join(f"{_format_ms(lag)} in trial {n}" for n, lag in sorted(away.items()))
         text = f"{beside} otherwise {stated}: {each}"
     else:
         u = uncertainty_of_mean(away.values())
-        text = f"{beside} by {_ms(float(np.mean(list(away.values()))))} {stated}"
+        text = f"{beside} by {_format_ms(float(np.mean(list(away.values()))))} {stated}"
         text += f", u {1e3 * u:.1g} ms" if np.isfinite(u) else ""
-    return [finding_of("force lag", "force", away, limit, text)]
+    return [make_finding("force lag", "force", away, limit, text)]
 
 
-def _ms(lag: float) -> str:
+def _format_ms(lag: float) -> str:
     return f"{1e3 * abs(lag):.1f} ms {'more' if lag > 0 else 'less'}"
 
 
@@ -325,18 +327,18 @@ RETURNS_N = 0.1
 SIGMAS = 5.0
 
 
-@finds(
+@register_kinds(
     {"force return": "Let the load cell warm up, check its cable and mounting; loosen nothing in the action for this."},
     spoils=PREDICTION,
 )
-def force_drift(m: MeasuredTrial) -> list[SessionFinding]:
+def find_force_drift(m: MeasuredTrial) -> list[SessionFinding]:
     """Force at rest after the stroke against the force at rest before it.
 
     Conventions: N; the reading after is the mean over the last 50 ms, in which two encoders must stand where they
     began. Detectable from 0.1 N, or five standard uncertainties of the two means. The force is not corrected.
     """
-    last = end_of(m)
-    if int(at_rest_again(m).sum()) < 2:
+    last = select_last_samples(m)
+    if int(is_at_rest_again(m).sum()) < 2:
         return []
     reading = m.force.force_n[last]
     u = float(reading.std(ddof=1) * np.sqrt(correlation_inflation(reading) / reading.size))

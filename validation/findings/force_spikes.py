@@ -17,8 +17,8 @@ from scipy.ndimage import median_filter
 
 from model.errors import ModelError
 from validation.conventions import BODIES, Array, rms
-from validation.events.encoder_readings import step_excess
-from validation.findings.finding import PREDICTION, SessionFinding, finds
+from validation.events.encoder_readings import measure_step_excess
+from validation.findings.finding import PREDICTION, SessionFinding, register_kinds
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedAngles
@@ -69,7 +69,7 @@ class Spike:
         return float(self.change_n[np.abs(self.change_n).argmax()])
 
 
-def candidate_spikes(m: MeasuredTrial) -> list[Spike]:
+def find_candidate_spikes(m: MeasuredTrial) -> list[Spike]:
     """Stretches, no longer than `LONGEST_S`, that leave the running median, or that two opposite jumps enclose.
 
     A jump is a step outside of the two steps before and the two after it, as of an encoder. What a spike changes is
@@ -79,8 +79,8 @@ def candidate_spikes(m: MeasuredTrial) -> list[Spike]:
     most = max(round(LONGEST_S / step_s), 1)
     excess = np.asarray(force - median_filter(force, 2 * max(round(0.5 * MEDIAN_S / step_s), 1) + 1, mode="nearest"))
     least = max(SIGMAS * m.force.noise_n, LEAST_N)
-    found = _stretches(excess, least, most)
-    jump, _ = step_excess(force, m.force.time_s, 0.0, m.quiet.stop)
+    found = _find_stretches(excess, least, most)
+    jump, _ = measure_step_excess(force, m.force.time_s, 0.0, m.quiet.stop)
     at = np.flatnonzero(np.abs(jump) > least)
     for before, after in zip(at, at[1:], strict=False):
         if jump[before] * jump[after] < 0.0 and after - before <= most:
@@ -90,7 +90,7 @@ def candidate_spikes(m: MeasuredTrial) -> list[Spike]:
     return found
 
 
-def _stretches(excess: Array, least: Array | float, most: int) -> list[Spike]:
+def _find_stretches(excess: Array, least: Array | float, most: int) -> list[Spike]:
     """Stretches of at most so many samples in which a force exceeds what is usual."""
     found = []
     for sign in (1.0, -1.0):
@@ -111,13 +111,13 @@ class LikeTrials:
     off: Array
 
 
-def difference_from_model(m: MeasuredTrial, p: PredictedAngles) -> Array:
+def subtract_model(m: MeasuredTrial, p: PredictedAngles) -> Array:
     """Key and whippen less the model's, counts, (n, 2)."""
     return np.column_stack([(m.change_rad[:, i] - p.change_rad(name)) / m.resolution_rad[i]
                             for i, name in enumerate(BOTH)])  # fmt: skip
 
 
-def like_trials(
+def align_like_trials(
     m: MeasuredTrial, others: Sequence[tuple[MeasuredTrial, PredictedAngles]], bottom_s: Mapping[int, float]
 ) -> LikeTrials | None:
     """Other trials on the times of one; None where they are fewer than `FEWEST_LIKE`, or a key reaches no bed."""
@@ -128,7 +128,7 @@ def like_trials(
     for other, p in there:
         later = bottom_s[other.number] - bottom_s[m.number]
         force.append(np.interp(m.force.time_s + later, other.force.time_s, other.force.force_n))
-        columns = difference_from_model(other, p).T
+        columns = subtract_model(other, p).T
         off.append([np.interp(m.time_s + later, other.time_s, c, left=np.nan, right=np.nan) for c in columns])
     return LikeTrials(np.array(force), np.swapaxes(np.array(off), 1, 2))
 
@@ -145,33 +145,33 @@ class _Suspect:
     by: str  # what ``missed`` is, in words
 
 
-def _suspects(m: MeasuredTrial, off: Array, like: LikeTrials | None) -> Iterator[_Suspect]:
+def _list_suspects(m: MeasuredTrial, off: Array, like: LikeTrials | None) -> Iterator[_Suspect]:
     """Spikes by the trial alone, then by other trials of the stroke."""
-    for spike in candidate_spikes(m):
-        before = _window(m, spike, -MISSED_S, 0.0)
-        missed = rms(_about_line(m.time_s[before], off[before])) if before.size > 2 else 0.0
-        part = _window(m, spike, -BEFORE_S, AFTER_S)
+    for spike in find_candidate_spikes(m):
+        before = _select_window(m, spike, -MISSED_S, 0.0)
+        missed = rms(_subtract_line(m.time_s[before], off[before])) if before.size > 2 else 0.0
+        part = _select_window(m, spike, -BEFORE_S, AFTER_S)
         yield _Suspect(spike, part, off[part], max(missed, ROUNDING), FEWEST_MISSES, "else miss the model by")
     if like is None:
         return
     usual_n, usual = np.median(like.force_n, axis=0), np.median(like.off, axis=0)
     scatter_n = np.abs(like.force_n - usual_n).max(axis=0)
     least = np.maximum(FEWEST_SCATTERS * scatter_n, max(SIGMAS * m.force.noise_n, LEAST_N))
-    for spike in _stretches(m.force.force_n - usual_n, least, round(LONGEST_UNLIKE_S / _step_s(m))):
-        part = _window(m, spike, -BEFORE_S, AFTER_S)
+    for spike in _find_stretches(m.force.force_n - usual_n, least, round(LONGEST_UNLIKE_S / _step_s(m))):
+        part = _select_window(m, spike, -BEFORE_S, AFTER_S)
         if part.size >= FEWEST:
-            scatter = rms([_about_line(m.time_s[part], one) for one in (like.off - usual)[:, part]])
+            scatter = rms([_subtract_line(m.time_s[part], one) for one in (like.off - usual)[:, part]])
             missed = max(scatter * float(np.sqrt(len(like.off) / (len(like.off) - 1))), ROUNDING)
             yield _Suspect(
                 spike, part, (off - usual)[part], missed, FEWEST_SCATTERS, "else differ from other trials by"
             )
 
 
-@finds(
+@register_kinds(
     {"unanswered force spike": "Check cable and amplifier of the load cell, and record the trial again."},
     spoils=PREDICTION,
 )
-def unanswered_spikes(
+def find_unanswered_spikes(
     tested: ModelUnderTest, m: MeasuredTrial, p: PredictedAngles, until_s: float, like: LikeTrials | None = None
 ) -> list[SessionFinding]:
     """The worst spike of the force that neither key nor whippen answers, until the release.
@@ -186,21 +186,21 @@ def unanswered_spikes(
     key_per_impulse = 0.5 * AFTER_S * tested.action["drive.point.x"] / tested.action["key.inertia"]
     predicted = np.column_stack([p.change_rad(name) for name in BOTH]) / m.resolution_rad[: len(BOTH)]
     asked = []
-    for one in _suspects(m, difference_from_model(m, p), like):
+    for one in _list_suspects(m, subtract_model(m, p), like):
         if one.part.size < FEWEST or m.time_s[one.part[-1]] > until_s or not np.isfinite(one.off).all():
             continue
         answer = key_per_impulse * _step_s(m) * abs(float(one.spike.change_n.sum())) / float(m.resolution_rad[0])
-        size = min(rms(_about_line(m.time_s[one.part], one.off)), LACKING[1] * answer)
+        size = min(rms(_subtract_line(m.time_s[one.part], one.off)), LACKING[1] * answer)
         if size >= one.limit * one.missed:
-            asked.append((answer / one.missed, _isolation(m.force.force_n, one.spike), one))
+            asked.append((answer / one.missed, _measure_isolation(m.force.force_n, one.spike), one))
     by_answer = sorted(asked, key=lambda row: row[0], reverse=True)[:MOST_RUN]
     by_isolation = sorted(asked, key=lambda row: row[1], reverse=True)[:MOST_RUN]
     found = []
     for *_, one in {id(row[2]): row for row in (*by_answer, *by_isolation)}.values():
-        without = _motion_without(tested, m, one.spike, one.part)
+        without = _simulate_without(tested, m, one.spike, one.part)
         if without is None:
             continue
-        answers, lacks = (_about_line(m.time_s[one.part], x) for x in (predicted[one.part] - without, -one.off))
+        answers, lacks = (_subtract_line(m.time_s[one.part], x) for x in (predicted[one.part] - without, -one.off))
         share = float((lacks * answers).sum() / max((answers**2).sum(), 1e-12))
         size, missed = share * rms(answers), max(one.missed, rms(lacks - share * answers))
         if LACKING[0] <= share <= LACKING[1] and size >= one.limit * missed:
@@ -222,7 +222,7 @@ def _step_s(m: MeasuredTrial) -> float:
     return float(np.median(np.diff(m.force.time_s)))
 
 
-def _window(m: MeasuredTrial, spike: Spike, after_s: float, until_s: float) -> NDArray[np.intp]:
+def _select_window(m: MeasuredTrial, spike: Spike, after_s: float, until_s: float) -> NDArray[np.intp]:
     """Samples of the encoders from a time after the begin of a spike to one after its begin, or after its end."""
     time = m.force.time_s
     last = spike.last if until_s > 0.0 else spike.first
@@ -230,14 +230,14 @@ def _window(m: MeasuredTrial, spike: Spike, after_s: float, until_s: float) -> N
     return np.arange(*np.searchsorted(m.time_s, ends))
 
 
-def _isolation(force_n: Array, spike: Spike) -> float:
+def _measure_isolation(force_n: Array, spike: Spike) -> float:
     """Size of a spike over the root mean square of the force's steps before and after it."""
     steps, reach = np.diff(force_n), 4 * spike.change_n.size
     beside = [steps[max(spike.first - 1 - reach, 0) : spike.first - 1], steps[spike.last + 1 : spike.last + 1 + reach]]
     return abs(spike.size_n) / max(float(np.sqrt(np.mean(np.concatenate(beside) ** 2))), 1e-12)
 
 
-def _motion_without(tested: ModelUnderTest, m: MeasuredTrial, spike: Spike, part: NDArray[np.intp]) -> Array | None:
+def _simulate_without(tested: ModelUnderTest, m: MeasuredTrial, spike: Spike, part: NDArray[np.intp]) -> Array | None:
     """The model's change of key and whippen, counts, (n, 2), when the spike is taken out; None where it cannot run."""
     until = int(np.searchsorted(m.force.time_s, m.time_s[part[-1]])) + 2
     time_s, force_n = m.force.time_s[:until], m.force.force_n[:until].copy()
@@ -260,7 +260,7 @@ def _motion_without(tested: ModelUnderTest, m: MeasuredTrial, spike: Spike, part
     return None if stored is None else np.asarray(stored)
 
 
-def _about_line(time_s: Array, values: Array) -> Array:
+def _subtract_line(time_s: Array, values: Array) -> Array:
     """Values (n, k) less the straight line through each column."""
     fitted = np.polyfit(time_s - time_s[0], values, 1)
     return np.asarray(values - np.outer(time_s - time_s[0], fitted[0]) - fitted[1])

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from validation.events.definitions import Event
-from validation.findings.finding import SessionFinding, finding_of, finds, name_trials, uncertainty_of_mean
+from validation.findings.finding import SessionFinding, make_finding, name_trials, register_kinds, uncertainty_of_mean
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.predict_session import PredictedAngles
@@ -27,7 +27,7 @@ CHECK_SPEED = 1.5
 CHECKED_WITHIN_M = 0.025  # a hammer held lower was not caught by the back check
 
 
-def let_off_way_m(
+def compare_let_off(
     m: MeasuredTrial,
     p: PredictedAngles,
     events: Mapping[str, Event],
@@ -43,13 +43,16 @@ def let_off_way_m(
         return float("nan"), float("nan")
     known = np.isfinite(p.angle_rad[:, 0])
     predicted = geometry.hammer_height_m(p.angle_rad[known])
-    own, theirs = _ways(m.time_s, m.motion.hammer_height_m, events), _ways(p.time_s[known], predicted, model)
+    own, theirs = (
+        _measure_ways(m.time_s, m.motion.hammer_height_m, events),
+        _measure_ways(p.time_s[known], predicted, model),
+    )
     to_turn, to_contact = (float(a - b) for a, b in zip(own, theirs, strict=True))
     u = math.hypot(*(e["let_off"].u * e["hammer_speed"].value for e in (events, model)))
     return min(to_turn, to_contact, key=abs) if to_turn * to_contact > 0.0 else 0.0, u
 
 
-def _ways(time: np.ndarray, height: np.ndarray, events: Mapping[str, Event]) -> tuple[float, float]:
+def _measure_ways(time: np.ndarray, height: np.ndarray, events: Mapping[str, Event]) -> tuple[float, float]:
     """From let-off to where the hammer turns, and to where it meets the string, m."""
     at, impact = events["let_off"].value, events["string_impact"].value
     near = np.abs(time - impact) < 5e-3
@@ -57,7 +60,7 @@ def _ways(time: np.ndarray, height: np.ndarray, events: Mapping[str, Event]) -> 
     return float(start - height[near].min()), float(start - contact)
 
 
-def check_difference_m(events: Mapping[str, Event], model: Mapping[str, Event]) -> tuple[float, float]:
+def compare_check_height(events: Mapping[str, Event], model: Mapping[str, Event]) -> tuple[float, float]:
     """Height of check of the trial less the prediction's, m, and u; NaN where not caught, or after a soft blow."""
     if not _has_fast_event(events, model, CHECK_SPEED, "check_height"):
         return float("nan"), float("nan")
@@ -73,13 +76,13 @@ def _has_fast_event(events: Mapping[str, Event], model: Mapping[str, Event], spe
     return min(events["hammer_speed"].value, model["hammer_speed"].value) >= speed
 
 
-@finds(
+@register_kinds(
     {
         "let-off": "Measure the let-off of the action.",
         "check height": "Measure the height of check of the action.",
     }
 )
-def let_off_and_check(
+def find_let_off_and_check(
     let_off_m: Mapping[int, tuple[float, float]], check_m: Mapping[int, tuple[float, float]]
 ) -> list[SessionFinding]:
     """Differences of let-off and check from the model; arguments by trial, of the two functions above."""
@@ -92,14 +95,14 @@ def let_off_and_check(
         closer = {n: d for n, (d, _) in differences.items() if d < -limit}
         for away, side in ((further, "further from"), (closer, "closer to")):
             if away:
-                size = _size(away, float(np.mean([differences[n][1] for n in away])))
+                size = _format_size(away, float(np.mean([differences[n][1] for n in away])))
                 text = f"{what} {size} {side} the string than in the model {name_trials(away, differences)}"
                 text += f" (limit {1e3 * limit:g} mm)"
-                out.append(finding_of(kind, channel, away, limit, text))
+                out.append(make_finding(kind, channel, away, limit, text))
     return out
 
 
-def _size(values: Mapping[int, float], u_each: float) -> str:
+def _format_size(values: Mapping[int, float], u_each: float) -> str:
     """Mean size with its u: what each trial's is known to is common to them, their scatter is not."""
     u = math.hypot(u_each, float(np.nan_to_num(uncertainty_of_mean(values.values()))))
     return f"{1e3 * abs(float(np.mean(list(values.values())))):.1f} mm (u {1e3 * u:.1g} mm)"

@@ -19,12 +19,17 @@ from model.errors import ModelError
 from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, Array, rms
 from validation.events.definitions import EVENTS, Event
 from validation.events.session_events import SessionEvents
-from validation.findings.finding import BLOW, PREDICTION, SessionFinding, finds
+from validation.findings.finding import BLOW, PREDICTION, SessionFinding, register_kinds
 from validation.findings.stroke_kinds import onset_u_s, sustained_force_n
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession
-from validation.statistics.repeatability import FEWEST_TO_STAND_OUT, STANDS_OUT, distance_ratios, on_common_base
+from validation.statistics.repeatability import (
+    FEWEST_TO_STAND_OUT,
+    STANDS_OUT,
+    compute_distance_ratios,
+    interpolate_to_base,
+)
 
 
 @dataclass(frozen=True)
@@ -37,7 +42,7 @@ class Residuals:
     until_s: float
 
 
-def residuals_of(predicted: PredictedSession, events: SessionEvents, trials: Sequence[MeasuredTrial]) -> Residuals:
+def make_residuals(predicted: PredictedSession, events: SessionEvents, trials: Sequence[MeasuredTrial]) -> Residuals:
     """Residuals of some of the trials.
 
     After the release differences grow of themselves; before it a trial's residual is its own force and the model's
@@ -67,7 +72,7 @@ SCATTERS = 0.003  # of the force, one standard deviation
 BETWEEN = 2.0  # a stroke that may go either way goes further than two predictions show
 
 
-def force_reach(tested: ModelUnderTest, m: MeasuredTrial, start_s: float, end_s: float) -> float:
+def estimate_force_effect(tested: ModelUnderTest, m: MeasuredTrial, start_s: float, end_s: float) -> float:
     """Largest change of any encoder's prediction over its range, root mean square from start to end.
 
     One number for all bodies, which move each other: where one may go either way, none is told apart.
@@ -113,7 +118,7 @@ ONSET_SIGMA = 5.0
 SCALE_EXPLAINS = 0.9  # of the squared distance
 
 
-@finds(
+@register_kinds(
     {"outlying trial": "Look at the trial unlike the others; annotate it if it was no such blow."},
     spoils=BLOW,
 )
@@ -128,11 +133,11 @@ def find_outlying_trials(
 ) -> list[SessionFinding]:
     """One finding per trial that stands out in channels nothing else explains.
 
-    Conventions: distances of curves as in `validation.statistics.repeatability.distance_ratios`. With fewer than four
-    trials one trial cannot be told from the others, and none is flagged. Source: with few trials no test of outliers
-    has power (Grubbs at n = 5 can hardly reach its limit), so a trial is flagged by how far it lies from the median of
-    the others, when that is also more than a hundredth of the channel's range (trials that agree perfectly make a small
-    difference look large); the reason is looked for in what is known of its blow.
+    Conventions: distances of curves as in `validation.statistics.repeatability.compute_distance_ratios`. With fewer
+    than four trials one cannot be told from the others, and none is flagged. Source: with few trials no test of
+    outliers has power (Grubbs at n = 5 can hardly reach its limit), so a trial is flagged by how far it lies from the
+    median of the others, when that is also more than a hundredth of the channel's range (trials that agree perfectly
+    make a small difference look large); the reason is looked for in what is known of its blow.
 
     Parameters
     ----------
@@ -150,17 +155,17 @@ def find_outlying_trials(
         sound = {number: trace for number, trace in traces.items() if (number, channel) not in explained}
         if not sound:
             continue
-        curves = on_common_base(base, sound, f"{channel}_measured_rad")
-        away = _away(curves)
-        for j, (number, ratio, far) in enumerate(zip(sound, distance_ratios(curves), away, strict=True)):
+        curves = interpolate_to_base(base, sound, f"{channel}_measured_rad")
+        away = _measure_distances(curves)
+        for j, (number, ratio, far) in enumerate(zip(sound, compute_distance_ratios(curves), away, strict=True)):
             if ratio > STANDS_OUT and far > FAR:
                 ratios.setdefault(number, {})[channel] = float(ratio)
-                scales[number, channel] = _scale(curves, j)
-                distances[number, channel] = float(_away(curves[base <= until_s])[j])
+                scales[number, channel] = _fit_scale(curves, j)
+                distances[number, channel] = float(_measure_distances(curves[base <= until_s])[j])
     out = []
     for number, by_channel in ratios.items():
         worst = max(by_channel, key=lambda name: by_channel[name])
-        reasons = _reasons(number, measured, scales[number, worst])
+        reasons = _find_reasons(number, measured, scales[number, worst])
         if not reasons:
             reachable = reach(number)
             by_channel = {c: r for c, r in by_channel.items() if distances[number, c] > max(FAR, reachable)}
@@ -168,7 +173,7 @@ def find_outlying_trials(
                 continue
             worst = max(by_channel, key=lambda name: by_channel[name])
         others = f" (also {', '.join(c for c in by_channel if c != worst)})" if len(by_channel) > 1 else ""
-        beside = "".join(f"; {one}" for one in [*reasons, *_odd_events(number, events)])
+        beside = "".join(f"; {one}" for one in [*reasons, *_find_unusual_events(number, events)])
         text = (
             f"trial {number} stands out in {worst}{others}: {by_channel[worst]:.1f} times as far from the others as is "
             f"usual (limit {STANDS_OUT:g}){beside}"
@@ -177,7 +182,7 @@ def find_outlying_trials(
     return out
 
 
-def _away(curves: Array) -> Array:
+def _measure_distances(curves: Array) -> Array:
     """Root mean square distance of each trial from the median of all, over the median's range."""
     known = curves[np.isfinite(curves).all(axis=1)]
     if known.size == 0:
@@ -188,7 +193,7 @@ def _away(curves: Array) -> Array:
     return np.asarray(distance / extent if extent > 0 else np.full(distance.shape, np.nan))
 
 
-def _scale(curves: Array, j: int) -> float:
+def _fit_scale(curves: Array, j: int) -> float:
     """Factor by which a trial's readings are the others', when that explains nearly all of the distance; NaN else."""
     known = curves[np.isfinite(curves).all(axis=1)]
     middle, mine = np.median(np.delete(known, j, axis=1), axis=1), known[:, j]
@@ -197,7 +202,7 @@ def _scale(curves: Array, j: int) -> float:
     return factor if left < 1 - SCALE_EXPLAINS else float("nan")
 
 
-def _odd_events(number: int, events: dict[int, dict[str, Event]]) -> list[str]:
+def _find_unusual_events(number: int, events: dict[int, dict[str, Event]]) -> list[str]:
     """Events that happen, or do not, in this trial only."""
     reasons = []
     for name, kind in EVENTS.items():
@@ -210,7 +215,7 @@ def _odd_events(number: int, events: dict[int, dict[str, Event]]) -> list[str]:
     return reasons
 
 
-def _reasons(number: int, measured: Sequence[MeasuredTrial], scale: float) -> list[str]:
+def _find_reasons(number: int, measured: Sequence[MeasuredTrial], scale: float) -> list[str]:
     """What is odd about a trial's readings or its blow."""
     reasons = []
     if np.isfinite(scale):
@@ -220,16 +225,16 @@ def _reasons(number: int, measured: Sequence[MeasuredTrial], scale: float) -> li
     middle = float(np.median(list(peak.values())))
     held = {m.number: sustained_force_n(m) for m in measured}
     usual = float(np.median(list(held.values())))
-    if _odd(held, number) and abs(held[number] - usual) > SMALL_FORCE * usual:
+    if _is_unusual(held, number) and abs(held[number] - usual) > SMALL_FORCE * usual:
         reasons.append(f"its peak force is {peak[number]:.1f} N, usual are {middle:.1f} N")
     small_s = max(SMALL_TIME_S, ONSET_SIGMA * max(onset_u_s(m) for m in measured))
-    if _odd(onset, number) and abs(onset[number] - np.median(list(onset.values()))) > small_s:
+    if _is_unusual(onset, number) and abs(onset[number] - np.median(list(onset.values()))) > small_s:
         late = 1e3 * (onset[number] - float(np.median(list(onset.values()))))
         reasons.append(f"its blow begins {abs(late):.1f} ms {'later' if late > 0 else 'earlier'} than usual")
     return reasons
 
 
-def _odd(values: dict[int, float], number: int) -> bool:
+def _is_unusual(values: dict[int, float], number: int) -> bool:
     others = np.array([v for n, v in values.items() if n != number])
     middle = float(np.median(others))
     usual = float(np.median(np.abs(others - middle)))
@@ -239,32 +244,32 @@ def _odd(values: dict[int, float], number: int) -> bool:
 LARGER = 5.0
 
 
-@finds(
+@register_kinds(
     {"outlying residual": "Look at force and encoders of the trial that the model misses; annotate a disturbed blow."},
     spoils=PREDICTION,
 )
-def outlying_residuals(
+def find_outlying_residuals(
     tested: ModelUnderTest, trials: dict[int, MeasuredTrial], residuals: Residuals
 ) -> list[SessionFinding]:
     """One finding per trial whose residual stands out in any channel.
 
     Conventions: residuals as in `residuals`, over the channel's range. A trial is named when its residual is five times
     as large as the others' usually are, lies four times as far from them as is usual and a hundredth of the range, and
-    further than an error of its force may move it (`force_reach`; soft strokes amplify it). Not detectable with fewer
-    than four trials.
+    further than an error of its force may move it (`estimate_force_effect`; soft strokes amplify it). Not detectable
+    with fewer than four trials.
     """
     if len(residuals.numbers) < FEWEST_TO_STAND_OUT:
         return []
     worst: dict[int, tuple[float, str]] = {}
     for channel, curves in residuals.by_channel.items():
         rms = np.sqrt(np.mean(curves**2, axis=0))
-        ratio = distance_ratios(curves)
+        ratio = compute_distance_ratios(curves)
         for j, number in enumerate(residuals.numbers):
             others = np.delete(curves, j, axis=1)
             usual = float(np.median(np.delete(rms, j)))
             far = float(np.sqrt(np.mean((curves[:, j] - np.median(others, axis=1)) ** 2)))
             odd = far > FAR and ratio[j] > STANDS_OUT and rms[j] > LARGER * usual > 0
-            if odd and far > force_reach(tested, trials[number], residuals.start_s, residuals.until_s):
+            if odd and far > estimate_force_effect(tested, trials[number], residuals.start_s, residuals.until_s):
                 worst[number] = max(worst.get(number, (0.0, "")), (float(rms[j] / usual), channel))
     out = []
     for number, (times, channel) in worst.items():
@@ -281,8 +286,10 @@ LEVEL = 1e-3  # of a session whose trials differ by chance alone
 LEAST = 0.005  # of the range
 
 
-@finds({"changed condition": "Look for what changed between the two parts of the session, and validate them apart."})
-def changed_condition(
+@register_kinds(
+    {"changed condition": "Look for what changed between the two parts of the session, and validate them apart."}
+)
+def find_changed_condition(
     tested: ModelUnderTest, trials: Mapping[int, MeasuredTrial], residuals: Residuals
 ) -> list[SessionFinding]:
     """The place at which the residuals change, if there is one.
@@ -292,7 +299,7 @@ def changed_condition(
     scatter, whatever the samples share. Named beyond the value that one of all places and channels exceeds in a session
     in a thousand, and 0.5 % of the range, with two trials on each side, where a straight line through the trials leaves
     more scatter than the step, and only beyond what the scatter of the blows may do to the means of both parts
-    (`force_reach`).
+    (`estimate_force_effect`).
     """
     n = len(residuals.numbers)
     if n < 2 * FEWEST_IN_PART or residuals.numbers != tuple(sorted(residuals.numbers)):
@@ -300,10 +307,10 @@ def changed_condition(
     places = range(FEWEST_IN_PART, n - FEWEST_IN_PART + 1)
     best = (0.0, 0.0, 0, "")
     for channel, curves in residuals.by_channel.items():
-        drift = _scatter(curves, np.arange(float(n)))
+        drift = _estimate_scatter(curves, np.arange(float(n)))
         for k in places:
             step = np.arange(n) >= k
-            within = _scatter(curves, step)
+            within = _estimate_scatter(curves, step)
             apart = float(rms(curves[:, step].mean(axis=1) - curves[:, ~step].mean(axis=1)))
             deviations = apart / max(within * np.sqrt(1 / k + 1 / (n - k)), 1e-300)
             if apart > LEAST and within < drift:
@@ -316,7 +323,7 @@ def changed_condition(
     last, first = residuals.numbers[k - 1], residuals.numbers[k]
     span = residuals.start_s, residuals.until_s
     of_means = np.sqrt(1 / k + 1 / (n - k))
-    if apart <= of_means * max(force_reach(tested, trials[number], *span) for number in (last, first)):
+    if apart <= of_means * max(estimate_force_effect(tested, trials[number], *span) for number in (last, first)):
         return []
     text = (
         f"from trial {first} on the difference from the model in {channel} is another one than up to trial {last}, by "
@@ -326,7 +333,7 @@ def changed_condition(
     return [SessionFinding("changed condition", float(first), channel, deviations, limit, text)]
 
 
-def _scatter(curves: Array, of_trial: NDArray[Any]) -> float:
+def _estimate_scatter(curves: Array, of_trial: NDArray[Any]) -> float:
     """Standard deviation of curves (m, n) about what is linear in a number (n,) of each trial, root mean square."""
     design = np.column_stack([np.ones(of_trial.size), of_trial])
     left = curves - curves @ design @ np.linalg.pinv(design)

@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from validation.events.encoder_readings import are_simultaneous, reading_faults, step_excess
-from validation.findings.finding import BLOW, CURVES, SessionFinding, finds
+from validation.events.encoder_readings import are_simultaneous, find_reading_faults, measure_step_excess
+from validation.findings.finding import BLOW, CURVES, SessionFinding, register_kinds
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.predict_session import PredictedAngles
 
 
-@finds({"gap": "Record again: all channels leap at one sample, as where samples are lost."}, spoils=BLOW)
-@finds(
+@register_kinds({"gap": "Record again: all channels leap at one sample, as where samples are lost."}, spoils=BLOW)
+@register_kinds(
     {
         "reading leaps": "Check cable, signal level and largest count rate of the encoder whose reading leaps.",
         "reading stands still": "Check cable and counter or converter of the channel whose reading stands still.",
     },
     spoils=CURVES,
 )
-def encoder_readings(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
+def find_encoder_faults(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
     """Leaps and standstills of the encoders (`validation.events.encoder_readings`)."""
-    faults = reading_faults(m, p)
+    faults = find_reading_faults(m, p)
     if are_simultaneous(faults, m.time_s):
         names = " and ".join(fault.channel for fault in faults)
         text = (
@@ -57,14 +57,14 @@ COARSE = 0.05  # of the neighbours at rest: a converter that coarse repeats its 
 JUMP_SIGMAS = 8.0
 
 
-def jumps_after(m: MeasuredTrial, last: int) -> bool:
+def is_followed_by_jump(m: MeasuredTrial, last: int) -> bool:
     """Whether the force jumps from this sample to the next: outside of the steps before and after, and of its noise."""
     steps = np.diff(m.raw_force_n[: m.quiet.stop])
-    jump, _ = step_excess(m.raw_force_n, m.time_s, 0.0, m.quiet.stop)
+    jump, _ = measure_step_excess(m.raw_force_n, m.time_s, 0.0, m.quiet.stop)
     return last < jump.size and abs(float(jump[last])) > JUMP_SIGMAS * float(steps.std())
 
 
-def force_stands_still(m: MeasuredTrial) -> list[SessionFinding]:
+def find_force_standstill(m: MeasuredTrial) -> list[SessionFinding]:
     """Equal readings of a force with noise, where it does not saturate.
 
     Conventions: raw readings. Five equal readings in a row have no chance where fewer than one in twenty pairs of
@@ -79,7 +79,9 @@ def force_stands_still(m: MeasuredTrial) -> list[SessionFinding]:
     starts, ends = np.concatenate([[0], edges + 1]), np.concatenate([edges, [force.size - 1]])
     length = ends - starts + 1
     inside = (force[starts] < force.max()) & (force[starts] > force.min())
-    inside |= np.array([n >= FEWEST_EQUAL and jumps_after(m, int(last)) for n, last in zip(length, ends, strict=True)])
+    inside |= np.array(
+        [n >= FEWEST_EQUAL and is_followed_by_jump(m, int(last)) for n, last in zip(length, ends, strict=True)]
+    )
     length = np.where(inside & (starts > 0) & (ends < force.size - 1), length, 0)
     longest = int(length.argmax())
     if length[longest] < FEWEST_EQUAL:
@@ -99,9 +101,9 @@ FALLS_N = 0.5
 END_S = 0.05
 
 
-@finds({NO_REST: "Start the record before the stroke, with the key at rest, and record again."},
+@register_kinds({NO_REST: "Start the record before the stroke, with the key at rest, and record again."},
        spoils=BLOW)  # fmt: skip
-def starts_at_rest(m: MeasuredTrial, geometry: ActionGeometry) -> list[SessionFinding]:
+def find_missing_rest(m: MeasuredTrial, geometry: ActionGeometry) -> list[SessionFinding]:
     """A record that ends with the key higher and the force lower than it began: it did not begin at rest.
 
     Conventions: the last 50 ms against the first samples; from 1 mm of key dip and 0.5 N, both.

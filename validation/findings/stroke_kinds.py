@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from validation.conventions import Array
-from validation.findings.finding import BLOW, SessionFinding, finds
+from validation.findings.finding import BLOW, SessionFinding, register_kinds
 from validation.measurement.trial import MeasuredTrial, trials_in_words
 
 HELD_S = 0.02
@@ -43,7 +43,7 @@ OVER_ALIKE = 3.0
 STEP_S = 1e-3
 
 
-def stroke_kinds(trials: Sequence[MeasuredTrial]) -> tuple[tuple[int, ...], ...]:
+def group_strokes(trials: Sequence[MeasuredTrial]) -> tuple[tuple[int, ...], ...]:
     """The trials of each kind of stroke, first trials first; one kind where all are alike.
 
     Conventions: distance of two strokes is the root mean square difference of their forces, since their onsets and
@@ -55,7 +55,7 @@ def stroke_kinds(trials: Sequence[MeasuredTrial]) -> tuple[tuple[int, ...], ...]
     numbers = [m.number for m in trials]
     if len(trials) < 2:
         return (tuple(numbers),)
-    curves = [_aligned_force(m) for m in trials]
+    curves = [_align_force(m) for m in trials]
     joins = sorted((_force_distance(curves[i], curves[j]), i, j) for i, j in combinations(range(len(trials)), 2))
     group = list(range(len(trials)))
     longest = ALIKE
@@ -69,7 +69,7 @@ def stroke_kinds(trials: Sequence[MeasuredTrial]) -> tuple[tuple[int, ...], ...]
     return tuple(tuple(numbers[k] for k, g in enumerate(group) if g == first) for first in dict.fromkeys(group))
 
 
-def _aligned_force(m: MeasuredTrial) -> Array:
+def _align_force(m: MeasuredTrial) -> Array:
     """Force above the preload since its onset, averaged over `SMOOTH_S`."""
     at = np.arange(-SMOOTH_S, float(m.force.time_s[-1]) - m.quiet.onset_s, STEP_S)
     weights = np.full(round(SMOOTH_S / STEP_S), STEP_S / SMOOTH_S)
@@ -83,9 +83,9 @@ def _force_distance(one: Array, other: Array) -> float:
     return float(np.sqrt(np.mean((one[:n] - other[:n]) ** 2))) / max(size, 1e-12)
 
 
-@finds({"mixed strokes": "Validate the kinds of stroke apart (conditions of the plan, or pianorig annotate)."})
-def mixed_strokes(trials: Sequence[MeasuredTrial], kinds: Sequence[Sequence[int]]) -> list[SessionFinding]:
-    """What is said of several kinds of stroke; a stroke of a kind of its own among others is `strokes_of_their_own`."""
+@register_kinds({"mixed strokes": "Validate the kinds of stroke apart (conditions of the plan, or pianorig annotate)."})
+def find_mixed_strokes(trials: Sequence[MeasuredTrial], kinds: Sequence[Sequence[int]]) -> list[SessionFinding]:
+    """What is said of several kinds of stroke; a stroke of a kind of its own among others is `find_single_strokes`."""
     named = [kind for kind in kinds if len(kind) > 1] or list(kinds)
     if len(named) < 2:
         return []
@@ -103,10 +103,10 @@ def mixed_strokes(trials: Sequence[MeasuredTrial], kinds: Sequence[Sequence[int]
     return [SessionFinding("mixed strokes", float("nan"), "force", float(len(named)), 1.0, text)]
 
 
-@finds(
+@register_kinds(
     {"stroke of its own": "Validate the stroke unlike the others apart, or reject it (pianorig annotate)."}, spoils=BLOW
 )
-def strokes_of_their_own(trials: Sequence[MeasuredTrial], kinds: Sequence[Sequence[int]]) -> list[SessionFinding]:
+def find_single_strokes(trials: Sequence[MeasuredTrial], kinds: Sequence[Sequence[int]]) -> list[SessionFinding]:
     """Strokes that are like no other, where others are alike."""
     if not any(len(kind) > 1 for kind in kinds):
         return []

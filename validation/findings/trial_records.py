@@ -7,7 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
-from validation.findings.finding import BLOW, OF_TRIALS, SessionFinding, finds
+from validation.findings.finding import BLOW, OF_TRIALS, SessionFinding, register_kinds
 from validation.measurement.measure_session import NOT_PREDICTED, OTHER_CONDITION, REJECTED
 from validation.measurement.trial import MeasuredTrial
 
@@ -16,7 +16,7 @@ SHORT_S = 0.02
 SHORT_SHARE = 0.1
 
 
-@finds({"sample rate": "Record all trials at one rate."}, among=OF_TRIALS)
+@register_kinds({"sample rate": "Record all trials at one rate."}, among=OF_TRIALS)
 def find_unusual_rates(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
     """Trials that were sampled at another rate than most."""
     rate = {m.number: (m.time_s.size - 1) / float(m.time_s[-1] - m.time_s[0]) for m in measured}
@@ -36,8 +36,8 @@ def find_unusual_rates(measured: Sequence[MeasuredTrial]) -> list[SessionFinding
     ]
 
 
-@finds({"short record": "Annotate the trial that ends early, or record it again: no score looks further."})
-def short_records(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
+@register_kinds({"short record": "Annotate the trial that ends early, or record it again: no score looks further."})
+def find_short_records(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
     """Trials whose record ends well before the others': every curve is scored up to there only."""
     end = {m.number: float(m.time_s[-1]) for m in measured}
     usual = float(np.median(list(end.values())))
@@ -56,8 +56,8 @@ def short_records(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
     ]
 
 
-@finds({"not used": ""}, spoils=BLOW)
-def unused_trials(refused: Mapping[int, str]) -> list[SessionFinding]:
+@register_kinds({"not used": ""}, spoils=BLOW)
+def find_unused_trials(refused: Mapping[int, str]) -> list[SessionFinding]:
     """Trials that cannot be used, of the reason for each that is not (`MeasuredSession.refused`)."""
     return [
         SessionFinding("not used", number, "", float("nan"), float("nan"), f"trial {number} is not used: {reason}")
@@ -69,7 +69,7 @@ def unused_trials(refused: Mapping[int, str]) -> list[SessionFinding]:
 FEWEST_MOVED = 50  # samples that differ from the one before: two records of rest may well agree
 
 
-@finds({"duplicated trial": "Reject the copy (pianorig annotate)."}, spoils=BLOW, among=OF_TRIALS)
+@register_kinds({"duplicated trial": "Reject the copy (pianorig annotate)."}, spoils=BLOW, among=OF_TRIALS)
 def find_duplicates(trials: Sequence[MeasuredTrial]) -> list[SessionFinding]:
     """Trials that repeat an earlier one, in counts or in force."""
     out = []
@@ -77,7 +77,7 @@ def find_duplicates(trials: Sequence[MeasuredTrial]) -> list[SessionFinding]:
         same = [
             words
             for words, a, b in (
-                ("counts", _counts(first), _counts(second)),
+                ("counts", _read_counts(first), _read_counts(second)),
                 ("force readings", first.raw_force_n, second.raw_force_n),
             )
             if a.shape == b.shape and np.array_equal(a, b) and np.count_nonzero(np.diff(a, axis=0)) >= FEWEST_MOVED
@@ -92,5 +92,5 @@ def find_duplicates(trials: Sequence[MeasuredTrial]) -> list[SessionFinding]:
     return out
 
 
-def _counts(m: MeasuredTrial) -> np.ndarray:
+def _read_counts(m: MeasuredTrial) -> np.ndarray:
     return np.rint((m.change_rad - m.change_rad[0]) / m.resolution_rad)

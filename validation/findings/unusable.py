@@ -1,6 +1,6 @@
 """Trials and channels that no statement about the model may rest on: one list, for the verdict and for *What to do*.
 
-In: the findings of a session. Out: `unusable_data`, a row a trial and channel, with the reason in words.
+In: the findings of a session. Out: `list_unusable_data`, a row a trial and channel, with the reason in words.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class UnusableData:
         return (self.channel,) if self.channel in ENCODER_CHANNELS else (*ENCODER_CHANNELS, *FILM_CHANNELS)
 
 
-def unusable_data(findings: Iterable[SessionFinding]) -> tuple[UnusableData, ...]:
+def list_unusable_data(findings: Iterable[SessionFinding]) -> tuple[UnusableData, ...]:
     """Every unusable trial and channel once, by trial; a channel is not named beside its whole trial."""
     rows: dict[tuple[int, str], UnusableData] = {}
     for f in findings:
@@ -48,7 +48,7 @@ def unusable_data(findings: Iterable[SessionFinding]) -> tuple[UnusableData, ...
     return tuple(sorted(kept, key=lambda row: row.trial))
 
 
-def unusable_pairs(unusable: Iterable[UnusableData]) -> frozenset[tuple[int, str]]:
+def list_unusable_pairs(unusable: Iterable[UnusableData]) -> frozenset[tuple[int, str]]:
     """Trials and channels, of encoders and film, whose curves may not be compared with a prediction."""
     return frozenset((row.trial, channel) for row in unusable for channel in row.curves)
 
@@ -60,10 +60,12 @@ def name_unusable(unusable: Sequence[UnusableData]) -> str:
         by_trial.setdefault(row.trial, {}).setdefault(row.kind, []).append(row.channel)
     by_words: dict[str, list[int]] = {}
     for number, kinds in by_trial.items():
-        by_words.setdefault("; ".join(_name(kind, channels) for kind, channels in kinds.items()), []).append(number)
+        by_words.setdefault("; ".join(_name_channels(kind, channels) for kind, channels in kinds.items()), []).append(
+            number
+        )
     return ", ".join(f"{trials_in_words(numbers)} ({words})" for words, numbers in by_words.items())
 
 
-def _name(kind: str, channels: Collection[str]) -> str:
+def _name_channels(kind: str, channels: Collection[str]) -> str:
     named = [channel for channel in channels if channel]
     return f"{' and '.join(named)}: {kind}" if named else kind

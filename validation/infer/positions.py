@@ -18,13 +18,13 @@ from rig.atomic_write import write_text
 from rig.session import Session
 from validation.conventions import Array
 from validation.errors import ValidationInputError
-from validation.events.strikes import RELEASE, SLOW_M_PER_S, find, phases
+from validation.events.strikes import RELEASE, SLOW_M_PER_S, find_phases, find_stroke_events
 from validation.measurement.positions import Stroke, measure_positions, smoothed
 from validation.measurement.sample_fingerprints import are_same_samples
 from validation.prediction.black_boxes import Example, fit_black_boxes
 from validation.prediction.positions import FREE, NAMES, SENSORS, Mixture, Predict, of_model, of_null
-from validation.statistics.bands import PredictedStroke, PredictionBand, prediction_band, spread
-from validation.statistics.domain import features_of
+from validation.statistics.bands import PredictedStroke, PredictionBand, estimate_spread, prediction_band
+from validation.statistics.domain import extract_features
 
 SCATTER = 0.05
 """What the model is expected to miss the hammer by, in rulers."""
@@ -69,7 +69,7 @@ def measured_speeds(stroke: Stroke) -> Array:
 
 def speeds_of(stroke: Stroke, hammer_m: Array) -> Array:
     """Speed before the impact of each strike, m/s, of a hammer's displacement (n,), m; NaN of a slow press."""
-    found = np.array([event["speed_m_per_s"] for event in find(stroke, hammer_m)])
+    found = np.array([event["speed_m_per_s"] for event in find_stroke_events(stroke, hammer_m)])
     return np.where(found > SLOW_M_PER_S, found, np.nan)
 
 
@@ -338,7 +338,7 @@ def known_of(strokes: Sequence[Stroke]) -> dict[str, dict[str, dict[str, Any]]]:
     """What a set keeps of the strokes it was fitted to: ``strokes`` and ``black_boxes`` of `Identified`."""
     boxes = fit_black_boxes([example_of(stroke) for stroke in strokes])
     return {
-        "strokes": {str(one.number): features_of(one.time_s, one.key.value_m, "m") for one in strokes},
+        "strokes": {str(one.number): extract_features(one.time_s, one.key.value_m, "m") for one in strokes},
         "black_boxes": {kind: box.plain() for kind, box in boxes.items()},
     }
 
@@ -359,7 +359,7 @@ def bands_of(
         for stroke in strokes:
             sets = left_out.get(name, {}).get(str(stroke.number), nominal)
             prediction = sets.predict(predict, stroke)
-            left.append(PredictedStroke(stroke, prediction, spread(stroke, predict, sets, prediction)))
+            left.append(PredictedStroke(stroke, prediction, estimate_spread(stroke, predict, sets, prediction)))
         found[name] = prediction_band(left)
     return found
 
@@ -431,7 +431,7 @@ def explain_release(strokes: Sequence[Stroke], predict: Predict, z: Array) -> di
                 error = (predict(values, stroke, None) - stroke.hammer.value_m) / stroke.hammer.travel_m
             except model.ModelError:
                 return float("nan")
-            squares.append(np.mean(error[phases(stroke) == RELEASE] ** 2))
+            squares.append(np.mean(error[find_phases(stroke) == RELEASE] ** 2))
         return float(np.sqrt(np.mean(squares)))
 
     out = {"nothing": {"nominal": rms(z), "alone": rms(np.where(_of("sensors"), z, 0.0))}}

@@ -36,7 +36,7 @@ from validation.measurement.trial import MeasuredTrial
 from validation.prediction.black_boxes import fit_black_boxes
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.posterior import Posterior, make_posterior, posterior_of
-from validation.statistics.rivals import stroke_example, stroke_features
+from validation.statistics.rivals import describe_stroke, make_example
 
 TITLE = "Which part of the model explains the difference"
 NOT_LOOKED_FOR = "nothing was looked for, the difference is a few thousandths of the motion or the model cannot run"
@@ -118,9 +118,9 @@ def joint_posterior(problem: Problem, fitted: Fitted, estimates: Sequence[Estima
     strokes = {} if earlier is None else {f"before: {label}": one for label, one in earlier.strokes.items()}
     by_force = [(t, m) for trials in driven_by_force(sources) for t, m in trials if m is not None]
     for observed, m in by_force:
-        strokes[observed.label] = stroke_features(m)
+        strokes[observed.label] = describe_stroke(m)
     samples = {} if earlier is None else {f"before: {label}": one for label, one in earlier.samples.items()}
-    boxes = fit_black_boxes([stroke_example(m) for _, m in by_force]) if by_force else {}
+    boxes = fit_black_boxes([make_example(m) for _, m in by_force]) if by_force else {}
     return replace(
         made,
         before={path: float(problem.action[path]) for path in sorted(made.moved)},

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 
-from validation.findings.find_faults import urgent_first
+from validation.findings.find_faults import order_kinds
 from validation.findings.finding import SessionFinding
-from validation.findings.unusable import name_unusable, unusable_data
+from validation.findings.unusable import list_unusable_data, name_unusable
 from validation.infer.causes.explain import CompatibleChange, Explained
 from validation.infer.causes.responses import ALL
 from validation.measurement.trial import trials_in_words
@@ -24,9 +24,9 @@ NOTHING = "Nothing: no difference beyond the stated uncertainty is shown."
 USE = "Use the identified set for strokes like those it was fitted to; record and fit others before it is used there."
 IDENTIFY = "Identify a set on some of these strokes (pianorig identify) before the hammer is predicted for others."
 LOUDER = "Record louder strokes: by strokes as soft as these no cause of the difference can be told."
-MEND = {name: kind.mend for name, kind in urgent_first().items() if kind.mend}
+MEND = {name: kind.mend for name, kind in order_kinds().items() if kind.mend}
 """What to do about each kind of finding; of a key that lifts nothing, its samples are left out."""
-SPOIL = {name for name, kind in urgent_first().items() if kind.spoils}
+SPOIL = {name for name, kind in order_kinds().items() if kind.spoils}
 TRAINING = {"repetition": "repetitions", "strike": "strokes that strike", "release": "strokes that are let go"}
 """What to record where no fitted stroke has a phase."""
 
@@ -48,7 +48,7 @@ def what_to_do(
     tuple of str
         At most `MOST`; empty where nothing can be advised.
     """
-    unusable = name_unusable(unusable_data(findings))
+    unusable = name_unusable(list_unusable_data(findings))
     said = [f"Record again or reject (pianorig annotate): {unusable}."] if unusable else []
     said += mend(findings)
     if not any(f.kind in SPOIL for f in findings):

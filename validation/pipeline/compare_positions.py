@@ -14,15 +14,15 @@ import model
 from rig.session import Session
 from validation.conventions import Array
 from validation.errors import ValidationInputError
-from validation.events.strikes import EVENTS, PHASES, find, phases
+from validation.events.strikes import EVENTS, PHASES, find_phases, find_stroke_events
 from validation.infer.positions import FILE, Identified, example_of, read_identified
 from validation.measurement.positions import Stroke, measure_positions
 from validation.pipeline.advice import IDENTIFY, USE, beyond, nearer
 from validation.prediction.black_boxes import BlackBox, left_out_boxes
 from validation.prediction.positions import FREE, SENSORS, Mixture, Predict, of_model, of_null
-from validation.statistics.bands import PredictedStroke, half_width, score, spread
-from validation.statistics.domain import features_of, left_out_distances, place
-from validation.statistics.skill import CALLED, Skill, skill_of
+from validation.statistics.bands import PredictedStroke, estimate_spread, half_width, score
+from validation.statistics.domain import compute_left_out_distances, extract_features, locate_stroke
+from validation.statistics.skill import CALLED, Skill, compute_skill
 
 NO_PARAMETERS = "hirschkorn2004-regulated"
 
@@ -142,7 +142,9 @@ def compare_positions(
             half = np.full(made.size, np.nan)
             if record is not None:
                 band = record.bands[label]
-                half = half_width(PredictedStroke(stroke, made, spread(stroke, predict, sets, made)), band, band.q)
+                half = half_width(
+                    PredictedStroke(stroke, made, estimate_spread(stroke, predict, sets, made)), band, band.q
+                )
             predicted = Predicted(label, stroke, made, half)
             predictions.append(predicted)
             left = _left_out(record, label, predict, stroke) if fitted_to else np.nan
@@ -163,7 +165,7 @@ def compare_positions(
         events,
         _repeatability(events),
         rivals,
-        left_out_distances(record.strokes) if record else {},
+        compute_left_out_distances(record.strokes) if record else {},
         refused,
         sentence,
         tuple(advice),
@@ -214,7 +216,7 @@ def _score(one: Predicted) -> dict[str, object]:
 
 
 def _phase_row(one: Predicted) -> dict[str, object]:
-    error, at = (one.hammer_m - one.stroke.hammer.value_m) / one.stroke.hammer.travel_m, phases(one.stroke)
+    error, at = (one.hammer_m - one.stroke.hammer.value_m) / one.stroke.hammer.travel_m, find_phases(one.stroke)
     row: dict[str, object] = {"trial": one.stroke.number, "condition": one.stroke.condition, "model": one.model}
     return row | {
         name: float(np.sqrt(np.mean(error[at == i] ** 2))) if np.any(at == i) else np.nan
@@ -224,7 +226,7 @@ def _phase_row(one: Predicted) -> dict[str, object]:
 
 def _event_rows(stroke: Stroke, source: str, hammer_m: Array) -> list[dict[str, object]]:
     about = {"trial": stroke.number, "condition": stroke.condition, "source": source}
-    return [{**about, "strike": k, **found} for k, found in enumerate(find(stroke, hammer_m), 1)]
+    return [{**about, "strike": k, **found} for k, found in enumerate(find_stroke_events(stroke, hammer_m), 1)]
 
 
 def _repeatability(events: pd.DataFrame) -> pd.DataFrame:
@@ -263,7 +265,7 @@ def _rivals(strokes: Sequence[Stroke], scores: pd.DataFrame, record: Identified 
             away = (made - stroke.hammer.value_m) / stroke.hammer.travel_m
             errors[kind] = float(np.sqrt(np.mean(away**2)))
         known = {name: value for name, value in errors.items() if math.isfinite(value)}
-        where = place(features_of(stroke.time_s, stroke.key.value_m, "m"), fitted)
+        where = locate_stroke(extract_features(stroke.time_s, stroke.key.value_m, "m"), fitted)
         rows.append(
             {
                 "trial": stroke.number,
@@ -320,7 +322,7 @@ def _beside(rivals: pd.DataFrame, tested: str, record: Identified | None) -> lis
 def _skill(rivals: pd.DataFrame, tested: str) -> Skill | None:
     """Skill of the model on these strokes."""
     errors = {name.removesuffix(ENDING): rivals[name].to_numpy() for name in rivals if name.endswith(ENDING)}
-    return skill_of(errors.pop(tested), errors)
+    return compute_skill(errors.pop(tested), errors)
 
 
 def _advice(rivals: pd.DataFrame, record: Identified | None) -> list[str]:

@@ -22,7 +22,7 @@ from validation.cache.result_store import ResultStore
 from validation.events.definitions import EVENTS
 from validation.events.session_events import Window, find_session_events
 from validation.findings.find_faults import SessionFindings, find_faults
-from validation.findings.finding import SessionFinding, sound_trials
+from validation.findings.finding import SessionFinding, select_sound_trials
 from validation.infer.causes.explain import Explained, explain_difference
 from validation.infer.causes.responses import STEP
 from validation.measurement.measure_session import measure_session, open_session, representative
@@ -35,8 +35,8 @@ from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession, predict_session
 from validation.result import AGREES, CANNOT_TELL, ValidationResult
 from validation.scores.score_session import score_session
-from validation.statistics.repeatability import few_trials_warning
-from validation.statistics.rivals import beside_rivals
+from validation.statistics.repeatability import warn_of_few_trials
+from validation.statistics.rivals import compare_rivals
 from validation.tables.channels import summary
 from validation.tables.comparison import Comparison
 from validation.verdict.conditions import Change, find_changes, separate_conditions
@@ -192,7 +192,7 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
     found = usable_errors(predicted, scored.traces, events, tested, findings.left_out)
     findings = with_conditions(findings, found, explained, relevance_limits(chosen.relevant))
     changes = [asdict(change) for change in explained.changes]
-    rivals = beside_rivals(predicted, scored, tested, findings.left_out)
+    rivals = compare_rivals(predicted, scored, tested, findings.left_out)
     verdict = _verdict(predicted, found, findings, tested, chosen)
     made = Comparison(predicted, events, scored, findings, verdict, rivals, tested, chosen, changes)
     tables = made.tables
@@ -237,7 +237,7 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
 def _warnings(predicted: PredictedSession, findings: SessionFindings) -> Iterator[str]:
     """What a reader must know before using the numbers, faults first."""
     yield from (f.text for f in findings.faults)
-    few = few_trials_warning(len(predicted.trials))
+    few = warn_of_few_trials(len(predicted.trials))
     if few:
         yield few
     for m in (m for m in predicted.trials if m.number not in findings.trials_without_rest):
@@ -307,7 +307,7 @@ def _finding_of_change(change: Change) -> SessionFinding:
 
 def of_one_kind(trials: Sequence[MeasuredTrial], findings: SessionFindings, but: str = "") -> list[MeasuredTrial]:
     """Trials without faults, but one kind of them; of two kinds of stroke those of the median trial's kind."""
-    sound = sound_trials(trials, findings.faults, but)
+    sound = select_sound_trials(trials, findings.faults, but)
     if not sound or not findings.kinds:
         return sound
     first = representative(sound)

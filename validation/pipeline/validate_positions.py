@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 
 import model
 from rig.session import Session
-from validation.events.strikes import EVENTS, phases
+from validation.events.strikes import EVENTS, find_phases
 from validation.infer.scatter import jackknife_u
 from validation.measurement.positions import Stroke
 from validation.pipeline.compare_positions import ENDING, PositionComparison, Predicted, compare_positions
@@ -46,7 +46,7 @@ def stroke_figure(stroke: Stroke, predicted: Sequence[Predicted], outside: bool 
         figure = Figure(figsize=SIZE_IN, layout="constrained")
         grid = figure.add_gridspec(2, 2)
         whole, strike, release = (figure.add_subplot(part) for part in (grid[0, :], grid[1, 0], grid[1, 1]))
-        at, time_s = phases(stroke), stroke.time_s
+        at, time_s = find_phases(stroke), stroke.time_s
         begin = float(time_s[np.argmax(at == 1)])
         top = float(time_s[int(np.argmax(stroke.hammer.value_m))])
         rise = float(time_s[np.argmax(at == 3)]) if np.any(at == 3) else float(time_s[-1])

@@ -15,7 +15,7 @@ import pandas as pd
 import model
 from validation.events.definitions import EVENTS
 from validation.findings.finding import SessionFinding, summary_line
-from validation.findings.unusable import name_unusable, unusable_data
+from validation.findings.unusable import list_unusable_data, name_unusable
 from validation.measurement.trial import MeasuredTrial, trials_in_words
 from validation.prediction.posterior import altered, posterior_of
 from validation.verdict.verdict import MOST_NAMED, Verdict, most_important, quantity_words
@@ -86,7 +86,7 @@ def verdict_lines(
     differing = int((~events["agree"].astype(bool)).sum())
     if differing:
         head += f" {differing} kind{'s' if differing > 1 else ''} of event happen in one but not in the other."
-    left_out = name_unusable(unusable_data(findings))
+    left_out = name_unusable(list_unusable_data(findings))
     lines = [text for text in (head, summary_line(findings), left_out and f"Left out: {left_out}.") if text]
     lines += _plain(verdict.quantities) + _alone(verdict.quantities) + _made_of(verdict.facts)
     if len(scored):

@@ -56,7 +56,7 @@ def score_curve(time_s: Array, trial: Array, model: Array) -> dict[str, float]:
     }
 
 
-def trial_pairs(
+def choose_trial_pairs(
     n: int, most: int = MOST_PAIRS, seed: int = PAIR_SEED, kinds: Sequence[int] | None = None
 ) -> list[tuple[int, int]]:
     """Pairs of n trials of one kind of stroke, all of them or a seeded sample of `most`."""
@@ -67,7 +67,7 @@ def trial_pairs(
     return [pairs[i] for i in sorted(chosen)]
 
 
-def pair_rmse(
+def compute_pair_rmse(
     curves: Array, *, most_pairs: int = MOST_PAIRS, seed: int = PAIR_SEED, kinds: Sequence[int] | None = None
 ) -> tuple[float, int]:
     """Repeatability ceiling of the RMSE: root mean square difference of one trial against another.
@@ -85,7 +85,7 @@ def pair_rmse(
     pairs : int
         Number of pairs used.
     """
-    pairs = np.array(trial_pairs(curves.shape[1], most_pairs, seed, kinds), dtype=int).reshape(-1, 2)
+    pairs = np.array(choose_trial_pairs(curves.shape[1], most_pairs, seed, kinds), dtype=int).reshape(-1, 2)
     difference = curves[:, pairs[:, 0]] - curves[:, pairs[:, 1]]
     if not np.isfinite(difference).any():
         return float("nan"), 0
@@ -135,7 +135,7 @@ SCORES: dict[str, ScoreKind] = {
 }
 
 
-def all_scores(
+def compute_scores(
     time: Array, trial: Array, model: Array, early: NDArray[np.bool_] | None = None, *, iso: bool = True
 ) -> dict[str, float]:
     """Every score of `SCORES`, and ``iso_shift_s``.
@@ -171,7 +171,7 @@ def all_scores(
     return out
 
 
-def pooled_score(name: str, values: Array) -> float:
+def pool_score(name: str, values: Array) -> float:
     """One number for the scores of several trials or pairs."""
     if SCORES[name].unit == "rad":
         return rms(values)

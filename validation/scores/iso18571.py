@@ -61,7 +61,7 @@ def iso_score(test: Array, cae: Array, step_s: float) -> IsoScore:
     if not (np.isfinite(t).all() and np.isfinite(c).all()):
         raise ValueError("curves hold values that are not finite; cut the window to where both are known")
     z = corridor_score(t, c)
-    shift = best_shift(t, c)
+    shift = find_best_shift(t, c)
     n, m = t.size, abs(shift)
     reach = LARGEST_SHIFT * n
     ep = 1.0 if m == 0 else max((reach - m) / reach, 0.0)
@@ -87,7 +87,7 @@ def _linear(error: float, largest: float) -> float:
     return max(0.0, (largest - error) / largest)
 
 
-def best_shift(t: Array, c: Array) -> int:
+def find_best_shift(t: Array, c: Array) -> int:
     """Shift of highest correlation in samples, positive when the prediction is late; the smallest wins a tie."""
     return int(_best_shift(t, c, int(LARGEST_SHIFT * t.size)))
 
@@ -211,7 +211,7 @@ LARGEST_SHIFT_SHARE = 0.19  # the search ends at 0.2
 FALLS = 1e-3  # of a correlation, so that noise makes no peak
 
 
-def guard_notes(time: Array, trial: Array, model: Array, scores: Mapping[str, float]) -> list[str]:
+def list_guard_notes(time: Array, trial: Array, model: Array, scores: Mapping[str, float]) -> list[str]:
     """Guards raised by a pair of curves and its ISO-style score.
 
     Conventions: curves are the test (trial) and the prediction on one uniform time base; NaN is left out. Source: traps
@@ -242,7 +242,7 @@ def guard_notes(time: Array, trial: Array, model: Array, scores: Mapping[str, fl
     if extent == 0.0:
         return ["constant: the trial does not move, so phase and slope have no meaning"]
     notes = []
-    for words, begin, end, zero in (_offset(t, extent), _window(t, c, extent)):
+    for words, begin, end, zero in (_find_offset(t, extent), _window(t, c, extent)):
         if words:
             without = iso_score(t[begin:end] - zero, c[begin:end] - zero, step).overall
             if abs(without - scores["iso_overall"]) >= MATTERS:
@@ -251,7 +251,7 @@ def guard_notes(time: Array, trial: Array, model: Array, scores: Mapping[str, fl
     return [*notes, periodicity] if periodicity else notes
 
 
-def _offset(t: Array, extent: float) -> tuple[str, int, int, float]:
+def _find_offset(t: Array, extent: float) -> tuple[str, int, int, float]:
     """The largest magnitude of the test against its range tells whether it stands on an offset: words, and the samples
     and the zero to score again."""
     zero = float(t[0])
@@ -261,15 +261,15 @@ def _offset(t: Array, extent: float) -> tuple[str, int, int, float]:
 
 
 def _window(t: Array, c: Array, extent: float) -> tuple[str, int, int, float]:
-    """Quiet ends of the window, both curves where they begin, or where they end: as `_offset`."""
+    """Quiet ends of the window, both curves where they begin, or where they end: as `_find_offset`."""
     band = QUIET_SHARE * extent
-    begin, end = _still(t, c, band), t.size - _still(t[::-1], c[::-1], band)
+    begin, end = _find_still(t, c, band), t.size - _find_still(t[::-1], c[::-1], band)
     quiet = 1 - max(end - begin, 0) / t.size
     words = f"window: {100 * quiet:.0f} % of it is quiet; without that"
     return words if quiet > MOST_QUIET and end - begin >= FEWEST_SAMPLES else "", begin, end, 0.0
 
 
-def _still(t: Array, c: Array, band: float) -> int:
+def _find_still(t: Array, c: Array, band: float) -> int:
     moved = np.flatnonzero((np.abs(t - t[0]) > band) | (np.abs(c - c[0]) > band))
     return int(moved[0]) if moved.size else t.size
 

@@ -19,8 +19,8 @@ from validation.conventions import CHANNEL_GROUPS, Array
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.joint_draws import CHANNELS, JointDraw, chosen_trials, each_draw, joint_draws, session_seed
 from validation.prediction.model_under_test import ModelUnderTest
-from validation.scores.curve_scores import SCORES, all_scores, pooled_score
-from validation.scores.traces import SessionTraces, scored
+from validation.scores.curve_scores import SCORES, compute_scores, pool_score
+from validation.scores.traces import SessionTraces, select_scored_angles
 
 DRAWS = 19
 MOVED = "moved_"
@@ -73,7 +73,7 @@ class _Curve:
     early: NDArray[np.bool_]
 
 
-def perfect_scores(
+def score_perfect_model(
     trials: Sequence[MeasuredTrial],
     traces: SessionTraces,
     tested: ModelUnderTest,
@@ -109,7 +109,7 @@ def perfect_scores(
                     moved = {score: scores[f"{MOVED}{score}"] for score in PAIRED_SCORES}
                     nuisance.append({"trial": m.number, "channel": name, "draw": i, **moved})
     values = {
-        (name, score): np.array([pooled_score(score, np.array(v)) if v else np.nan for v in of_draw])
+        (name, score): np.array([pool_score(score, np.array(v)) if v else np.nan for v in of_draw])
         for (name, score), of_draw in pooled.items()
     }
     return Ceiling(values, tuple(m.number for m in chosen), pd.DataFrame(nuisance, columns=NUISANCE_COLUMNS))
@@ -128,10 +128,10 @@ def _scores(
         out = {}
         for c in trials[i][1]:
             trial = np.where(c.lost, np.nan, read[np.searchsorted(times[i], c.time_s), c.channel])
-            reached = all_scores(c.time_s, trial, c.predicted, c.early)
+            reached = compute_scores(c.time_s, trial, c.predicted, c.early)
             values = {name: float(reached[name]) for name in SCORES}
             if paired:
-                moved = all_scores(c.time_s, c.measured, trial, c.early)
+                moved = compute_scores(c.time_s, c.measured, trial, c.early)
                 values |= {f"{MOVED}{name}": float(moved[name]) for name in PAIRED_SCORES}
             out[CHANNELS[c.channel]] = values
         return out
@@ -150,7 +150,7 @@ def _curves(m: MeasuredTrial, traces: SessionTraces, without: Collection[tuple[i
         time = part["time_s"].to_numpy()
         for name in names:
             if (m.number, name) not in without:
-                measured, predicted = scored(part, name), part[f"{name}_predicted_rad"].to_numpy()
+                measured, predicted = select_scored_angles(part, name), part[f"{name}_predicted_rad"].to_numpy()
                 early = time < traces.impact_s.get(m.number, np.inf)
                 out.append(_Curve(CHANNELS.index(name), time, ~np.isfinite(measured), measured, predicted, early))
     return out

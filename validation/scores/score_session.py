@@ -17,16 +17,16 @@ from validation.cache.result_store import ResultStore
 from validation.conventions import CHANNEL_GROUPS, WORKERS, Array, rms
 from validation.events.session_events import SessionEvents
 from validation.prediction.predict_session import PredictedSession
-from validation.scores.curve_scores import SCORES, all_scores, score_curve
-from validation.scores.iso18571 import guard_notes
+from validation.scores.curve_scores import SCORES, compute_scores, score_curve
+from validation.scores.iso18571 import list_guard_notes
 from validation.scores.traces import (
     INFIX,
     SessionTraces,
-    film_trace_table,
-    scored,
-    speed_table,
+    make_film_trace_table,
+    make_speed_table,
+    make_trace_table,
+    select_scored_angles,
     store_speeds,
-    trace_table,
 )
 
 
@@ -44,10 +44,10 @@ def score_session(predicted: PredictedSession, events: SessionEvents, store: Res
     encoder, film, failures = {}, {}, set()
     for m in predicted.trials:
         p = predicted.predictions[m.number]
-        speeds = speed_table(m, events.trial[m.number])
-        encoder[m.number] = trace_table(m, p, events.lifts[m.number], speeds)
+        speeds = make_speed_table(m, events.trial[m.number])
+        encoder[m.number] = make_trace_table(m, p, events.lifts[m.number], speeds)
         failures.add(store_speeds(store, m, speeds))
-        filmed = film_trace_table(m, p)
+        filmed = make_film_trace_table(m, p)
         if filmed is not None:
             film[m.number] = filmed
     traces = SessionTraces(encoder, film, events.window, events.impact_s)
@@ -71,7 +71,11 @@ def score_curves(traces: SessionTraces, u_encoder: dict[int, Array], store: Resu
         own = whole[[column for column in whole.columns if column in known]]
         frame = own[traces.window.mask(whole["time_s"].to_numpy())]
         u = float(u_encoder[number][i]) if source == "encoder" else rms(frame[f"{name}_u_rad"].to_numpy())
-        time, trial, model = frame["time_s"].to_numpy(), scored(frame, name), frame[f"{name}_predicted_rad"].to_numpy()
+        time, trial, model = (
+            frame["time_s"].to_numpy(),
+            select_scored_angles(frame, name),
+            frame[f"{name}_predicted_rad"].to_numpy(),
+        )
         early = time < traces.impact_s.get(number, np.inf)
         columns = {label: f"{name}_{infix}_rad" for label, infix in INFIX.items()}
         rivals = {label: frame[column].to_numpy() for label, column in columns.items() if column in frame}
@@ -90,11 +94,11 @@ def _scores(
     time: Array, trial: Array, model: Array, rivals: dict[str, Array], early: NDArray[np.bool_]
 ) -> dict[str, object]:
     whole = score_curve(time, trial, model)
-    scores = all_scores(time, trial, model, early)
+    scores = compute_scores(time, trial, model, early)
     beside = ("bias_rad", "scatter_rad", "largest_rad", "largest_at_s", "n", "n_lost")
     out: dict[str, object] = {**scores, **{name: whole[name] for name in beside}}
-    out["iso_guards"] = "; ".join(guard_notes(time, trial, model, scores))
+    out["iso_guards"] = "; ".join(list_guard_notes(time, trial, model, scores))
     for label in INFIX:
-        rival = all_scores(time, trial, rivals[label], early) if label in rivals else {}
+        rival = compute_scores(time, trial, rivals[label], early) if label in rivals else {}
         out |= {f"{label}_{score}": rival.get(score, np.nan) for score in SCORES}
     return out

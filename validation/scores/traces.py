@@ -20,7 +20,7 @@ from validation.cache.result_store import ResultStore
 from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, Array
 from validation.events.definitions import Event
 from validation.events.detect import up_crossings
-from validation.events.key_lift import KeyLift, lifted_samples
+from validation.events.key_lift import KeyLift, mark_lifted_samples
 from validation.events.session_events import Window
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.predict_session import PredictedTrial
@@ -39,7 +39,7 @@ CONTACTS = {
 LEAVES_S = 6e-3
 
 
-def contact_times(m: MeasuredTrial, events: dict[str, Event], channel: str) -> list[float]:
+def find_contact_times(m: MeasuredTrial, events: dict[str, Event], channel: str) -> list[float]:
     """Times at which the speed of a channel may jump, s, increasing."""
     times = [events[name].value for name in CONTACTS[channel] if np.isfinite(events[name].value)]
     if channel == "hammer":
@@ -70,7 +70,9 @@ def _smooth(values: Array, window: int) -> tuple[Array, Array]:
     return slope, factor
 
 
-def split_speed(time_s: Array, angle_rad: Array, contact_s: list[float], u_sample_rad: float) -> tuple[Array, Array]:
+def differentiate_between_contacts(
+    time_s: Array, angle_rad: Array, contact_s: list[float], u_sample_rad: float
+) -> tuple[Array, Array]:
     """Speed and its standard uncertainty, rad/s, from samples on the same side of every contact.
 
     Conventions: rad/s, positive counter-clockwise, on the DAQ's sample times; NaN where fewer than five samples lie
@@ -104,11 +106,13 @@ def split_speed(time_s: Array, angle_rad: Array, contact_s: list[float], u_sampl
     return speed, u
 
 
-def speed_table(m: MeasuredTrial, events: dict[str, Event]) -> pd.DataFrame:
+def make_speed_table(m: MeasuredTrial, events: dict[str, Event]) -> pd.DataFrame:
     """Speeds of key, whippen and hammer with their uncertainty: ``<channel>_rad_per_s``, ``<channel>_u_rad_per_s``."""
     columns = {"time_s": m.time_s}
     for i, name in enumerate(ENCODER_CHANNELS):
-        speed, u = split_speed(m.time_s, m.change_rad[:, i], contact_times(m, events, name), float(m.u_rad[i]))
+        speed, u = differentiate_between_contacts(
+            m.time_s, m.change_rad[:, i], find_contact_times(m, events, name), float(m.u_rad[i])
+        )
         columns[f"{name}_rad_per_s"] = speed
         columns[f"{name}_u_rad_per_s"] = np.hypot(u, m.scale_relative_u[i] * speed)
     return pd.DataFrame(columns)
@@ -145,7 +149,9 @@ class SessionTraces:
         return np.asarray(base[self.window.mask(base)])
 
 
-def trace_table(m: MeasuredTrial, p: PredictedTrial, lifts: Sequence[KeyLift], speeds: pd.DataFrame) -> pd.DataFrame:
+def make_trace_table(
+    m: MeasuredTrial, p: PredictedTrial, lifts: Sequence[KeyLift], speeds: pd.DataFrame
+) -> pd.DataFrame:
     """Force, angles, speeds and predicted angles of one trial on the DAQ's sample times; lifts of the key flagged."""
     columns: dict[str, NDArray[Any]] = {
         "time_s": m.time_s,
@@ -155,7 +161,7 @@ def trace_table(m: MeasuredTrial, p: PredictedTrial, lifts: Sequence[KeyLift], s
         "u_force_n": m.force.u_force_n,
     }
     columns |= {f"{name}_measured_rad": m.change_rad[:, i] for i, name in enumerate(ENCODER_CHANNELS)}
-    columns["key_marked"] = lifted_samples(m.time_s, lifts)
+    columns["key_marked"] = mark_lifted_samples(m.time_s, lifts)
     columns |= {f"{body}_predicted_rad": p.model.change_rad(body) for body in BODIES}
     for rival, q in p.rivals.items():
         columns |= {f"{body}_{INFIX[rival]}_rad": q.encoder[body] for body in ENCODER_CHANNELS}
@@ -163,7 +169,7 @@ def trace_table(m: MeasuredTrial, p: PredictedTrial, lifts: Sequence[KeyLift], s
     return pd.DataFrame(columns, copy=False)  # the arrays of trial and prediction themselves: of 200 trials 0.3 GB
 
 
-def film_trace_table(m: MeasuredTrial, p: PredictedTrial) -> pd.DataFrame | None:
+def make_film_trace_table(m: MeasuredTrial, p: PredictedTrial) -> pd.DataFrame | None:
     """Film angles, their uncertainty and predicted angles on the film's frame times; None when not filmed."""
     if m.film is None:
         return None
@@ -180,7 +186,7 @@ def film_trace_table(m: MeasuredTrial, p: PredictedTrial) -> pd.DataFrame | None
     return pd.DataFrame(columns)
 
 
-def scored(frame: pd.DataFrame, channel: str) -> Array:
+def select_scored_angles(frame: pd.DataFrame, channel: str) -> Array:
     """Measured angles of a channel, NaN where they are left out of the scores."""
     values = frame[f"{channel}_measured_rad"].to_numpy(dtype=float)
     flag = f"{channel}_marked"

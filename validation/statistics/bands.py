@@ -45,7 +45,7 @@ from scipy.special import stdtr, stdtrit
 
 import model
 from validation.conventions import Array
-from validation.events.strikes import PHASES, phases
+from validation.events.strikes import PHASES, find_phases
 from validation.measurement.positions import NORMAL, Stroke
 from validation.prediction.positions import Mixture, Predict
 
@@ -60,7 +60,7 @@ TIME_CONFIDENCE = 0.98  # for a further trial; with it the band of the mean cove
 ROUND_SAMPLES = 0.05
 
 
-def time_scatter(curves: Array, u_sample: float = 0.0) -> Array:
+def estimate_time_scatter(curves: Array, u_sample: float = 0.0) -> Array:
     """Standard deviation of the trials' shift in time at each sample, in samples; 0 where none is told.
 
     Parameters
@@ -76,7 +76,7 @@ def time_scatter(curves: Array, u_sample: float = 0.0) -> Array:
     Examples
     --------
     >>> t = np.arange(400.0)[:, None]
-    >>> s = time_scatter(np.tanh((t - 200 - np.array([-2.0, 0.0, 2.0])) / 20))
+    >>> s = estimate_time_scatter(np.tanh((t - 200 - np.array([-2.0, 0.0, 2.0])) / 20))
     >>> float(s[0]), round(float(s[-1]), 1)
     (0.0, 2.0)
     """
@@ -92,7 +92,7 @@ def time_scatter(curves: Array, u_sample: float = 0.0) -> Array:
         window /= window.sum()
         smooth = curves if scale == 1 else convolve1d(curves, window, axis=0, mode="nearest")
         noise = u_sample * (1.0 if scale == 1 else float(np.linalg.norm(window)))
-        shift, power = _shifts(smooth, noise, way, window)
+        shift, power = _estimate_shifts(smooth, noise, way, window)
         variance, weight = np.maximum(variance, shift**2), np.maximum(weight, power)
     told = np.flatnonzero(weight)
     if not told.size:
@@ -101,7 +101,7 @@ def time_scatter(curves: Array, u_sample: float = 0.0) -> Array:
     return np.concatenate([np.zeros(told[0]), np.repeat(grown, np.diff(np.append(told, len(mean))))])
 
 
-def _shifts(curves: Array, u_sample: float, way: float, window: Array) -> tuple[Array, Array]:
+def _estimate_shifts(curves: Array, u_sample: float, way: float, window: Array) -> tuple[Array, Array]:
     """Standard deviation of the shifts near each sample and its weight; both 0 where none is told."""
     n_samples, n = curves.shape
     mean = curves.mean(axis=1)
@@ -124,13 +124,13 @@ def _shifts(curves: Array, u_sample: float, way: float, window: Array) -> tuple[
     return np.where(told, s, 0.0), np.where(told, power, 0.0)
 
 
-def reach_in_time(mean: Array, scatter: Array, n: int) -> Array:
+def extend_in_time(mean: Array, scatter: Array, n: int) -> Array:
     """How far a mean curve may lie from itself when shifted by as much as its trials may be, (n_samples,).
 
     Parameters
     ----------
     mean : (n_samples,)
-    scatter : (n_samples,), as of `time_scatter`
+    scatter : (n_samples,), as of `estimate_time_scatter`
     n : trials
     """
     factor = float(stdtrit(n - 1, 0.5 + TIME_CONFIDENCE / 2)) * np.sqrt(1 + 1 / n)
@@ -270,7 +270,7 @@ def repeatability_band(curves: Array, *, u_sample: float = 0.0, confidence: floa
     length = roughness_length(path, u_sample)
     factor = critical_value(n - 1, length, int(is_clear.sum()), confidence)
     of_values = factor * np.maximum(s, u_sample) / np.sqrt(n)
-    of_times = reach_in_time(mean[known], time_scatter(values[known], u_sample), n)
+    of_times = extend_in_time(mean[known], estimate_time_scatter(values[known], u_sample), n)
     half[known] = np.maximum.reduce([of_values, of_times + u_sample, np.full(s.size, ROUNDING * u_sample)])
     return RepeatabilityBand(mean, half, factor, length, n)
 
@@ -312,7 +312,7 @@ class PredictedStroke:
     u_m: Array
 
 
-def spread(stroke: Stroke, predict: Predict, sets: Mixture, prediction: Array) -> Array:
+def estimate_spread(stroke: Stroke, predict: Predict, sets: Mixture, prediction: Array) -> Array:
     """Standard uncertainty u(t) (n,), m, of a prediction beside what the model lacks, without floor.
 
     The ensemble draws calibrations and rests of the key, and one of the sets; its spread is the median departure, so
@@ -355,25 +355,25 @@ def quantiles(strokes: Sequence[PredictedStroke], candidate: PredictionBand) -> 
     ratios: dict[str, list[Array]] = {name: [] for name in (*PHASES, WHOLE)}
     for one in strokes:
         error = np.abs(one.prediction_m - one.stroke.hammer.value_m)
-        at, ratio = phases(one.stroke), error / floored(one, candidate.floor)
+        at, ratio = find_phases(one.stroke), error / apply_floor(one, candidate.floor)
         ratios[WHOLE].append(ratio)
         for i, name in enumerate(PHASES):
             if np.any(at == i):
                 ratios[name].append(ratio[at == i])
 
     def join(every: Sequence[Array]) -> float:
-        return _pooled(every) if candidate.joined == "pooled" else max(_pooled([one]) for one in every)
+        return _pool(every) if candidate.joined == "pooled" else max(_pool([one]) for one in every)
 
     whole = join(ratios[WHOLE])
     return {name: join(of) if of and candidate.by_phase else whole for name, of in ratios.items()}
 
 
-def floored(one: PredictedStroke, floor: float) -> Array:
+def apply_floor(one: PredictedStroke, floor: float) -> Array:
     """Standard uncertainty with its floor (n,), m."""
     return np.asarray(np.hypot(one.u_m, floor * one.stroke.hammer.travel_m))
 
 
-def _pooled(ratios: Sequence[Array]) -> float:
+def _pool(ratios: Sequence[Array]) -> float:
     values = np.concatenate(ratios)
     weights = np.concatenate([np.full(one.size, 1.0 / one.size) for one in ratios])
     order = np.argsort(values)
@@ -383,7 +383,7 @@ def _pooled(ratios: Sequence[Array]) -> float:
 
 def half_width(one: PredictedStroke, way: PredictionBand, q: dict[str, float]) -> Array:
     """Half width of the band (n,), m."""
-    return np.asarray(floored(one, way.floor) * np.array([q[name] for name in PHASES])[phases(one.stroke)])
+    return np.asarray(apply_floor(one, way.floor) * np.array([q[name] for name in PHASES])[find_phases(one.stroke)])
 
 
 def score(stroke: Stroke, prediction_m: Array, half_m: Array) -> dict[str, float]:

@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 
 from validation.conventions import Array
-from validation.events.strikes import RELEASE, key_phases, strikes
+from validation.events.strikes import RELEASE, find_key_phases, find_key_strikes
 from validation.measurement.trial import trials_in_words
 
 STEP_S = 1e-3
@@ -49,7 +49,7 @@ Features = Mapping[str, Any]
 """Properties by name, those that a stroke has, and its ``phases``: plain values that a file holds."""
 
 
-def features_of(time_s: Array, key: Array, unit: str, force_n: Array | None = None) -> dict[str, Any]:
+def extract_features(time_s: Array, key: Array, unit: str, force_n: Array | None = None) -> dict[str, Any]:
     """Properties of a stroke.
 
     Parameters
@@ -75,8 +75,8 @@ def features_of(time_s: Array, key: Array, unit: str, force_n: Array | None = No
     reach, deepest = round(SPEED_OVER_S / STEP_S), float(place.max())
     if place.size <= reach or not deepest > 0.0:
         return {}
-    speed, phase = (place[reach:] - place[:-reach]) / SPEED_OVER_S, key_phases(place, STEP_S)
-    every = _notes(place, strikes(place, phase))
+    speed, phase = (place[reach:] - place[:-reach]) / SPEED_OVER_S, find_key_phases(place, STEP_S)
+    every = _select_notes(place, find_key_strikes(place, phase))
     down = np.flatnonzero(np.diff(np.concatenate([[False], place > DOWN * deepest, [False]]).astype(np.int8)))
     out: dict[str, Any] = {"speed": float(speed.max()), "depth": deepest,
                            "hold": float((down[1::2] - down[::2]).max()) * STEP_S}  # fmt: skip
@@ -94,7 +94,7 @@ def features_of(time_s: Array, key: Array, unit: str, force_n: Array | None = No
     return {name: float(f"{value:.5g}") for name, value in out.items()} | {"phases": names, "unit": unit}
 
 
-def _notes(place: Array, every: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+def _select_notes(place: Array, every: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
     """Strikes that are notes: a key that bounces on its front rail, or is pressed deeper, strikes no second one."""
     out = list(every[:1])
     for start, end in every[1:]:
@@ -106,7 +106,7 @@ def _notes(place: Array, every: Sequence[tuple[int, int]]) -> list[tuple[int, in
 
 
 @dataclass(frozen=True)
-class Place:
+class DomainPosition:
     """Where a stroke lies: its distance (infinite where no fitted stroke reached a phase), and what sets it, in words.
 
     ``out`` has the way out of each property's range, in units of its widening, negative inside.
@@ -122,7 +122,7 @@ class Place:
         return self.distance > 1.0
 
 
-def place(stroke: Features, fitted: Sequence[Features]) -> Place | None:
+def locate_stroke(stroke: Features, fitted: Sequence[Features]) -> DomainPosition | None:
     """Where a stroke lies beside those that were fitted; None where one of the two is not known."""
     fitted = [one for one in fitted if one and one["unit"] == stroke.get("unit")]
     if not stroke or not fitted:
@@ -130,13 +130,13 @@ def place(stroke: Features, fitted: Sequence[Features]) -> Place | None:
     seen = {name for one in fitted for name in one["phases"]}
     new = [name for name in stroke["phases"] if name not in seen]
     if new:
-        return Place(math.inf, f"{', '.join(new)}: no fitted stroke has it", {})
+        return DomainPosition(math.inf, f"{', '.join(new)}: no fitted stroke has it", {})
     out, words = {}, {}
     for name, (meaning, unit, width) in FEATURES.items():
-        values = [_scaled(name, one[name]) for one in fitted if name in one]
+        values = [_scale(name, one[name]) for one in fitted if name in one]
         if name not in stroke or not values:
             continue
-        x, low, high = _scaled(name, stroke[name]), min(values), max(values)
+        x, low, high = _scale(name, stroke[name]), min(values), max(values)
         out[name] = max(low - x, x - high) / width
         end = min if x < low else max
         beside = end(float(one[name]) for one in fitted if name in one)
@@ -145,18 +145,19 @@ def place(stroke: Features, fitted: Sequence[Features]) -> Place | None:
             f"{unit.format(stroke['unit'])}"
         )
     worst = max(out, key=lambda name: out[name])
-    return Place(max(out[worst], 0.0), words[worst] if out[worst] > 0.0 else "", out)
+    return DomainPosition(max(out[worst], 0.0), words[worst] if out[worst] > 0.0 else "", out)
 
 
-def left_out_distances(fitted: Mapping[str, Features]) -> dict[str, float]:
+def compute_left_out_distances(fitted: Mapping[str, Features]) -> dict[str, float]:
     """Distance of each fitted stroke from the others; nothing of one alone."""
     found = {
-        label: place(one, [other for name, other in fitted.items() if name != label]) for label, one in fitted.items()
+        label: locate_stroke(one, [other for name, other in fitted.items() if name != label])
+        for label, one in fitted.items()
     }
     return {label: where.distance for label, where in found.items() if where is not None}
 
 
-def _scaled(name: str, value: float) -> float:
+def _scale(name: str, value: float) -> float:
     if name in LOGARITHMIC:
         return math.log(max(value, 1e-12))
     return value / (value + BRIEF_S) if name == "hold" else value
@@ -165,7 +166,7 @@ def _scaled(name: str, value: float) -> float:
 MOST_NAMED = 4
 
 
-def domain_lines(action: str, places: pd.DataFrame, known: bool, lost: Collection[int] = ()) -> list[str]:
+def describe_domain(action: str, places: pd.DataFrame, known: bool, lost: Collection[int] = ()) -> list[str]:
     """Where the trials that were not fitted lie, in sentences; inside is not said of those ``lost`` to a rival."""
     if not known:
         return [

@@ -51,21 +51,21 @@ COLUMNS = [
 ]
 
 
-def paired_models(results: Sequence[ValidationResult]) -> pd.DataFrame:
+def compare_pairs(results: Sequence[ValidationResult]) -> pd.DataFrame:
     """Every pair of models of each session: mean paired difference of the trials' scores, and what it allows to say."""
     rows: list[dict[str, object]] = []
     for first, second in combinations(results, 2):
         if first.session_name == second.session_name:
-            rows += _pair(first, second)
+            rows += _compare_pair(first, second)
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _pair(first: ValidationResult, second: ValidationResult) -> list[dict[str, object]]:
+def _compare_pair(first: ValidationResult, second: ValidationResult) -> list[dict[str, object]]:
     keys = ["trial", "channel"]
     both = first.scores.merge(second.scores, on=keys, suffixes=("_1", "_2"))
     moved = first.nuisance.merge(second.nuisance, on=[*keys, "draw"], suffixes=("_1", "_2"))
     tolerance = sum(float(r.provenance.get("tolerance_rad", 0.0)) for r in (first, second))
-    unequal = _unequal(first, second, both)
+    unequal = _describe_unequal(first, second, both)
     out: list[dict[str, object]] = []
     for score in PAIRED_SCORES:
         kind = SCORES[score]
@@ -202,7 +202,7 @@ def _evidence(first: ValidationResult, other: ValidationResult) -> dict[str, obj
     row["cost_ratio"] = costs[1].get("right_hand_sides", nan) / costs[0].get("right_hand_sides", nan)
     row |= {"log_bayes_factor": nan, "u_log_bayes_factor": nan}
     keys = ["trial", "channel"]
-    unequal = _unequal(first, other, first.scores.merge(other.scores, on=keys, suffixes=("_1", "_2")))
+    unequal = _describe_unequal(first, other, first.scores.merge(other.scores, on=keys, suffixes=("_1", "_2")))
     if not (a["judged"] and b["judged"]):
         return row | {"reading": f"no claim: {a.get('reason') or b.get('reason')}"}
     if unequal or a["trials"] != b["trials"]:
@@ -219,7 +219,7 @@ def _evidence(first: ValidationResult, other: ValidationResult) -> dict[str, obj
     return row | {"log_bayes_factor": factor, "u_log_bayes_factor": u, "reading": reading}
 
 
-def _unequal(first: ValidationResult, second: ValidationResult, both: pd.DataFrame) -> str:
+def _describe_unequal(first: ValidationResult, second: ValidationResult, both: pd.DataFrame) -> str:
     """Why the scores of two results may not be set against each other, or an empty text."""
     a, b = first.window, second.window
     step = min(float(np.median(np.diff(t["time_s"]))) for t in first.traces.values())

@@ -19,10 +19,10 @@ from scipy.special import chdtri, stdtrit
 from validation.conventions import Array
 from validation.curves.table import on_base
 from validation.events.definitions import EVENTS, Event
-from validation.scores.traces import scored
+from validation.scores.traces import select_scored_angles
 
 
-def on_common_base(time_s: Array, frames: dict[int, pd.DataFrame], column: str) -> Array:
+def interpolate_to_base(time_s: Array, frames: dict[int, pd.DataFrame], column: str) -> Array:
     """One column of several trials on one time base, (n_samples, n_trials); NaN outside a trial.
 
     Sample times that agree are taken as they are; others are interpolated by straight lines.
@@ -31,7 +31,7 @@ def on_common_base(time_s: Array, frames: dict[int, pd.DataFrame], column: str) 
     for j, frame in enumerate(frames.values()):
         time = frame["time_s"].to_numpy()
         channel = column.removesuffix("_measured_rad")
-        values = frame[column].to_numpy() if channel == column else scored(frame, channel)
+        values = frame[column].to_numpy() if channel == column else select_scored_angles(frame, channel)
         out[:, j] = on_base(time_s, time, values)
     return out
 
@@ -126,7 +126,7 @@ def curve_repeatability(curves: Array, kinds: Sequence[int] | None = None) -> Cu
     return CurveRepeatability(s_r, mean, pooled, largest, n, every.size)
 
 
-def distance_ratios(curves: Array) -> Array:
+def compute_distance_ratios(curves: Array) -> Array:
     """How far each trial lies from the others, over how far trials usually do.
 
     The distance of a trial is the root mean square of its difference from the median curve of the others; the ratio is
@@ -195,7 +195,7 @@ def event_repeatability(events: dict[int, dict[str, Event]], kinds: Sequence[Col
     return pd.DataFrame(rows)
 
 
-def few_trials_warning(n: int) -> str:
+def warn_of_few_trials(n: int) -> str:
     """Warning for the report when there are fewer than six trials; an empty string otherwise."""
     if n >= FEWEST_TRIALS:
         return ""

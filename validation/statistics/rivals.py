@@ -21,17 +21,24 @@ from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.posterior import Posterior, posterior_of
 from validation.prediction.predict_session import PredictedSession, predict_trial
 from validation.scores.score_session import ScoredSession
-from validation.scores.traces import scored
-from validation.statistics.domain import domain_lines, features_of, place
-from validation.statistics.skill import RIVALS, Skill, nearer, nearest_lines, skill_lines, skill_of
+from validation.scores.traces import select_scored_angles
+from validation.statistics.domain import describe_domain, extract_features, locate_stroke
+from validation.statistics.skill import (
+    RIVALS,
+    Skill,
+    compute_skill,
+    describe_nearer_rivals,
+    describe_nearest,
+    describe_skills,
+)
 
 
-def stroke_features(m: MeasuredTrial) -> dict[str, Any]:
+def describe_stroke(m: MeasuredTrial) -> dict[str, Any]:
     """Properties of a measured trial (`validation.statistics.domain`): by its key, rad, and its force."""
-    return features_of(m.time_s, m.change_rad[:, 0], "rad", m.force.force_n if m.has_force else None)
+    return extract_features(m.time_s, m.change_rad[:, 0], "rad", m.force.force_n if m.has_force else None)
 
 
-def stroke_example(m: MeasuredTrial) -> Example:
+def make_example(m: MeasuredTrial) -> Example:
     """A measured trial as a black box sees it: force in, N, angles of the encoders since rest out, rad."""
     return Example(m.force.time_s, m.force.force_n, m.time_s, m.change_rad)
 
@@ -51,7 +58,7 @@ class Rivals:
     nearer: str  # what its head says where a rival is nearer; empty where the model is nearer in every channel
 
 
-def beside_rivals(
+def compare_rivals(
     predicted: PredictedSession,
     scored_session: ScoredSession,
     tested: ModelUnderTest,
@@ -66,8 +73,8 @@ def beside_rivals(
     without : trials and channels that figures of several trials do not count
     """
     posterior = posterior_of(tested.action)
-    boxes = _black_boxes(predicted.trials, tested, posterior, {number for number, _ in without})
-    unfitted = _unfitted(tested, posterior)
+    boxes = _fit_black_boxes(predicted.trials, tested, posterior, {number for number, _ in without})
+    unfitted = _make_unfitted(tested, posterior)
     rows = []
     for m in predicted.trials:
         answers = {
@@ -84,7 +91,7 @@ def beside_rivals(
             channel = str(score["channel"])
             errors = {"null": float(score["null_rmse_rad"])}
             if channel in ENCODER_CHANNELS:
-                k, measured = ENCODER_CHANNELS.index(channel), scored(frame, channel)
+                k, measured = ENCODER_CHANNELS.index(channel), select_scored_angles(frame, channel)
                 errors |= {name: rms((made[:, k] - measured)[inside]) for name, made in answers.items()}
             known = {"model": float(score["rmse_rad"]), **errors}
             known = {name: value for name, value in known.items() if np.isfinite(value)}
@@ -98,17 +105,19 @@ def beside_rivals(
                 }
             )
     table = pd.DataFrame(rows)
-    places = _places(predicted.trials, posterior)
-    skill = _skills(table, places, without)
+    places = _locate_trials(predicted.trials, posterior)
+    skill = _compute_skills(table, places, without)
     lost = {int(row.trial) for row in table.itertuples() if row.nearest not in ("", "model")}
-    domain = [] if posterior is None else domain_lines(tested.action.name, places, bool(posterior.strokes), lost)
+    domain = [] if posterior is None else describe_domain(tested.action.name, places, bool(posterior.strokes), lost)
     counts = [pair not in without for pair in zip(table["trial"], table["channel"], strict=True)]
-    domain += nearest_lines(table[counts])
+    domain += describe_nearest(table[counts])
     fitted = "the strokes it was fitted to" if posterior is not None and posterior.black_boxes else "the other trials"
-    return Rivals(table, skill, places, tuple(domain), skill_lines(skill, fitted), nearer(table, without))
+    return Rivals(
+        table, skill, places, tuple(domain), describe_skills(skill, fitted), describe_nearer_rivals(table, without)
+    )
 
 
-def _black_boxes(
+def _fit_black_boxes(
     trials: Collection[MeasuredTrial], tested: ModelUnderTest, posterior: Posterior | None, faulty: Collection[int]
 ) -> dict[int, dict[str, BlackBox]]:
     """For each trial the black boxes fitted to the set's strokes, or to the other trials without faults."""
@@ -119,23 +128,23 @@ def _black_boxes(
         made = {kind: BlackBox.of(plain, tested.action.origin) for kind, plain in posterior.black_boxes.items()}
         return {m.number: made for m in trials}
     sound = [m for m in trials if m.number not in faulty and m.has_force]
-    found = left_out_boxes([stroke_example(m) for m in sound])
+    found = left_out_boxes([make_example(m) for m in sound])
     return nothing | {m.number: boxes for m, boxes in zip(sound, found, strict=True)}
 
 
-def _unfitted(tested: ModelUnderTest, posterior: Posterior | None) -> ModelUnderTest | None:
+def _make_unfitted(tested: ModelUnderTest, posterior: Posterior | None) -> ModelUnderTest | None:
     if posterior is None or not posterior.before or "unfitted" not in tested.rivals:
         return None
     before = tested.action.with_values(dict(posterior.before))
     return replace(tested, action=before, rivals=())
 
 
-def _places(trials: Collection[MeasuredTrial], posterior: Posterior | None) -> pd.DataFrame:
+def _locate_trials(trials: Collection[MeasuredTrial], posterior: Posterior | None) -> pd.DataFrame:
     """Where each trial lies beside those the action was fitted to."""
     rows = []
     for m in trials:
         fitted = posterior is not None and posterior.was_fitted_to(m.seal, m.samples)
-        where = place(stroke_features(m), list(posterior.strokes.values())) if posterior is not None else None
+        where = locate_stroke(describe_stroke(m), list(posterior.strokes.values())) if posterior is not None else None
         rows.append(
             {
                 "trial": m.number,
@@ -148,7 +157,9 @@ def _places(trials: Collection[MeasuredTrial], posterior: Posterior | None) -> p
     return pd.DataFrame(rows)
 
 
-def _skills(table: pd.DataFrame, places: pd.DataFrame, without: Collection[tuple[int, str]]) -> dict[str, Skill]:
+def _compute_skills(
+    table: pd.DataFrame, places: pd.DataFrame, without: Collection[tuple[int, str]]
+) -> dict[str, Skill]:
     fitted = set(places["trial"][places["fitted"]])
     out = {}
     for channel, part in table.groupby("channel", sort=False):
@@ -156,7 +167,7 @@ def _skills(table: pd.DataFrame, places: pd.DataFrame, without: Collection[tuple
         held = counts[~counts["trial"].isin(fitted)]
         counts = held if len(held) else counts
         rivals = {name: counts[f"{name}_rmse_rad"].to_numpy(dtype=float) for name in RIVALS}
-        skill = skill_of(counts["rmse_rad"].to_numpy(dtype=float), rivals)
+        skill = compute_skill(counts["rmse_rad"].to_numpy(dtype=float), rivals)
         if skill is not None:
             out[str(channel)] = skill
     return out

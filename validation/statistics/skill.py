@@ -58,7 +58,7 @@ class Skill:
         return f"error {nearer} (skill {skill}{self.interval}; {n}{'' if self.interval else ': no interval'})"
 
 
-def skill_of(model: Array, rivals: Mapping[str, Array]) -> Skill | None:
+def compute_skill(model: Array, rivals: Mapping[str, Array]) -> Skill | None:
     """Skill of a model's errors (n,) against those of the rival that is best on the same strokes.
 
     Strokes that one of them has not are left out, a rival that has none altogether; None where nothing is left.
@@ -76,7 +76,7 @@ def skill_of(model: Array, rivals: Mapping[str, Array]) -> Skill | None:
     return Skill(best, 1.0 - float(np.exp(mean)), float(low), float(high), n)
 
 
-def skill_lines(skill: Mapping[str, Skill], fitted: str) -> tuple[str, ...]:
+def describe_skills(skill: Mapping[str, Skill], fitted: str) -> tuple[str, ...]:
     """The skill of every channel in one line."""
     if not skill:
         return ()
@@ -88,7 +88,7 @@ def skill_lines(skill: Mapping[str, Skill], fitted: str) -> tuple[str, ...]:
     return (f"Skill, 1 − RMSE over that of the best rival ({rivals}): {', '.join(of)}.",)
 
 
-def nearer(errors: pd.DataFrame, without: Collection[tuple[int, str]] = ()) -> str:
+def describe_nearer_rivals(errors: pd.DataFrame, without: Collection[tuple[int, str]] = ()) -> str:
     """What the headline says of rivals; empty where the model is nearer in every channel.
 
     Conventions: RMSE in rad, paired by trial; a channel is named where a rival's pooled RMSE is the smaller one, the
@@ -117,7 +117,7 @@ def nearer(errors: pd.DataFrame, without: Collection[tuple[int, str]] = ()) -> s
     return f"Nearer than the model: in {'; in '.join(parts)}." if parts else ""
 
 
-def nearest_lines(errors: pd.DataFrame) -> list[str]:
+def describe_nearest(errors: pd.DataFrame) -> list[str]:
     """Which of the model and its rivals is nearest to each trial, by channel, in one line."""
     parts = []
     for channel, part in errors[errors["nearest"] != ""].groupby("channel", sort=False):

@@ -15,10 +15,10 @@ import pandas as pd
 from validation.conventions import CHANNEL_GROUPS, Array, rms
 from validation.findings.finding import LeftOut, describe_left_out, select_counted
 from validation.prediction.joint_draws import CHANNELS
-from validation.scores.curve_scores import pair_rmse
+from validation.scores.curve_scores import compute_pair_rmse
 from validation.scores.traces import SessionTraces
 from validation.statistics.bands import FEWEST_FOR_BAND, repeatability_band
-from validation.statistics.repeatability import curve_repeatability, on_common_base
+from validation.statistics.repeatability import curve_repeatability, interpolate_to_base
 from validation.statistics.skill import CALLED
 from validation.tables.comparison import Comparison
 from validation.tables.numbers import DASH, between, degrees, number
@@ -187,8 +187,8 @@ def _channel(
     verdict: Verdict,
     kinds: Sequence[Collection[int]],
 ) -> tuple[dict[str, object], dict[str, Array]]:
-    curves = on_common_base(base, frames, f"{name}_measured_rad")
-    apart = on_common_base(base, frames, f"{name}_predicted_rad") - curves
+    curves = interpolate_to_base(base, frames, f"{name}_measured_rad")
+    apart = interpolate_to_base(base, frames, f"{name}_predicted_rad") - curves
     mean, u_mean, judged = _difference(base, apart, verdict, name)
     label = [next((k for k, part in enumerate(kinds) if number in part), -1) for number in frames]
     mixed = len(set(label)) > 1
@@ -196,7 +196,7 @@ def _channel(
     # curves of two kinds have no mean that a band could hold
     band = repeatability_band(np.full_like(curves, np.nan) if mixed else curves, u_sample=u)
     low, high = r.interval
-    ceiling, pairs = pair_rmse(curves, kinds=label)
+    ceiling, pairs = compute_pair_rmse(curves, kinds=label)
     extent = [float(np.ptp(c[np.isfinite(c)])) if np.isfinite(c).any() else np.nan for c in curves.T]
     spread = {
         f"{name}_mean_rad": r.mean,

@@ -11,16 +11,16 @@ import pandas as pd
 
 from model.errors import ModelError
 from validation.events.definitions import Event
-from validation.events.key_lift import lifted_samples
+from validation.events.key_lift import mark_lifted_samples
 from validation.events.session_events import SessionEvents
 from validation.findings.find_faults import SessionFindings
-from validation.findings.finding import LeftOut, counting_events, sound_trials
+from validation.findings.finding import LeftOut, select_counted_events, select_sound_trials
 from validation.measurement.measure_session import representative
 from validation.options import ComparisonOptions
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.motion_driven import motion_driven, motion_row
 from validation.prediction.predict_session import PredictedSession
-from validation.scores.perfect_model import Ceiling, perfect_scores
+from validation.scores.perfect_model import Ceiling, score_perfect_model
 from validation.scores.score_session import ScoredSession
 from validation.statistics.rivals import Rivals
 from validation.tables.catalogue import all_tables
@@ -63,13 +63,13 @@ class Comparison:
     @cached_property
     def sound(self) -> PredictedSession:
         """The session's trials without faults; all of them where each has one."""
-        trials = tuple(sound_trials(self.predicted.trials, self.findings.faults))
+        trials = tuple(select_sound_trials(self.predicted.trials, self.findings.faults))
         return replace(self.predicted, trials=trials or self.predicted.trials)
 
     @cached_property
     def counting(self) -> dict[int, dict[str, Event]]:
         """Events of the trials that count."""
-        return counting_events(self.events.trial, self.without)
+        return select_counted_events(self.events.trial, self.without)
 
     @cached_property
     def ceiling(self) -> Ceiling:
@@ -77,20 +77,20 @@ class Comparison:
         if not self.options.budget:
             return Ceiling()
         self.options.say("scores of a perfect model")
-        return perfect_scores(
+        return score_perfect_model(
             self.predicted.trials, self.scored.traces, self.tested, self.without, paired=self.options.paired
         )
 
     @cached_property
     def motion(self) -> tuple[list[dict[str, Any]], pd.DataFrame | None, list[str]]:
         """Motion-driven comparison of the sound trial of median peak force: its row, its trace, why there is none."""
-        sound = sound_trials(self.predicted.trials, self.findings.faults)
+        sound = select_sound_trials(self.predicted.trials, self.findings.faults)
         if not (sound and self.options.by_motion):
             return [], None, []
         m = representative(sound)
         at = m.time_s[self.events.window.mask(m.time_s)]
         try:
-            trace = motion_driven(self.tested, m, at, lifted_samples(at, self.events.lifts[m.number]))
+            trace = motion_driven(self.tested, m, at, mark_lifted_samples(at, self.events.lifts[m.number]))
         except ModelError as error:
             return [], None, [f"trial {m.number}: not driven by its motion: {error}"]
         return [motion_row(m.number, trace, m.force.channel.gain_relative_u)], trace, []

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from validation.scores.curve_scores import SCORES
-from validation.statistics.model_comparison import paired_models
+from validation.statistics.model_comparison import compare_pairs
 from validation.tables.numbers import DASH, between, number
 from validation.tables.table import CHANNEL, OF_ROW, UNIT, Column, Page, Row, Table
 
@@ -79,7 +79,7 @@ COLUMNS = (
 
 def rows(results: Sequence[ValidationResult]) -> pd.DataFrame:
     """Every pair of models of each session."""
-    return paired_models(results)
+    return compare_pairs(results)
 
 
 NOTES = (

@@ -9,7 +9,7 @@ import pandas as pd
 
 from validation.conventions import CHANNEL_GROUPS
 from validation.findings.finding import LeftOut, select_counted
-from validation.scores.curve_scores import SCORES, pooled_score
+from validation.scores.curve_scores import SCORES, pool_score
 from validation.scores.perfect_model import Ceiling
 from validation.scores.traces import SessionTraces
 from validation.tables.comparison import Comparison
@@ -90,10 +90,10 @@ def scorecard(
                     "title": kind.title,
                     "unit": kind.unit,
                     "better": kind.better,
-                    "value": pooled_score(score, part[score].to_numpy(dtype=float)),
-                    **ceiling.row(name, score, pooled_score(score, same[score].to_numpy(dtype=float))),
-                    "null": pooled_score(score, part[f"null_{score}"].to_numpy(dtype=float)),
-                    "raw_force": pooled_score(score, part[f"raw_force_{score}"].to_numpy(dtype=float)),
+                    "value": pool_score(score, part[score].to_numpy(dtype=float)),
+                    **ceiling.row(name, score, pool_score(score, same[score].to_numpy(dtype=float))),
+                    "null": pool_score(score, part[f"null_{score}"].to_numpy(dtype=float)),
+                    "raw_force": pool_score(score, part[f"raw_force_{score}"].to_numpy(dtype=float)),
                 }
 
 

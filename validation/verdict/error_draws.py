@@ -26,7 +26,7 @@ from validation.measurement.trial import MeasuredTrial
 from validation.prediction.joint_draws import CHANNELS, JointDraw, each_draw, joint_draws, own_draws, session_seed
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession
-from validation.scores.traces import SessionTraces, scored
+from validation.scores.traces import SessionTraces, select_scored_angles
 from validation.verdict.estimate import ErrorSample
 from validation.verdict.quantities import (
     ANGLES,
@@ -126,7 +126,10 @@ def trial_errors(
         source = frame if q.channel in ENCODER_CHANNELS else traces.film.get(m.number)
         if source is None or (m.number, q.channel) in without:
             continue
-        measured, predicted = scored(source, q.channel), source[f"{q.channel}_predicted_rad"].to_numpy(dtype=float)
+        measured, predicted = (
+            select_scored_angles(source, q.channel),
+            source[f"{q.channel}_predicted_rad"].to_numpy(dtype=float),
+        )
         if q.channel in FILM_CHANNELS:
             at = source["time_s"].to_numpy()
             measured, predicted = (np.interp(m.time_s, at, v, left=np.nan, right=np.nan) for v in (measured, predicted))

@@ -11,7 +11,7 @@ import pytest
 from validation.cache import result_store
 from validation.cache.content_hash import sha256_of
 from validation.cache.result_store import PLACE, ResultStore
-from validation.events.detect import absent
+from validation.events.detect import make_absent_event
 
 
 class Made:
@@ -64,7 +64,7 @@ DIFFERENT = [
     1, 1.0, True, "1", None, (1,), ((1,),), (1, 2), ("1", "2"), ("12",), {"a": 1}, {"b": 1}, (), {},
     np.array([1]), np.array([1.0]), np.array([True]), np.array([[1.0]]), np.array([1.0], dtype=np.float32),
     np.array([1.0 + 1e-16 * 3]), np.array([-0.0]), np.array([0.0]), np.array([np.nan]), float("nan"), 0.0, -0.0,
-    absent("rest"), absent("rest", "note"),
+    make_absent_event("rest"), make_absent_event("rest", "note"),
 ]  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from tests.validation.events.played import nominal
 from validation.conventions import ENCODER_CHANNELS
 from validation.events.detect import find_events
 from validation.measurement.trial import measure
-from validation.scores.traces import contact_times, speed_table, split_speed
+from validation.scores.traces import differentiate_between_contacts, find_contact_times, make_speed_table
 
 RATE_HZ = 5000.0
 COUNT_RAD = 2 * np.pi / 163_840
@@ -22,16 +22,16 @@ def test_a_cubic_on_each_side_of_a_contact_is_differentiated_exactly_up_to_the_c
     before, after = 3.0 * t + 40 * t**2 - 700 * t**3, -2.0 * t + 15 * t**2
     angle = np.where(t < 0, before, after)
     true = np.where(t < 0, 3.0 + 80 * t - 2100 * t**2, -2.0 + 30 * t)
-    speed, u = split_speed(time, angle, [0.04002], 1e-6)
+    speed, u = differentiate_between_contacts(time, angle, [0.04002], 1e-6)
     np.testing.assert_allclose(speed, true, atol=1e-9)
     assert np.all(u < 0.03)
-    across, _ = split_speed(time, angle, [], 1e-6)
+    across, _ = differentiate_between_contacts(time, angle, [], 1e-6)
     assert np.abs(across - true).max() > 1.0  # what a symmetric window makes of it
 
 
 def test_between_contacts_too_close_for_a_fit_nothing_is_stated():
     time = np.arange(100) / RATE_HZ
-    speed, u = split_speed(time, 2 * time, [0.0099, 0.0105], 1e-6)
+    speed, u = differentiate_between_contacts(time, 2 * time, [0.0099, 0.0105], 1e-6)
     lost = np.isnan(speed)
     np.testing.assert_array_equal(np.flatnonzero(lost), [50, 51, 52])
     np.testing.assert_array_equal(lost, np.isnan(u))
@@ -44,7 +44,7 @@ def test_noise_of_the_counts_is_stated():
     z = []
     for _ in range(10):
         angle = np.floor((0.6 * time + 0.05 * np.sin(9 * time)) / COUNT_RAD + rng.uniform()) * COUNT_RAD
-        speed, u = split_speed(time, angle, [0.3], COUNT_RAD / np.sqrt(12))
+        speed, u = differentiate_between_contacts(time, angle, [0.3], COUNT_RAD / np.sqrt(12))
         z.append((speed - 0.6 - 0.45 * np.cos(9 * time)) / u)
     assert np.mean(np.abs(z) < 2) > 0.95
     assert np.sqrt(np.mean(np.square(z))) > 0.35
@@ -55,8 +55,8 @@ def test_speeds_of_the_bench_lie_within_their_stated_uncertainty(kind):
     stroke = play(kind, 43)
     m = measure(stroke.data, None, nominal()[1])
     events = find_events(m.motion, m.quiet.stop)
-    table = speed_table(m, events)
-    assert len(contact_times(m, events, "hammer")) >= 3
+    table = make_speed_table(m, events)
+    assert len(find_contact_times(m, events, "hammer")) >= 3
     for name, column in zip(ENCODER_CHANNELS, (0, 1, 4), strict=True):
         true = stroke.truth.speed_rad_per_s[::FINE, column]
         error, u = table[f"{name}_rad_per_s"] - true, table[f"{name}_u_rad_per_s"]

@@ -10,14 +10,14 @@ import pytest
 from validation.events.detect import find_events
 from validation.events.key_lift import (
     SCALE_RADIUS_M,
-    capstan_of,
     find_lifts,
-    lifted_samples,
-    rail_pulls,
+    find_rail_pulls,
+    make_capstan,
+    mark_lifted_samples,
 )
-from validation.events.session_events import with_doubtful_events
+from validation.events.session_events import mark_doubtful_events
 from validation.measurement.geometry import geometry_of, motion_of
-from validation.scores.traces import scored
+from validation.scores.traces import select_scored_angles
 
 model = pytest.importorskip("model")
 COUNT = 2 * np.pi / 327_680
@@ -47,7 +47,7 @@ class Bench:
     def __init__(self, seed):
         self.rng = np.random.default_rng(seed)
         self.action = model.load_action()
-        self.capstan = capstan_of(self.action)
+        self.capstan = make_capstan(self.action)
         self.time = np.arange(6250) / RATE
         self.rest = model.rest_state(self.action, force_n=0.05)
         self.geometry = geometry_of(self.action, self.rest.angle_rad)
@@ -104,11 +104,11 @@ def test_planted_lifts_are_found_and_true_separations_are_none():
 
 def test_free_fall_and_leverage_come_from_the_action():
     action = model.load_action()
-    capstan = capstan_of(action)
+    capstan = make_capstan(action)
     assert capstan.gap_per_lift == pytest.approx(1 + 0.1176 / SCALE_RADIUS_M)
     # masses at 50 to 100 mm from a pivot fall with about g over their distance
     assert -9.81 / 0.05 < capstan.free_fall_rad_per_s2 < -9.81 / 0.12
-    heavier = capstan_of(action.with_values({"whippen.inertia": 3 * action["whippen.inertia"]}))
+    heavier = make_capstan(action.with_values({"whippen.inertia": 3 * action["whippen.inertia"]}))
     assert abs(heavier.free_fall_rad_per_s2) < abs(capstan.free_fall_rad_per_s2)
 
 
@@ -120,13 +120,13 @@ def test_marked_samples_leave_the_scores_and_key_events_inside_become_ambiguous(
 
     lift = KeyLift(0.19, 0.31, 0.25, 1e-3, 2e-4, float("nan"), "…")
     time = np.arange(0, 0.5, 0.1)
-    flags = lifted_samples(time, [lift])
+    flags = mark_lifted_samples(time, [lift])
     np.testing.assert_array_equal(flags, [False, False, True, True, False])
     frame = pd.DataFrame({"time_s": time, "key_measured_rad": time, "key_marked": flags, "hammer_measured_rad": time})
-    assert np.isnan(scored(frame, "key")[2:4]).all()
-    assert np.isfinite(scored(frame, "hammer")).all()
+    assert np.isnan(select_scored_angles(frame, "key")[2:4]).all()
+    assert np.isfinite(select_scored_angles(frame, "hammer")).all()
     events = {name: Event(name, 0.25, 1e-4, "found") for name in ("key_bottom", "key_release", "rest")}
-    out = with_doubtful_events({1: events, 2: events}, {1: [lift], 2: []})
+    out = mark_doubtful_events({1: events, 2: events}, {1: [lift], 2: []})
     assert out[1]["key_bottom"].status == out[1]["key_release"].status == "ambiguous"
     assert out[1]["rest"].status == out[2]["key_bottom"].status == "found"
 
@@ -156,7 +156,7 @@ def test_the_rails_pull_is_judged_with_the_thesis_s_law_of_felt():
         store=SimpleNamespace(value=lambda step, inputs, run: run()),
     )  # fmt: skip
     trial = SimpleNamespace(force=SimpleNamespace(preload_n=0.0, time_s=np.zeros(2), force_n=np.zeros(2)))
-    (pull,) = rail_pulls(tested, trial)
+    (pull,) = find_rail_pulls(tested, trial)
     assert (pull.start_s, pull.end_s) == (0.1, 0.2)
     assert not model.build_scene(asked[0]).remembers
     assert asked[0]["contact02.normal.a"] == action["contact02.normal.a"]

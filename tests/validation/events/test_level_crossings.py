@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from validation.events.detect import (
     bend_uncertainty_s,
     down_crossings,
-    first_after,
     read_level_with_uncertainty,
+    select_first_after,
     up_crossings,
 )
 
@@ -52,7 +52,7 @@ def test_lost_samples_are_never_interpolated_over():
 def test_the_uncertainty_of_a_crossing_is_that_of_its_level_over_the_slope():
     time = np.linspace(0, 1, 101)
     value, u = read_level_with_uncertainty(
-        lambda level: first_after(up_crossings(time, 4 * time, level), 0.0), 2.0, 0.2
+        lambda level: select_first_after(up_crossings(time, 4 * time, level), 0.0), 2.0, 0.2
     )
     assert value == pytest.approx(0.5)
     assert u == pytest.approx(0.05)
@@ -73,7 +73,7 @@ def test_a_crossing_that_jumps_to_the_next_swing_gets_a_large_uncertainty():
 def test_a_grazed_level_has_no_known_uncertainty():
     time = np.arange(0, 1, 1e-3)
     value, u = read_level_with_uncertainty(
-        lambda x: first_after(up_crossings(time, np.sin(6 * time), x), 0.0), 0.99, 0.02
+        lambda x: select_first_after(up_crossings(time, np.sin(6 * time), x), 0.0), 0.99, 0.02
     )
     assert value is not None
     assert np.isnan(u)

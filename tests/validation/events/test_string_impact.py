@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from validation.events.detect import find_strikes, flight, let_off
+from validation.events.detect import find_strikes, fit_flight, let_off
 from validation.measurement.geometry import Motion
 
 RATE_HZ = 5000.0
@@ -130,14 +130,14 @@ def test_without_free_flight_a_parabola_is_fitted():
     t = times()
     contact = 0.1003
     height = np.where(t < contact, 2.0 * (contact - t) - 0.5 * 300.0 * (contact - t) ** 2, 0.0)
-    found = flight(t, height, contact, -1, 1e-6)
+    found = fit_flight(t, height, contact, -1, 1e-6)
     assert found.speed == pytest.approx(2.0, rel=1e-3)
     assert "not in free flight" in found.note
 
 
 def test_too_few_samples_give_no_speed():
     t = np.arange(0, 0.2, 1 / 1000.0)
-    found = flight(t, 2.0 * (0.1 - t), 0.1, -1, 1e-6)
+    found = fit_flight(t, 2.0 * (0.1 - t), 0.1, -1, 1e-6)
     assert np.isnan(found.speed)
     assert "4 are needed" in found.note
 

@@ -10,7 +10,7 @@ import pytest
 
 from sessions.make_planted import CAMERA_LATE_S, HUM_N, LIFT_AT_S, LIFT_S, PLANTED, make_session
 from validation import compare as compare_session
-from validation.findings.film import clock_offset
+from validation.findings.film import estimate_clock_offset
 
 SHIPPED = Path(__file__).parents[3] / "sessions" / "planted_faults"
 QUICK = {"keep_predictions": False, "rivals": (), "budget": False}
@@ -109,6 +109,6 @@ def test_the_clock_of_a_film_is_found_within_its_stated_uncertainty(late):
         film = np.arange(0.01, 0.99, 1e-3)
         values = angle(film - late) + 0.2 + rng.normal(0, 4e-4, film.size)
         values[rng.integers(0, film.size, 5)] = np.nan
-        offset, u = clock_offset(film, values, time, angle(time))
+        offset, u = estimate_clock_offset(film, values, time, angle(time))
         z.append((offset - late) / u)
     assert 0.7 < np.sqrt(np.mean(np.square(z))) < 1.4

@@ -12,11 +12,11 @@ import model
 from rig.session import Session
 from tests.validation.bench_strokes import stroke_of
 from validation.events.session_events import find_session_events
-from validation.findings.encoders import Travel, encoder_travel
+from validation.findings.encoders import Travel, find_travel_differences
 from validation.findings.find_faults import find_faults
-from validation.findings.force import force_saturation
-from validation.findings.force_spikes import candidate_spikes, like_trials, unanswered_spikes
-from validation.findings.readings import encoder_readings, force_stands_still
+from validation.findings.force import find_force_saturation
+from validation.findings.force_spikes import align_like_trials, find_candidate_spikes, find_unanswered_spikes
+from validation.findings.readings import find_encoder_faults, find_force_standstill
 from validation.measurement.measure_session import measure_session
 from validation.options import ComparisonOptions
 from validation.pipeline.compare_session import model_under_test
@@ -45,18 +45,18 @@ def spiked(stage, number, at_s, newton, length_s=1e-3):
 def test_sound_trials_have_neither(stage):
     for m in stage.trials:
         p = stage.predictions(m.number)
-        assert encoder_readings(m, p) == []
+        assert find_encoder_faults(m, p) == []
         until_s = stage.events.trial[m.number]["key_release"].value
         every = [(one, stage.predictions(one.number)) for one in stage.trials]
         bottom_s = {number: events["key_bottom"].value for number, events in stage.events.trial.items()}
-        assert unanswered_spikes(stage.tested, m, p, until_s, like_trials(m, every, bottom_s)) == []
+        assert find_unanswered_spikes(stage.tested, m, p, until_s, align_like_trials(m, every, bottom_s)) == []
 
 
 @pytest.mark.parametrize("column", range(3))
 @pytest.mark.parametrize("after_onset_s", [0.03, 0.05, 0.065])
 def test_an_encoder_frozen_in_motion_stands_still(stage, column, after_onset_s):
     m = frozen(stage.trials[0], column, stage.trials[0].quiet.onset_s + after_onset_s, 15e-3)
-    (found,) = encoder_readings(m, stage.predictions(1))
+    (found,) = find_encoder_faults(m, stage.predictions(1))
     assert (found.kind, found.channel) == ("reading stands still", CHANNELS[column])
     assert found.value == pytest.approx(15e-3, abs=1e-3)
 
@@ -88,7 +88,7 @@ def test_of_a_force_that_slips_it_is_not_said_that_the_stroke_is_another(stage):
 def test_an_encoder_frozen_from_rest_on_is_seen_when_it_leaps(stage):
     m = stage.trials[0]
     changed = frozen(m, 1, m.quiet.onset_s - 0.05, 0.1)
-    (found,) = encoder_readings(changed, stage.predictions(1))
+    (found,) = find_encoder_faults(changed, stage.predictions(1))
     assert found.kind == "reading stands still" and "then leaps by" in found.text
 
 
@@ -96,7 +96,7 @@ def test_a_slip_at_rest_is_a_leap_and_no_standstill(stage):
     m = stage.trials[0]
     held = stage.events.trial[1]["key_release"].value - 0.02
     change = m.change_rad + 1e-3 * (m.time_s > held)[:, None] * (np.arange(3) == 0)
-    (found,) = encoder_readings(replace(m, change_rad=change), stage.predictions(1))
+    (found,) = find_encoder_faults(replace(m, change_rad=change), stage.predictions(1))
     assert found.kind == "reading leaps" and "no other encoder leaps there" in found.text
 
 
@@ -104,14 +104,14 @@ def test_an_encoder_frozen_at_rest_reads_right_and_is_not_seen(stage):
     m = stage.trials[0]
     changed = frozen(m, 0, m.time_s[-1] - 0.05, 0.04)
     assert np.abs(changed.change_rad - m.change_rad).max() <= 2 * m.resolution_rad[0]
-    assert encoder_readings(changed, stage.predictions(1)) == []
+    assert find_encoder_faults(changed, stage.predictions(1)) == []
 
 
 @pytest.mark.parametrize("newton, length_s", [(6.0, 1e-3), (-4.0, 1e-3), (3.0, 2e-3)])
 def test_a_spike_of_the_force_that_nothing_answers_is_found(stage, newton, length_s):
     at_s = stage.events.trial[3]["key_release"].value - 0.06
     m, p = spiked(stage, 3, at_s, newton, length_s)
-    (found,) = unanswered_spikes(stage.tested, m, p, stage.events.trial[3]["key_release"].value)
+    (found,) = find_unanswered_spikes(stage.tested, m, p, stage.events.trial[3]["key_release"].value)
     assert found.value == pytest.approx(newton, abs=0.2)
     assert float(re.search(r"at ([\d.]+) s", found.text)[1]) == pytest.approx(at_s, abs=3e-4)
 
@@ -122,7 +122,7 @@ def test_a_spike_that_key_and_whippen_answer_is_a_true_one(stage):
     moved = stage.trials[2].change_rad + np.column_stack(
         [p.change_rad(name) - stage.predictions(3).change_rad(name) for name in CHANNELS]
     )
-    assert unanswered_spikes(stage.tested, replace(m, change_rad=moved), p, m.time_s[-1]) == []
+    assert find_unanswered_spikes(stage.tested, replace(m, change_rad=moved), p, m.time_s[-1]) == []
 
 
 def test_a_spike_while_the_key_rings_is_told_by_other_trials(stage):
@@ -131,13 +131,13 @@ def test_a_spike_while_the_key_rings_is_told_by_other_trials(stage):
     for after_s, newton, length_s in ((0.01, 4.0, 2e-3), (0.02, -3.0, 15e-3)):
         m, p = spiked(stage, 3, bottom_s[3] + after_s, newton, length_s)
         others = [(one, stage.predictions(one.number)) for one in stage.trials if one.number != 3]
-        like = like_trials(m, others, bottom_s)
-        (found,) = unanswered_spikes(stage.tested, m, p, until_s, like)
+        like = align_like_trials(m, others, bottom_s)
+        (found,) = find_unanswered_spikes(stage.tested, m, p, until_s, like)
         assert found.value == pytest.approx(newton, abs=1.0) and "differ from other trials by" in found.text
         turned = [p.change_rad(name) - stage.predictions(3).change_rad(name) for name in CHANNELS]
         answered = replace(m, change_rad=stage.trials[2].change_rad + np.column_stack(turned))
-        assert unanswered_spikes(stage.tested, answered, p, until_s, like) == []
-    assert like_trials(m, others[:2], bottom_s) is None
+        assert find_unanswered_spikes(stage.tested, answered, p, until_s, like) == []
+    assert align_like_trials(m, others[:2], bottom_s) is None
 
 
 def test_a_bounce_that_the_model_misses_is_no_unanswered_spike(tmp_path, make):
@@ -148,8 +148,8 @@ def test_a_bounce_that_the_model_misses_is_no_unanswered_spike(tmp_path, make):
     tested = model_under_test(session, model.load_action(), options)
     predicted = predict_session(measure_session(session, tested.geometry_at, 6e-5), tested)
     (m,), p = predicted.trials, predicted.predictions[1].model
-    assert len(candidate_spikes(m)) > 20
-    assert unanswered_spikes(tested, m, p, m.time_s[-1]) == []
+    assert len(find_candidate_spikes(m)) > 20
+    assert find_unanswered_spikes(tested, m, p, m.time_s[-1]) == []
 
 
 def held(m, at, length):
@@ -164,13 +164,13 @@ def test_a_force_held_at_its_largest_value_stands_still_and_does_not_saturate(st
     top = int(np.argmax(m.raw_force_n))
     changed = held(m, top, 100)
     assert changed.raw_force_n.max() == changed.raw_force_n[top]
-    (found,) = force_stands_still(changed)
-    assert found.kind == "reading stands still" and force_saturation(changed) == []
+    (found,) = find_force_standstill(changed)
+    assert found.kind == "reading stands still" and find_force_saturation(changed) == []
     clipped = replace(m, raw_force_n=np.minimum(m.raw_force_n, 0.8 * m.raw_force_n.max()))
-    (found,) = force_saturation(clipped)
-    assert "saturates" not in found.text and force_stands_still(clipped) == []
+    (found,) = find_force_saturation(clipped)
+    assert "saturates" not in found.text and find_force_standstill(clipped) == []
 
 
 def test_a_hammer_that_stays_where_the_key_leaves_it_is_no_gross_difference():
     stopped = Travel(np.array([0.036, 0.036, 0.006]), float("nan"), True)
-    assert {f.channel for f in encoder_travel(dict.fromkeys((1, 2, 3), stopped))} == {"key"}
+    assert {f.channel for f in find_travel_differences(dict.fromkeys((1, 2, 3), stopped))} == {"key"}

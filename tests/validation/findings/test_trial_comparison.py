@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from validation.events.key_lift import KeyLift
-from validation.findings.encoders import capstan_gaps
-from validation.findings.film import camera_clock, film_wiring
-from validation.findings.find_faults import _capstan_gaps
+from validation.findings.encoders import find_capstan_gaps
+from validation.findings.film import check_camera_clock, find_miswired_film
+from validation.findings.find_faults import _check_capstan
 from validation.findings.finding import SessionFinding
-from validation.findings.let_off_and_check import check_difference_m, let_off_and_check, let_off_way_m
-from validation.findings.outlying_trials import changed_condition, outlying_residuals, residuals_of
-from validation.findings.stroke_kinds import mixed_strokes, stroke_kinds, strokes_of_their_own
+from validation.findings.let_off_and_check import compare_check_height, compare_let_off, find_let_off_and_check
+from validation.findings.outlying_trials import find_changed_condition, find_outlying_residuals, make_residuals
+from validation.findings.stroke_kinds import find_mixed_strokes, find_single_strokes, group_strokes
 from validation.findings.trial_records import find_duplicates
 
 
@@ -39,33 +39,33 @@ def test_a_copy_of_a_trial_is_found_and_strokes_alike_are_none(stage):
 @pytest.mark.parametrize("by", [3.0, 1.4])
 def test_two_kinds_of_stroke_are_told_apart(stage, by):
     trials = [m if i % 2 else scaled_force(m, by) for i, m in enumerate(stage.trials)]
-    kinds = stroke_kinds(trials)
+    kinds = group_strokes(trials)
     assert kinds == ((1, 3, 5), (2, 4, 6))
-    (found,) = mixed_strokes(trials, kinds)
+    (found,) = find_mixed_strokes(trials, kinds)
     assert "trials 2, 4, 6" in found.text
     assert "trials 1, 3, 5" in found.text
-    assert strokes_of_their_own(trials, kinds) == []
+    assert find_single_strokes(trials, kinds) == []
 
 
 def test_three_kinds_of_two_strokes_are_told_apart(stage):
     trials = [scaled_force(m, (1.0, 2.0, 0.4)[i // 2]) for i, m in enumerate(stage.trials)]
-    kinds = stroke_kinds(trials)
+    kinds = group_strokes(trials)
     assert kinds == ((1, 2), (3, 4), (5, 6))
-    (found,) = mixed_strokes(trials, kinds)
+    (found,) = find_mixed_strokes(trials, kinds)
     assert found.value == 3 and "3 kinds of stroke: trials 1, 2" in found.text
 
 
 def test_one_odd_stroke_and_a_small_difference_are_no_two_kinds(stage):
     every = (1, 2, 3, 4, 5, 6)
-    assert stroke_kinds(stage.trials) == (every,)
+    assert group_strokes(stage.trials) == (every,)
     odd = [scaled_force(m, 2.0 if m.number == 4 else 1.0) for m in stage.trials]
-    kinds = stroke_kinds(odd)
-    assert mixed_strokes(odd, kinds) == []
-    (found,) = strokes_of_their_own(odd, kinds)
+    kinds = group_strokes(odd)
+    assert find_mixed_strokes(odd, kinds) == []
+    (found,) = find_single_strokes(odd, kinds)
     assert found.trial == 4
-    assert stroke_kinds([scaled_force(m, 1.0 + 0.15 * (m.number > 3)) for m in stage.trials]) == (every,)
+    assert group_strokes([scaled_force(m, 1.0 + 0.15 * (m.number > 3)) for m in stage.trials]) == (every,)
     spread = [scaled_force(m, 1.2**m.number) for m in stage.trials]  # all different, and each near the next
-    assert stroke_kinds(spread) == (every,)
+    assert group_strokes(spread) == (every,)
 
 
 def moved(residuals, where, by):
@@ -80,29 +80,29 @@ def uncertain(m):
 
 @pytest.mark.parametrize("first", [3, 4, 5])
 def test_a_change_in_mid_session_is_found_where_it_is(stage, first):
-    residuals = residuals_of(stage.predicted, stage.events, stage.trials)
+    residuals = make_residuals(stage.predicted, stage.events, stage.trials)
     later = np.array(residuals.numbers) >= first
     trials = {m.number: m for m in stage.trials}
     for by in (0.2, 0.05):
-        (found,) = changed_condition(stage.tested, trials, moved(residuals, later, by))
+        (found,) = find_changed_condition(stage.tested, trials, moved(residuals, later, by))
         assert found.trial == first
-    assert changed_condition(stage.tested, trials, moved(residuals, later, 2e-3)) == []
-    assert changed_condition(stage.tested, trials, residuals) == []
+    assert find_changed_condition(stage.tested, trials, moved(residuals, later, 2e-3)) == []
+    assert find_changed_condition(stage.tested, trials, residuals) == []
     loose = {n: uncertain(m) for n, m in trials.items()}
-    assert changed_condition(stage.tested, loose, moved(residuals, later, 0.05)) == []
+    assert find_changed_condition(stage.tested, loose, moved(residuals, later, 0.05)) == []
 
 
 def test_an_odd_residual_is_found_only_where_the_force_does_not_explain_it(stage):
     trials = {m.number: m for m in stage.trials}
-    residuals = residuals_of(stage.predicted, stage.events, stage.trials)
-    assert outlying_residuals(stage.tested, trials, residuals) == []
+    residuals = make_residuals(stage.predicted, stage.events, stage.trials)
+    assert find_outlying_residuals(stage.tested, trials, residuals) == []
     odd = np.array(residuals.numbers) == 5
     for by in (0.5, 0.05):
-        (found,) = outlying_residuals(stage.tested, trials, moved(residuals, odd, by))
+        (found,) = find_outlying_residuals(stage.tested, trials, moved(residuals, odd, by))
         assert found.trial == 5
-    assert outlying_residuals(stage.tested, trials, moved(residuals, odd, 2e-3)) == []
+    assert find_outlying_residuals(stage.tested, trials, moved(residuals, odd, 2e-3)) == []
     loose = trials | {5: uncertain(trials[5])}
-    assert outlying_residuals(stage.tested, loose, moved(residuals, odd, 0.05)) == []
+    assert find_outlying_residuals(stage.tested, loose, moved(residuals, odd, 0.05)) == []
 
 
 def filmed(stage):
@@ -112,32 +112,32 @@ def filmed(stage):
 
 def test_a_mirrored_film_and_swapped_bodies_are_named(stage):
     m, p = filmed(stage)
-    assert film_wiring(m, p, whippen_sound=True) == []
+    assert find_miswired_film(m, p, whippen_sound=True) == []
     film = m.film
     turned = {name: -x for name, x in film.change_rad.items()}
     mirrored = replace(m, film=replace(film, change_rad=turned, whippen_rad=-film.whippen_rad))
-    assert [f.kind for f in film_wiring(mirrored, p, whippen_sound=True)] == ["film mirrored"]
+    assert [f.kind for f in find_miswired_film(mirrored, p, whippen_sound=True)] == ["film mirrored"]
     alone = replace(m, film=replace(film, change_rad=turned, whippen_rad=None))
-    assert [f.kind for f in film_wiring(alone, p, whippen_sound=True)] == ["film mirrored"]
+    assert [f.kind for f in find_miswired_film(alone, p, whippen_sound=True)] == ["film mirrored"]
     # the encoder's own sign flip is not the film's
     flipped = replace(m, change_rad=m.change_rad * [1, -1, 1])
-    assert film_wiring(flipped, p, whippen_sound=False) == []
+    assert find_miswired_film(flipped, p, whippen_sound=False) == []
     swapped = {"jack": film.change_rad["repetition"], "repetition": film.change_rad["jack"]}
-    found = film_wiring(replace(m, film=replace(film, change_rad=swapped)), p, whippen_sound=True)
+    found = find_miswired_film(replace(m, film=replace(film, change_rad=swapped)), p, whippen_sound=True)
     assert [f.kind for f in found] == ["film bodies swapped"]
 
 
 @pytest.mark.parametrize("factor", [1.5, 0.9])
 def test_film_and_encoder_of_different_scale_are_named_together(stage, factor):
     m, p = filmed(stage)
-    (found,) = film_wiring(
+    (found,) = find_miswired_film(
         replace(m, film=replace(m.film, whippen_rad=factor * m.film.whippen_rad)), p, whippen_sound=True
     )
     assert found.kind == "film travel difference"
     assert found.value == pytest.approx(factor, rel=0.01)
     other = replace(m, film=replace(m.film, whippen_rad=1.02 * m.film.whippen_rad))
-    assert film_wiring(other, p, whippen_sound=True) == []
-    assert camera_clock(other) == []  # a scale is no clock
+    assert find_miswired_film(other, p, whippen_sound=True) == []
+    assert check_camera_clock(other) == []  # a scale is no clock
 
 
 @pytest.mark.parametrize("lost, rate", [(20, 1.01), (4, 1.005)])
@@ -153,25 +153,25 @@ def test_lost_frames_and_a_wrong_rate_are_named_together(stage, lost, rate):
         change_rad={n: x[keep] for n, x in film.change_rad.items()},
         u_rad={n: x[keep] for n, x in film.u_rad.items()},
     )
-    (found,) = camera_clock(replace(m, film=short))
+    (found,) = check_camera_clock(replace(m, film=short))
     assert found.kind == "film time drift"
     assert found.value == pytest.approx(-lost / 2000, abs=2e-4)
     assert f"or {lost} frames" in found.text
     fast = replace(film, time_s=film.time_s[0] + rate * (film.time_s - film.time_s[0]))
-    (found,) = camera_clock(replace(m, film=fast))
+    (found,) = check_camera_clock(replace(m, film=fast))
     stated = float(re.search(r": ([0-9.]+) % of the time between", found.text)[1])
     assert stated == pytest.approx(100 * (rate - 1), rel=0.1)
-    assert camera_clock(m) == []
+    assert check_camera_clock(m) == []
     slow = replace(film, time_s=film.time_s[0] + 1.0001 * (film.time_s - film.time_s[0]))
-    assert camera_clock(replace(m, film=slow)) == []
+    assert check_camera_clock(replace(m, film=slow)) == []
 
 
 def test_let_off_without_faults_is_the_models(stage):
     for m in stage.trials:
         own, theirs = stage.events.trial[m.number], stage.events.model[m.number]
-        d, u = let_off_way_m(m, stage.predictions(m.number), own, theirs, stage.geometry(m))
+        d, u = compare_let_off(m, stage.predictions(m.number), own, theirs, stage.geometry(m))
         assert abs(d) < 0.3e-3 and 0.02e-3 < u < 0.4e-3
-        assert abs(check_difference_m(own, theirs)[0]) < 1e-3
+        assert abs(compare_check_height(own, theirs)[0]) < 1e-3
 
 
 def test_let_off_and_check_are_said_of_exactly_the_trials_that_have_them():
@@ -180,16 +180,16 @@ def test_let_off_and_check_are_said_of_exactly_the_trials_that_have_them():
 
     none = dict.fromkeys(range(1, 7), float("nan"))
     for d in (-2e-3, 1e-3):
-        (found,) = let_off_and_check(differences({n: d + 5e-5 * n for n in none}), differences(none))
+        (found,) = find_let_off_and_check(differences({n: d + 5e-5 * n for n in none}), differences(none))
         assert (found.kind, found.channel) == ("let-off", "let_off")
         assert found.value == pytest.approx(d, abs=2e-4) and "mm (u 0.1 mm)" in found.text
     small = differences(dict.fromkeys(none, 4e-4)), differences(dict.fromkeys(none, 1.5e-3))
-    assert let_off_and_check(*small) == []
+    assert find_let_off_and_check(*small) == []
     both = differences({1: 3e-3, 2: -3e-3, 3: 3e-3, 4: -2e-3, 5: 0.0, 6: 4e-3})
-    further, closer = let_off_and_check(both, differences(none))
+    further, closer = find_let_off_and_check(both, differences(none))
     assert (further.trials, closer.trials) == ((1, 3, 6), (2, 4))
     assert "further from the string than in the model in trials 1, 3, 6 (3 of 6 trials)" in further.text
-    (found,) = let_off_and_check(differences(none), differences(dict.fromkeys(none, -3e-3) | {2: 0.0}))
+    (found,) = find_let_off_and_check(differences(none), differences(dict.fromkeys(none, -3e-3) | {2: 0.0}))
     assert found.kind == "check height"
     assert "in trials 1, 3, 4, 5, 6 (5 of 6 trials)" in found.text and "model" in found.text
 
@@ -200,11 +200,11 @@ def test_let_off_and_check_are_said_of_exactly_the_trials_that_have_them():
 )
 def test_a_lift_that_is_largest_after_the_release_is_a_late_one_wherever_its_edge_is(largest_at_s, lift_m, named):
     lift = KeyLift(0.3035, 0.33, largest_at_s, 5 * lift_m, lift_m, 0.0, "")
-    assert bool(capstan_gaps({2: [lift]}, {2: 0.305})) == named
+    assert bool(find_capstan_gaps({2: [lift]}, {2: 0.305})) == named
 
 
 @pytest.mark.parametrize("kind, named", [("reversed force", False), ("sign flip", False), ("hum", True)])
 def test_no_lift_is_named_where_a_channel_or_the_prediction_is_spoilt(kind, named):
     lift = KeyLift(0.1, 0.2, 0.15, 1e-3, 3e-4, 0.0, "")
     events = SimpleNamespace(lifts={1: [lift]}, trial={1: {"key_release": SimpleNamespace(value=0.5)}})
-    assert bool(_capstan_gaps(events, [SessionFinding(kind, 1, "force", -1.0, 0.3, "")])) == named
+    assert bool(_check_capstan(events, [SessionFinding(kind, 1, "force", -1.0, 0.3, "")])) == named

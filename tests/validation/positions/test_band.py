@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.validation.positions.test_measured import PRESS_M, RATE, TIME_S, trial
-from validation.events.strikes import HOLD, PHASES, RELEASE, STRIKE, find, phases
+from validation.events.strikes import HOLD, PHASES, RELEASE, STRIKE, find_phases, find_stroke_events
 from validation.infer.positions import SCATTER, fit, misfit
 from validation.measurement.positions import measure_stroke
 from validation.prediction.positions import Mixture
@@ -16,12 +16,12 @@ from validation.statistics.bands import (
     FLOORS,
     PredictedStroke,
     PredictionBand,
+    estimate_spread,
     half_width,
     interval_score,
     prediction_band,
     quantiles,
     score,
-    spread,
 )
 
 
@@ -35,7 +35,7 @@ def with_key(stroke, key_m):
 
 
 def test_phases_follow_the_key(stroke) -> None:
-    at = phases(stroke)
+    at = find_phases(stroke)
     order = [PHASES[i] for i in at[np.concatenate([[True], np.diff(at) != 0])]]
     assert order == ["rest", "strike", "hold", "release", "rest"][: len(order)] and "release" in order
     assert TIME_S[np.argmax(at == 1)] == pytest.approx(0.402, abs=0.003)
@@ -46,14 +46,14 @@ def test_each_repetition_is_a_strike_with_its_events(stroke) -> None:
     again = (TIME_S > 0.84) & (TIME_S < 1.1)
     key[again] = 0.002 + 0.007 * np.sin(np.pi * (TIME_S[again] - 0.84) / 0.26) ** 2
     shown = with_key(stroke, key)
-    at, found = phases(shown), find(shown, 0.9 * key)
+    at, found = find_phases(shown), find_stroke_events(shown, 0.9 * key)
     assert len(found) == 2 and found[0]["impact_s"] < 0.5 < 0.9 < found[1]["impact_s"]
     assert int(np.sum(np.diff((at == 1).astype(int)) == 1)) == 2
 
 
 def test_a_key_that_returns_part_way_and_is_never_held_is_struck_again(stroke) -> None:
     share = np.interp(TIME_S, [0.4, 0.44, 0.46, 0.5, 0.54, 0.58, 0.62, 0.7], [0, 1, 1, 0.4, 0.95, 0.3, 1, 0])
-    at = phases(with_key(stroke, 0.009 * share))
+    at = find_phases(with_key(stroke, 0.009 * share))
     assert int(np.sum(np.diff((at == STRIKE).astype(int)) == 1)) == 3
     assert np.all(at[(TIME_S > 0.487) & (TIME_S < 0.495)] == RELEASE) and HOLD not in at
 
@@ -100,7 +100,7 @@ def test_a_phase_that_no_training_stroke_shows_has_the_number_of_the_whole(strok
 
 def test_the_choice_is_that_of_the_training_strokes(stroke) -> None:
     """Errors in one phase only want numbers by phase; a u that has nothing to do with the error wants a high floor."""
-    late = np.where(phases(stroke) == RELEASE, 8e-4, 4e-5)
+    late = np.where(find_phases(stroke) == RELEASE, 8e-4, 4e-5)
     by_phase = prediction_band([off_by(stroke, late, 1), off_by(stroke, -late, 2)])
     assert by_phase.by_phase and by_phase.q["release"] > 5 * by_phase.q["hold"]
     slope = np.linspace(0.0, 0.02 * stroke.hammer.travel_m, TIME_S.size)  # an u that says nothing of the error
@@ -124,10 +124,10 @@ def test_spread_carries_the_keys_calibration_and_no_stray_draw(stroke) -> None:
         return predict(z, of, displacement_m) + (0.01 if next(count) % 4 == 0 else 0.0)
 
     made = predict(np.zeros(1), stroke, None)
-    u, top = spread(stroke, predict, Mixture.of_one(np.zeros(1)), made), int(np.argmax(made))
+    u, top = estimate_spread(stroke, predict, Mixture.of_one(np.zeros(1)), made), int(np.argmax(made))
     own = stroke.hammer.position.u_calibration_m
     assert u[0] == pytest.approx(own[0], rel=0.2) and 1.1 * u[0] < u[top]
-    assert spread(stroke, stray, Mixture.of_one(np.zeros(1)), made)[top] < 3 * u[top]
+    assert estimate_spread(stroke, stray, Mixture.of_one(np.zeros(1)), made)[top] < 3 * u[top]
 
 
 def test_fit_finds_parameters_through_outliers(stroke) -> None:
@@ -155,7 +155,7 @@ def test_misfit_weighs_strokes_alike_however_long(stroke) -> None:
 
 def test_events_of_a_hammer(stroke) -> None:
     hammer = np.interp(TIME_S, [0.4, 0.45, 0.46, 0.5, 0.8, 0.85], [0.0, 0.008, 0.008, 0.005, 0.005, 0.0])
-    (found,) = find(stroke, hammer)
+    (found,) = find_stroke_events(stroke, hammer)
     assert found["impact_s"] == pytest.approx(0.45, abs=1.5 / RATE)
     assert found["speed_m_per_s"] == pytest.approx(0.008 / 0.05, rel=0.01)
     assert found["check_m"] == pytest.approx(0.005, abs=1e-5)

@@ -17,7 +17,7 @@ import validation
 from rig.session import Session
 from tests.command_line import run
 from validation.errors import ValidationInputError
-from validation.events.strikes import find
+from validation.events.strikes import find_stroke_events
 from validation.infer.positions import read_identified, write_identified
 from validation.measurement.positions import measure_stroke
 from validation.measurement.sample_fingerprints import sample_fingerprints
@@ -106,7 +106,7 @@ def test_the_band_was_chosen_by_training_strokes_for_each_model(written) -> None
 def test_events_only_where_the_data_show_them(written) -> None:
     events = {(row["trial"], row["source"]): row for row in written[1]["events"]}
     slow = measure_stroke(Session.open(SHIPPED).trial(2).read())
-    (press,) = find(slow, slow.hammer.value_m)
+    (press,) = find_stroke_events(slow, slow.hammer.value_m)
     assert press["let_off_m"] > 3.2e-3 and press["drop_m"] > 2e-4 and events[5, "measured"]["let_off_m"] is None
     real, made = events[5, "measured"], events[5, "identified"]
     assert abs(real["impact_s"] - made["impact_s"]) < 0.005

@@ -10,7 +10,7 @@ import pytest
 from rig.session.info import NO_FORCE, ChannelInfo, RulerInfo
 from rig.session.trial_data import TrialData
 from validation.errors import TrialError
-from validation.events.strikes import find
+from validation.events.strikes import find_stroke_events
 from validation.measurement.positions import measure_stroke, smoothed
 
 RATE = 2000.0
@@ -128,10 +128,10 @@ def test_another_calibration_stays_within_its_uncertainty() -> None:
 
 def test_a_hammer_still_rising_at_the_recordings_end_has_struck_nothing() -> None:
     stroke = measure_stroke(trial())
-    (whole,) = find(stroke, stroke.hammer.value_m)
+    (whole,) = find_stroke_events(stroke, stroke.hammer.value_m)
     assert whole["impact_s"] == pytest.approx(0.43, abs=3e-3) and whole["speed_m_per_s"] == pytest.approx(0.24, rel=0.1)
     n = int(np.searchsorted(stroke.time_s, 0.425))
     parts = [dataclasses.replace(one, value_m=one.value_m[:n]) for one in (stroke.key, stroke.hammer)]
     cut = dataclasses.replace(stroke, time_s=stroke.time_s[:n], key=parts[0], hammer=parts[1])
-    (seen,) = find(cut, cut.hammer.value_m)
+    (seen,) = find_stroke_events(cut, cut.hammer.value_m)
     assert all(np.isnan(value) for value in seen.values())

@@ -17,7 +17,7 @@ from tests.validation.positions.planted import (
     identified_specimen,
     write_recording,
 )
-from validation.events.strikes import RELEASE, STRIKE, find, phases
+from validation.events.strikes import RELEASE, STRIKE, find_phases, find_stroke_events
 from validation.measurement.positions import Stroke, measure_positions
 
 
@@ -37,13 +37,13 @@ def recorded(folder: Path, kinds: tuple[str, ...], exact: bool = False) -> dict[
 
 
 def test_each_is_one_trial_and_each_note_a_strike(seen) -> None:
-    strikes = {kind: len(find(stroke, stroke.hammer.value_m)) for kind, (_, stroke) in seen.items()}
+    strikes = {kind: len(find_stroke_events(stroke, stroke.hammer.value_m)) for kind, (_, stroke) in seen.items()}
     assert strikes == {"fast": 1, "repetitions": 8, "slide-off": 1}
 
 
 def test_a_hammer_that_strikes_again_comes_back_only_part_way(tmp_path) -> None:
     truth, stroke = recorded(tmp_path, ("repetitions",), exact=True)["repetitions"]
-    found = find(stroke, stroke.hammer.value_m)
+    found = find_stroke_events(stroke, stroke.hammer.value_m)
     tops, backs = (np.array([one[name] for one in found]) for name in ("top_m", "back_m"))
     assert np.all(tops > 0.95 * stroke.hammer.travel_m)  # each note reaches the stop
     impacts = np.array([one["impact_s"] for one in found])
@@ -53,21 +53,21 @@ def test_a_hammer_that_strikes_again_comes_back_only_part_way(tmp_path) -> None:
     assert backs[:-1] == pytest.approx(lowest, abs=2e-5) and np.isnan(backs[-1])
     assert np.sum(backs[:-1] > 0.15 * stroke.hammer.travel_m) >= 2  # quick ones, which do not come home
     key = stroke.key.value_m / stroke.key.value_m.max()
-    assert key[phases(stroke) == RELEASE].min() < 0.2 and np.all(np.diff([one["impact_s"] for one in found]) > 0.1)
+    assert key[find_phases(stroke) == RELEASE].min() < 0.2 and np.all(np.diff([one["impact_s"] for one in found]) > 0.1)
 
 
 def test_a_key_let_go_early_is_released_at_once_and_its_strike_has_an_impact(seen) -> None:
     truth, stroke = seen["slide-off"]
-    (found,) = find(stroke, stroke.hammer.value_m)
+    (found,) = find_stroke_events(stroke, stroke.hammer.value_m)
     assert found["top_m"] > 0.95 * stroke.hammer.travel_m and np.isnan(found["check_m"])
-    at = phases(stroke)
+    at = find_phases(stroke)
     struck = np.flatnonzero(at == STRIKE)
     assert np.ptp(stroke.time_s[struck[struck < np.argmax(at == RELEASE)]]) < 0.12
     assert truth.hammer_m.max() == pytest.approx(found["top_m"], abs=1e-4)
 
 
 def test_the_speed_before_the_impact_is_seen_without_bias(seen) -> None:
-    ratio = [find(s, s.hammer.value_m)[0]["speed_m_per_s"] / truth.speed() for truth, s in seen.values()]
+    ratio = [find_stroke_events(s, s.hammer.value_m)[0]["speed_m_per_s"] / truth.speed() for truth, s in seen.values()]
     assert np.all(np.abs(np.array(ratio) - 1.0) < 0.15)  # the rulers: two readings off by an eighth of a tick each
     assert np.ptp(ratio) < 0.06  # and the same in every stroke
 

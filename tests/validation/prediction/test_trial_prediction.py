@@ -38,7 +38,7 @@ class Counting:
 def one_force(monkeypatch):
     """The stand-in does not move as the trials do: each would be run under other forces, and without its spikes."""
     monkeypatch.setattr("validation.findings.force.FACTORS", {})
-    monkeypatch.setattr("validation.findings.find_faults.unanswered_spikes", lambda *_: [])
+    monkeypatch.setattr("validation.findings.find_faults.find_unanswered_spikes", lambda *_: [])
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from validation.scores.iso18571 import best_shift, iso_score
+from validation.scores.iso18571 import find_best_shift, iso_score
 
 EXPECTED = Path(__file__).parents[3] / ".." / "shared" / "data" / "iso18571_annex_expected.json"
 ANNEX = os.environ.get("ISO18571_ANNEX", "")
@@ -64,7 +64,7 @@ def test_a_late_or_early_curve_is_found_with_its_sign(late):
         return np.exp(-(((time - centre) / 40.0) ** 2))
 
     test, cae = pulse(500), pulse(500 + late)
-    assert best_shift(test, cae) == late
+    assert find_best_shift(test, cae) == late
     assert iso_score(test, cae, 1e-4).phase == pytest.approx(1 - abs(late) / 200)
 
 

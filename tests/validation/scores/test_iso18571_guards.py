@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from validation.scores.curve_scores import all_scores, trial_pairs
-from validation.scores.iso18571 import guard_notes, iso_score
+from validation.scores.curve_scores import choose_trial_pairs, compute_scores
+from validation.scores.iso18571 import iso_score, list_guard_notes
 
 STEP = 1e-4
 
@@ -19,8 +19,8 @@ def stroke(time, late=0.0):
 
 def raised(trial, model):
     time = np.arange(trial.size) * STEP
-    scores = all_scores(time, trial, model)
-    return scores, guard_notes(time, trial, model, scores)
+    scores = compute_scores(time, trial, model)
+    return scores, list_guard_notes(time, trial, model, scores)
 
 
 def test_a_plain_pair_raises_none():
@@ -80,13 +80,13 @@ def test_marked_samples_are_cut_out_of_both_curves():
     assert cut["iso_overall"] == 1.0
     assert cut["rmse_rad"] == 0.0
     trial[::3] = np.nan
-    assert np.isnan(all_scores(time, trial, model)["iso_overall"])
+    assert np.isnan(compute_scores(time, trial, model)["iso_overall"])
 
 
 def test_at_most_two_hundred_seeded_pairs():
-    assert trial_pairs(5) == [(i, j) for i in range(5) for j in range(i + 1, 5)]
-    many = trial_pairs(60)
+    assert choose_trial_pairs(5) == [(i, j) for i in range(5) for j in range(i + 1, 5)]
+    many = choose_trial_pairs(60)
     assert len(set(many)) == 200
-    assert many == trial_pairs(60)
-    assert many != trial_pairs(60, seed=1)
-    assert trial_pairs(1) == []
+    assert many == choose_trial_pairs(60)
+    assert many != choose_trial_pairs(60, seed=1)
+    assert choose_trial_pairs(1) == []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from validation.scores.curve_scores import pair_rmse, score_curve, sprague_geers
+from validation.scores.curve_scores import compute_pair_rmse, score_curve, sprague_geers
 
 
 def test_score_of_a_known_difference():
@@ -46,12 +46,12 @@ def test_a_flat_trial_has_no_relative_score():
 
 def test_trial_to_trial_rmse_is_root_two_times_the_scatter():
     rng = np.random.default_rng(1)
-    value, pairs = pair_rmse(rng.normal(0, 3.0, (20_000, 5)))
+    value, pairs = compute_pair_rmse(rng.normal(0, 3.0, (20_000, 5)))
     assert pairs == 10
     assert value == pytest.approx(3.0 * np.sqrt(2), rel=0.01)
-    assert pair_rmse(rng.normal(size=(10, 40)))[1] == 200
-    assert np.isnan(pair_rmse(np.ones((10, 1)))[0])
-    assert pair_rmse(np.array([[0.0, 5.0, 1.0, 7.0]]), kinds=[0, 1, 0, 1]) == (pytest.approx(np.sqrt(2.5)), 2)
+    assert compute_pair_rmse(rng.normal(size=(10, 40)))[1] == 200
+    assert np.isnan(compute_pair_rmse(np.ones((10, 1)))[0])
+    assert compute_pair_rmse(np.array([[0.0, 5.0, 1.0, 7.0]]), kinds=[0, 1, 0, 1]) == (pytest.approx(np.sqrt(2.5)), 2)
 
 
 def reference_pair(scale=1.0, delay_s=0.0):

@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 
 from validation.events.session_events import Window
-from validation.statistics.model_comparison import evidence_table, paired_models
+from validation.statistics.model_comparison import compare_pairs, evidence_table
 from validation.statistics.sign_flip_test import joint_sign_flip, sign_flip_p
 
 
@@ -49,7 +49,7 @@ def result(name, rmse_rad, *, session="forte", window=(0.0, 1.0), n=1000, tolera
 
 
 def claims(first, second):
-    pairs = paired_models([first, second])
+    pairs = compare_pairs([first, second])
     return pairs[pairs["score"] == "rmse_rad"].set_index("channel")
 
 
@@ -70,7 +70,7 @@ def test_five_trials_may_not_claim_what_they_cannot_show():
 
 def test_eight_trials_may_and_a_higher_score_is_the_better_one():
     first, gain = np.linspace(0.01, 0.02, 8), np.linspace(0.003, 0.004, 8)
-    pairs = paired_models([result("a", {"key": first}), result("b", {"key": first - gain})]).set_index("score")
+    pairs = compare_pairs([result("a", {"key": first}), result("b", {"key": first - gain})]).set_index("score")
     assert pairs.loc["rmse_rad", "claim"] == "b closer (5 %, all channels together)"
     assert pairs.loc["rmse_rad", "p"] == 2 / 2**8
     iso = pairs.loc["iso_overall"]
@@ -115,7 +115,7 @@ def test_claims_of_different_models_before_impact_and_over_the_window_are_a_cont
     for r, early in ((a, first), (b, first + gain)):
         r.scores["before_impact_rmse_rad"] = early
         r.nuisance["before_impact_rmse_rad"] = np.repeat(early, 19)
-    pairs = paired_models([a, b]).set_index("score")["claim"]
+    pairs = compare_pairs([a, b]).set_index("score")["claim"]
     said = "contradiction: over the whole window b is closer, before the impact a (5 % each); neither model is closer"
     assert pairs["rmse_rad"].startswith(said) and pairs["before_impact_rmse_rad"].startswith(said)
     assert pairs["iso_overall"] == "b closer (5 %, all channels together)"
@@ -138,9 +138,9 @@ def test_only_trials_of_both_and_only_models_of_one_session_are_paired():
     a, b = result("a", {"key": FIVE}), result("b", {"key": FIVE[:3] - GAIN[:3]})
     assert claims(a, b).loc["key", "n_trials"] == 3
     c = result("a", {"key": FIVE}, session="piano")
-    assert paired_models([a, c]).empty
+    assert compare_pairs([a, c]).empty
     assert (
-        list(zip(*(paired_models([a, b, c])[k] for k in ("session", "first", "second")), strict=True))
+        list(zip(*(compare_pairs([a, b, c])[k] for k in ("session", "first", "second")), strict=True))
         == [("forte", "a", "b")] * 2
     )
 

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from validation import EVENTS, Event
-from validation.events.detect import absent
+from validation.events.detect import make_absent_event
 from validation.statistics.repeatability import (
     STANDS_OUT,
+    compute_distance_ratios,
     curve_repeatability,
-    distance_ratios,
     event_repeatability,
-    few_trials_warning,
     limit_factor,
     s_interval_factors,
+    warn_of_few_trials,
 )
 
 
@@ -88,20 +88,20 @@ def test_one_trial_that_stands_out_is_found_and_good_ones_are_not():
     rng = np.random.default_rng(17)
     base = np.sin(np.linspace(0, 9, 800))
     shapes = rng.normal(size=(300, 6, 5)) @ np.array([np.cos(np.linspace(0, k, 800)) for k in range(1, 6)])
-    false = [distance_ratios((base + 0.01 * s).T).max() > STANDS_OUT for s in shapes]
+    false = [compute_distance_ratios((base + 0.01 * s).T).max() > STANDS_OUT for s in shapes]
     assert np.mean(false) < 0.03
     bad = base + 0.01 * shapes[0]
     bad[3] = np.roll(bad[3], 40)
-    ratios = distance_ratios(bad.T)
+    ratios = compute_distance_ratios(bad.T)
     assert ratios.argmax() == 3
     assert ratios[3] > STANDS_OUT
     assert np.delete(ratios, 3).max() < STANDS_OUT
-    assert np.isnan(distance_ratios(bad[:3].T)).all()
-    assert np.isnan(distance_ratios(np.ones((10, 5)))).all()
+    assert np.isnan(compute_distance_ratios(bad[:3].T)).all()
+    assert np.isnan(compute_distance_ratios(np.ones((10, 5)))).all()
 
 
 def trial(speed):
-    events = {name: absent(name) for name in EVENTS}
+    events = {name: make_absent_event(name) for name in EVENTS}
     if speed is not None:
         events["hammer_speed"] = Event("hammer_speed", speed, 0.01, "found")
     return events
@@ -118,9 +118,9 @@ def test_event_repeatability_counts_presence_and_uses_found_events_only():
 
 
 def test_warning_below_six_trials():
-    assert "factor of 0.60 to 2.87" in few_trials_warning(5)
-    assert "One trial" in few_trials_warning(1)
-    assert few_trials_warning(6) == ""
+    assert "factor of 0.60 to 2.87" in warn_of_few_trials(5)
+    assert "One trial" in warn_of_few_trials(1)
+    assert warn_of_few_trials(6) == ""
 
 
 def test_two_kinds_of_stroke_are_compared_within_each():

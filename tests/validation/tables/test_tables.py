@@ -12,13 +12,13 @@ import pytest
 from validation.cache.result_store import ResultStore
 from validation.errors import InputError
 from validation.events.definitions import EVENTS, Event
-from validation.events.detect import absent
-from validation.events.session_events import Window, common_window
-from validation.findings.finding import counting_events
+from validation.events.detect import make_absent_event
+from validation.events.session_events import Window, choose_window
+from validation.findings.finding import select_counted_events
 from validation.pipeline.verdict import verdict_lines
 from validation.scores.score_session import score_curves
 from validation.scores.traces import SessionTraces
-from validation.statistics.repeatability import on_common_base
+from validation.statistics.repeatability import interpolate_to_base
 from validation.tables.channels import channel_tables, with_scores
 from validation.tables.event_summary import TABLE as SUMMARY
 from validation.tables.event_summary import event_summary as summarised
@@ -87,7 +87,7 @@ def test_two_kinds_of_stroke_are_compared_within_each_and_have_no_mean():
 def test_trials_of_another_rate_are_put_on_the_first_one_s_base():
     time = np.arange(0, 1, 2e-4)
     traces = frames(time, scatter=0.0, rate_of_last=2000.0)
-    curves = on_common_base(time[:-10], traces, "hammer_measured_rad")
+    curves = interpolate_to_base(time[:-10], traces, "hammer_measured_rad")
     assert np.abs(curves[:, 4] - curves[:, 0]).max() < 3 * (2 * np.pi) ** 2 * 5e-4**2 / 8 * 1.01
     channels, scores, _ = tables(traces)
     assert channels.loc["hammer", "n_trials"] == 5
@@ -96,7 +96,7 @@ def test_trials_of_another_rate_are_put_on_the_first_one_s_base():
 
 def test_a_trial_that_does_not_reach_the_window_is_nan_there():
     traces = {1: pd.DataFrame({"time_s": [0.0, 1.0], "x": [0.0, 1.0]})}
-    out = on_common_base(np.array([-0.5, 0.25, 1.5]), traces, "x")
+    out = interpolate_to_base(np.array([-0.5, 0.25, 1.5]), traces, "x")
     assert out[1, 0] == 0.25
     assert np.isnan(out[[0, 2], 0]).all()
 
@@ -149,7 +149,7 @@ def event_summary(trial, model):
 
 def keystroke(**changes):
     found = {name: Event(name, 0.1 * (i + 1), 0.001, "found") for i, name in enumerate(EVENTS)}
-    found["second_strike"] = absent("second_strike")
+    found["second_strike"] = make_absent_event("second_strike")
     return found | {name: event for name, event in changes.items()}
 
 
@@ -182,7 +182,7 @@ def test_event_differences_are_paired_and_their_uncertainty_holds_scatter_and_st
 
 def test_absent_and_ambiguous_events_are_in_the_verdict():
     doubtful = Event("rest", 0.9, 0.02, "ambiguous", "…")
-    no_check = {"check_time": absent("check_time"), "check_height": absent("check_height")}
+    no_check = {"check_time": make_absent_event("check_time"), "check_height": make_absent_event("check_height")}
     trials = {1: keystroke(rest=doubtful, **no_check)}
     models = {1: keystroke(**no_check)}
     channels, _, _ = tables(frames(np.arange(0, 1, 2e-4), 0.05))
@@ -194,7 +194,7 @@ def test_absent_and_ambiguous_events_are_in_the_verdict():
 
 def test_events_that_no_trial_counts_are_neither_absent_nor_in_agreement():
     trials = {n: keystroke() for n in (1, 2, 3)}
-    counting = counting_events(trials, {(n, "hammer") for n in trials} | {(1, "key")})
+    counting = select_counted_events(trials, {(n, "hammer") for n in trials} | {(1, "key")})
     summary = event_summary(counting, trials)
     channels, _, _ = tables(frames(np.arange(0, 1, 2e-4), 0.05))
     text = " ".join(lines_of(channels.reset_index(), summary, 3))
@@ -217,16 +217,16 @@ def measured(number, onset, start=0.0, end=1.2):
 def test_the_window_is_one_for_all_trials_and_says_its_rule():
     trials = [measured(1, 0.40), measured(2, 0.38)]
     events = {1: keystroke(rest=Event("rest", 0.9, 0.0, "found")), 2: keystroke(rest=Event("rest", 1.0, 0.0, "found"))}
-    window = common_window(trials, events)
+    window = choose_window(trials, events)
     assert (window.start_s, window.end_s) == pytest.approx((0.36, 1.05))
     assert "last trial came to rest" in window.end_rule
     np.testing.assert_array_equal(window.mask(np.array([0.35, 0.36, 1.05, 1.06])), [False, True, True, False])
-    events[2]["rest"] = absent("rest")
-    assert common_window(trials, events).end_s == pytest.approx(1.198)
-    assert "does not come to rest" in common_window(trials, events).end_rule
+    events[2]["rest"] = make_absent_event("rest")
+    assert choose_window(trials, events).end_s == pytest.approx(1.198)
+    assert "does not come to rest" in choose_window(trials, events).end_rule
 
 
 def test_trials_that_do_not_overlap_are_refused():
     trials = [measured(1, 0.4, end=1.0), measured(2, 2.4, start=2.0, end=3.0)]
     with pytest.raises(InputError, match="do not overlap"):
-        common_window(trials, {1: keystroke(), 2: keystroke()})
+        choose_window(trials, {1: keystroke(), 2: keystroke()})

@@ -14,7 +14,7 @@ import validation
 from rig.session import Session
 from validation.errors import ValidationInputError
 from validation.events.definitions import EVENTS, Event
-from validation.events.detect import absent
+from validation.events.detect import make_absent_event
 from validation.events.session_events import Window
 from validation.result import AGREES, CANNOT_TELL, DIFFERS, DIFFERS_LITTLE, DIFFERS_PERHAPS
 from validation.verdict.quantities import (
@@ -119,7 +119,9 @@ def test_limits_of_relevance_have_defaults_and_refuse_what_is_none() -> None:
 
 
 def events(**times: float) -> dict[str, Event]:
-    return {name: Event(name, times[name], 1e-4, "found") if name in times else absent(name) for name in EVENTS}
+    return {
+        name: Event(name, times[name], 1e-4, "found") if name in times else make_absent_event(name) for name in EVENTS
+    }
 
 
 def test_phases_end_at_the_trial_s_own_events_and_go_on_where_one_is_missing() -> None:
