@@ -563,7 +563,9 @@ class Hold:
     note: str
 
 
-def find_hold(motion: Motion, after_s: float, until_s: float = np.inf) -> Hold | None:
+def find_hold(
+    motion: Motion, after_s: float, until_s: float = np.inf, read: LevelReading = read_level_with_uncertainty
+) -> Hold | None:
     """First stretch after an impact and before a time in which the hammer is held; None when there is none.
 
     The height of a hammer that creeps while it is held depends on where noise lets the hold begin and end: the hold is
@@ -571,7 +573,7 @@ def find_hold(motion: Motion, after_s: float, until_s: float = np.inf) -> Hold |
     is part of its uncertainty.
     """
     margin = 3 * motion.u_height_m
-    ranges = (HOLD_RANGE_M, HOLD_RANGE_M - margin, HOLD_RANGE_M + margin)
+    ranges = (HOLD_RANGE_M,) if read is read_level else (HOLD_RANGE_M, HOLD_RANGE_M - margin, HOLD_RANGE_M + margin)
     for length, note in ((LEAST_HOLD_S, ""), (DOUBTFUL_HOLD_S, "held for less than 20 ms")):
         found, *others = _find_held(motion, after_s, until_s, length, ranges)
         if found is None:
@@ -882,7 +884,7 @@ def find_events(motion: Motion, quiet_stop: int, read: LevelReading = read_level
     strikes = find_strikes(motion)
     first = strikes[0] if strikes else None
     second = strikes[1] if len(strikes) > 1 else None
-    hold = find_hold(motion, first.time_s, second.time_s if second else float("inf")) if first else None
+    hold = find_hold(motion, first.time_s, second.time_s if second else float("inf"), read) if first else None
     check_time, check_height = check(motion, hold, struck=first is not None, read=read)
     release = key_release(motion, read)
     falls = drop(motion, hold, check_time.value, release.value, read)

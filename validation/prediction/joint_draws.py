@@ -119,6 +119,8 @@ def drawn_action(tested: ModelUnderTest, m: MeasuredTrial, draw: JointDraw) -> D
     channel = m.force.channel
     preload = channel.preload_n * (1 + channel.gain_relative_u * draw.z_gain) + channel.u_preload_n * draw.z_preload
     try:
+        if not draw.changed and preload == channel.preload_n:
+            return DrawnAction(draw, tested.action, tested.load(preload).rest)
         action = tested.action.with_values(draw.changed) if draw.changed else tested.action
         return DrawnAction(draw, action, tested.rest_of(action, preload))
     except ModelError:

@@ -266,25 +266,29 @@ def divide_variance(errors: Array, inputs: Array, middle: Array, lower: Array, u
     return slopes, other
 
 
-def strongest_inputs(errors: Array, inputs: Array, names: Sequence[str], least: float = 0.2) -> str:
-    """Name of the input that explains most of one quantity's draws by rank correlation, where that is ``least`` of it.
+def strongest_inputs(errors: Array, inputs: Array, names: Sequence[str], least: float = 0.2) -> list[str]:
+    """Name of the input that explains most of each quantity's draws by rank correlation, where that is ``least`` of it.
 
     Parameters
     ----------
-    errors : (N,)
+    errors : (N, V), NaN where not known
     inputs : (N, q)
     names : q texts
     least : share of the variance
     """
     known = np.isfinite(errors)
-    if known.sum() < FEWEST_FOR_INTERVAL or not len(names):
-        return ""
-    rank = np.argsort(np.argsort(errors[known])).astype(float)
-    ranks = np.argsort(np.argsort(inputs[known], axis=0), axis=0).astype(float)
-    rank, ranks = rank - rank.mean(), ranks - ranks.mean(axis=0)
-    share = (rank @ ranks) ** 2 / ((rank @ rank) * (ranks**2).sum(axis=0))
-    best = int(np.argmax(share))
-    return names[best] if share[best] >= least else ""
+    enough = known.sum(axis=0) >= FEWEST_FOR_INTERVAL
+    if not len(names) or not enough.any():
+        return [""] * errors.shape[1]
+    rank = np.argsort(np.argsort(np.where(known, errors, np.inf), axis=0), axis=0).astype(float)
+    ranks = np.argsort(np.argsort(inputs, axis=0), axis=0).astype(float)
+    count = np.maximum(known.sum(axis=0), 1)
+    rank = np.where(known, rank - np.where(known, rank, 0.0).sum(axis=0) / count, 0.0)
+    mean = known.T @ ranks / count[:, None]  # (V, q), of the draws known
+    square = np.maximum(known.T @ ranks**2 - count[:, None] * mean**2, 1e-9)
+    share = (rank.T @ ranks) ** 2 / (np.maximum((rank**2).sum(axis=0), 1e-9)[:, None] * square)
+    best = np.argmax(share, axis=1)
+    return [names[b] if ok and s[b] >= least else "" for b, ok, s in zip(best, enough, share, strict=True)]
 
 
 def _nan_mean(values: Array) -> Array:

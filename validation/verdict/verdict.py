@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -134,10 +135,11 @@ def quantity_table(errors: SessionErrors, e: Estimates, limits: Mapping[str, flo
     sensors = e.u_inputs[FORCE_INPUTS:]
     of_force, of_sensors = (np.sqrt((part**2).sum(axis=0)) for part in (e.u_inputs[:FORCE_INPUTS], sensors))
     plain = 1.96 * np.sqrt(of_force**2 + of_sensors**2 + e.u_repeat**2)
-    on_branch = sample.branch == sample.branch_found
+    on_branch = (sample.branch == sample.branch_found)[:, sample.condition]
+    strongest = strongest_inputs(np.where(on_branch, sample.common, np.nan), parameters, names)
     limit = np.concatenate([quantity_limits(limits, one.travel, one.values) for one in errors.conditions])
     rows = []
-    for i, (k, one, q) in enumerate((k, one, q) for k, one in enumerate(errors.conditions) for q in QUANTITIES):
+    for i, (one, q) in enumerate(product(errors.conditions, QUANTITIES)):
         found = float(sample.found[i])
         if q.channel and q.channel not in one.travel:
             continue
@@ -146,9 +148,8 @@ def quantity_table(errors: SessionErrors, e: Estimates, limits: Mapping[str, flo
             parts = {name: u for name, u in zip(INPUTS, e.u_inputs[:, i], strict=True)}
             parts |= {SCATTER: e.u_repeat[i], PARAMETERS: e.u_other[i]}
             main = max(parts, key=lambda name: parts[name] if np.isfinite(parts[name]) else -1.0)
-            if main == PARAMETERS:
-                most = strongest_inputs(sample.common[on_branch[:, k], i], parameters[on_branch[:, k]], names)
-                main += f", mostly {most}" if most else ""
+            if main == PARAMETERS and strongest[i]:
+                main += f", mostly {strongest[i]}"
         values = (
             q.name, q.title, _of_condition(errors, one), q.channel, q.phase, q.unit, q.is_primary,
             one.travel.get(q.channel, math.nan), int(sample.n_trials[i]), found,

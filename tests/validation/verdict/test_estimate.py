@@ -18,6 +18,7 @@ from validation.verdict.estimate import (
     interval_by_rank,
     pooled_scale,
     rare_branches,
+    strongest_inputs,
 )
 
 N, K, QUANTITIES = 199, 20, 6
@@ -187,3 +188,13 @@ def test_variance_is_divided_among_the_inputs_that_make_it() -> None:
     parts, other = divide_variance(errors, z, *pooled_scale(errors, np.array([0.0]), np.array([1e-9])))
     assert parts[:, 0] == pytest.approx([3.0, 1.0, 0.0], abs=0.1)
     assert other[0] == pytest.approx(0.5, rel=0.1)
+
+
+def test_the_input_that_explains_most_is_named_from_the_draws_that_are_known() -> None:
+    rng = np.random.default_rng(13)
+    inputs = rng.standard_normal((N, 3))
+    noise = rng.standard_normal(N)
+    errors = np.column_stack([np.exp(2.0 * inputs[:, 1]) + 0.1 * noise, noise, inputs[:, 2], inputs[:, 0]])
+    errors[:100, 2] = np.nan
+    errors[20:, 3] = np.nan  # too few
+    assert strongest_inputs(errors, inputs, ["mass", "friction", "length"]) == ["friction", "", "length", ""]
