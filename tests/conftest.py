@@ -7,7 +7,6 @@ import os
 # before NumPy is loaded: with more threads than free processors, those of OpenBLAS spin while they wait for each other
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import gc
 import hashlib
 import pickle
 import re
@@ -26,7 +25,7 @@ from hypothesis import configuration, settings
 
 import model
 from model.kernels.lanes import LANES, has_wide_vectors
-from model.kernels.once import hold_lock
+from model.kernels.process_lock import hold_lock
 from tests.command_line import run
 
 PROCESSES = 2
@@ -85,18 +84,6 @@ def pytest_configure(config: pytest.Config) -> None:
         _name_only_what_opencv_knows()
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection() -> None:
-    """What is imported and collected stays to the end: no search for garbage goes through it again and again."""
-    gc.disable()
-
-
-def pytest_collection_finish() -> None:
-    """Leave what was collected out of later searches."""
-    gc.freeze()
-    gc.enable()
-
-
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Of two processes of a run, let one compile the step loops, the other the printed action: nobody waits.
 
@@ -110,7 +97,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
             compile_lane_loop(LANES)
     elif worker == "gw1":
         from model import build_scene
-        from model.derived.load import load_kernels, load_lane_kernels
+        from model.codegen.load import load_kernels, load_lane_kernels
 
         tables = build_scene(model.load_action(), model.SceneChoice()).tables
         load_kernels(tables)

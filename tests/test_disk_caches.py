@@ -19,7 +19,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import model
-from model.derived import load
+from model.codegen import load
 from model.kernels import compile as compiling
 from model.kernels import disk_cache
 from model.kernels.compile import numba_config

@@ -1,4 +1,4 @@
-"""When each frame was exposed: from the camera's frame clock or from counted pulses; and how far a film's clock is off.
+"""Exposure times of frames from the camera's frame clock or counted pulses, and a film's clock offset.
 
 Exposure starts on a rising edge of the frame clock, a fixed delay later where the camera has one; the time of a frame
 is the middle of its exposure. `estimate_offset` compares a tracked angle with an encoder on the same body. Arrays that

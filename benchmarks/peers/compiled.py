@@ -20,7 +20,7 @@ from scipy.integrate import DOP853
 
 from benchmarks.peers.equations import N, accelerations
 from model import Action
-from model.derived.load import load_kernels
+from model.codegen.load import load_kernels
 from model.files import force_library as forces
 from model.kernels import workspace as W
 from model.kernels.kernel_value import KernelType

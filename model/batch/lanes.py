@@ -1,4 +1,4 @@
-"""Members of a batch side by side in lanes: which jobs can, which share a unit of work, what computes it.
+"""Jobs that run side by side in lanes: which can, how they are grouped, and their run.
 
 A member's numbers are the same to the last bit whatever the other members of its unit are, so that units may be made
 by what saves time. They are not those of a single run to the last bit: same equations and steps, rounded in
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.batch.job import Job, Member, prepare_run, run_job
-from model.derived.load import load_lane_kernels
+from model.codegen.load import load_lane_kernels
 from model.errors import ModelError
 from model.force_driven import ForceDrivenRun
 from model.integrators.lanes import N_NUMBERS, N_WHOLE, compile_lane_loop

@@ -25,7 +25,7 @@ from model.batch.job import Member
 from model.errors import InputError, ModelError
 from model.files.atomic_write import whole_file
 from model.scene.build import Scene
-from model.simulation.giving_motion import CompliantJointMotion
+from model.simulation.compliant_joints import CompliantJointMotion
 from model.simulation.solution import EnergyAudit, Solution
 from model.simulation.string_motion import StringMotion
 

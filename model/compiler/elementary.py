@@ -1,4 +1,4 @@
-"""Functions that the processor has no instruction for, of operations that it has.
+"""Elementary functions (sine, cosine, exponential, tanh) of additions, multiplications and bit operations.
 
 Polynomials of the FreeBSD maths library (fdlibm). Bounds, in units in the last place: exponential 1.25, cosine and sine
 1 up to 45 degrees; tanh 2.3e-16 absolute. Held to in tests/model/compiler/test_elementary.py.

@@ -1,4 +1,4 @@
-"""Numbers that are not known yet: equal ones are one object, simplified as they are made, differentiated by rule.
+"""Symbolic expression graph: hash-consed nodes, simplified when made, with forward-mode differentiation.
 
 An element of a scene is a function of such numbers. Run once, it leaves a graph, of which forces, their derivatives by
 states and by parameters, energies and what else is asked for are written out (`model.compiler.native`). Which scene and

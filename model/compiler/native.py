@@ -1,4 +1,4 @@
-"""Programs as LLVM's intermediate code, for one run or for members side by side in lanes.
+"""Lowering of programs to LLVM's intermediate representation, for one run or for lanes.
 
 A kernel takes addresses of arrays of float64, numbers and whole numbers, and returns a whole number. In lanes each
 entry of an array is a row with a number per lane; where a condition decides, a block runs if any lane needs it, and

@@ -1,4 +1,4 @@
-"""What a kernel does with numbers: statements, in blocks that run where a condition holds."""
+"""Programs of a kernel: assignments, branches and loops over symbolic expressions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The numbers of a motor's drive from a log: what its torques and its current determine, and what they leave open.
+"""Identify the parameters of a motor's drive from a log, and say which the log does not determine.
 
 `fit_lumps` gives the combinations of numbers that show in a torque. Resistance, inductance and so on are products and
 quotients of these; those that the log, and what is known beside it, does not fix are named and not given.

@@ -1,4 +1,4 @@
-"""What a log tells of a drive's circuit: the numbers that show in its torque and those of the arm, by least squares.
+"""Least-squares fit of a motor drive's lumped parameters to a log of its torque, current and motion.
 
 With m = k i the torque, D the resistance R plus the gain of the current loop Z:
 
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.optimize import least_squares
 
-from model.derived.load import load_kernel
+from model.codegen.load import load_kernel
 from model.drive.log import DriveLog, DriveOptions
 from model.errors import InputError
 from model.kernels.drive_torque import SUBSTEPS, integrate_torque

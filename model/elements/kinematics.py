@@ -1,4 +1,4 @@
-"""Where bodies are and how they move: a tree of turning joints, vertical guides and pivots that give.
+"""Kinematics: poses and velocities of a tree of revolute joints, vertical guides and compliant pivots.
 
 The pivot of a body whose joint gives is moved to the right and up in the world; that displacement does not turn with
 what carries the joint (docs/explanation/effects.md).

@@ -1,4 +1,4 @@
-"""A coordinate that follows a given motion: piecewise polynomials in the time, which is then the scene's input.
+"""A prescribed coordinate: piecewise polynomials of the time, which is then the scene's input.
 
 The time is the input, so that df/du is the time derivative that a Rosenbrock step needs. In the parameter vector:
 number of pieces m, then m + 1 increasing breaks (s), then m rows of `ORDER` coefficients, highest power first, in the

@@ -1,4 +1,4 @@
-"""All elements of a scene at a state, and what they do together."""
+"""All elements of a scene at a state: their forces and energies."""
 
 from __future__ import annotations
 

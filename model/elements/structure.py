@@ -1,4 +1,4 @@
-"""Structure of a scene as elements read it, from its integer tables: who hangs from whom, what acts where."""
+"""Structure of a scene from its integer tables: the tree of bodies, and which element acts where."""
 
 from __future__ import annotations
 

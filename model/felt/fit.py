@@ -19,7 +19,7 @@ from scipy.optimize import least_squares
 from model.arrays import ArrayRecord
 from model.elements.laws.known import LAWS as KNOWN
 from model.errors import InputError
-from model.felt.laws_as_numbers import LONGEST_REACH, FeltLaw, HuntCrossley, Hysteresis, NamedLaw, Stulov
+from model.felt.felt_response import LONGEST_REACH, FeltLaw, HuntCrossley, Hysteresis, NamedLaw, Stulov
 from model.felt.pressing import Pressing
 
 FEWEST_PRESSES = 2

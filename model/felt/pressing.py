@@ -1,4 +1,4 @@
-"""One press and release of a felt as measured: depth and force over time, with the noise of the force.
+"""A measured press and release of felt: depth and force over time, and the noise of the force.
 
 A CSV file with the columns ``time_s``, ``displacement_m`` and ``force_n``, evenly sampled; displacement is zero at
 first touch and grows inwards. Laws need how fast the felt was pressed, so the time must be there. Where its noise asks

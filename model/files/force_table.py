@@ -1,4 +1,4 @@
-"""Force tables: time in s, force in N, positive downwards on the key, linear between points; read and checked.
+"""Read and check force tables: time in s, force in N, positive downwards on the key, linear between points.
 
 A table that cannot be used is refused with its row and what is allowed.
 """

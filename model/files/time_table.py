@@ -1,4 +1,4 @@
-"""Checks that force tables and motion tables share: a quantity over time as two columns of numbers.
+"""Checks of tables of one quantity over time, for force and motion tables.
 
 Columns (n,) in, float arrays out; ``InputError`` names the first row that cannot be used. Rows count from 1.
 """

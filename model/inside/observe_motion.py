@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import as_numbers
-from model.derived import columns as C
+from model.codegen import observable_columns as C
 from model.errors import InputError
 from model.inside.state_observer import ObservedStates, Observer
 from model.parameters.effects import RAIL
 from model.scene.build import Scene
-from model.simulation.felt_that_pulls import check_pushes
 from model.simulation.loads_and_losses import Inside, RailLift, RailTension, lifts, tensions  # noqa: F401  public
+from model.simulation.negative_contact_force import check_pushes
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.inside.seen_motion import SeenMotion
+from model.inside.body_poses import SeenMotion
 from model.kernels import layout as L
 from model.scene.build import Scene
 from model.simulation.loads_and_losses import Inside

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import as_numbers
-from model.derived import columns as C
-from model.derived.observe import bodies_at, contacts_at, tips_at
+from model.codegen import observable_columns as C
+from model.codegen.evaluate_observables import bodies_at, contacts_at, tips_at
 from model.errors import InputError
 from model.scene.build import Scene
 
@@ -46,7 +46,7 @@ class ObservedStates:
 
     Attributes
     ----------
-    contact : (m, c, 11) per contact, columns `NORMAL` to `RATE` of `model.derived.columns`
+    contact : (m, c, 11) per contact, columns `NORMAL` to `RATE` of `model.codegen.observable_columns`
     tip : (m, b, 3) force of each one-sided tip, N, power lost in it, W, its depth, m
     body : (m, n, 16) columns `PIVOT_X` to `HELD` there
     """

@@ -1,4 +1,4 @@
-"""The compiled step loop of every Rosenbrock method, for members of a batch side by side in lanes.
+"""Step loop of the Rosenbrock methods in lanes: load, step and retire the members of a batch side by side.
 
 In: members of one structure as rows of numbers (`model.kernels.signatures.LaneMembers`); out: the same rows, filled.
 The algorithm is that of `model.integrators.rosenbrock`; each lane has its own time, step, error, input, outputs, end.

@@ -1,8 +1,8 @@
-"""The compiled step loop of every Rosenbrock method: error control, events, rest, dense output, counters.
+"""Step loop of the Rosenbrock methods: error control, events, rest, dense output, work counters.
 
 State y = (q, v) with dq/dt = v, and what felt remembers, which the kernels eliminate. Eliminating the q part of each
 stage leaves, with W = 1/(gamma h), (W M - D - K/W) U_v = M r_v + K r_q / W and U_q = (r_q + U_v) / W: one n x n
-factorisation a step. The loop calls the four kernels of the scene (see `model.derived.step`) and
+factorisation a step. The loop calls the four kernels of the scene (see `model.codegen.step_programs`) and
 keeps all numbers of a step in one array.
 On failure the loop stops and says why with a status; the state is the last accepted one.
 """

@@ -1,6 +1,6 @@
-"""Step-size control: where a run begins, where a step must end, how long the next one is, whether the action rests.
+"""Step-size control: initial step, kinks and end of the run, next step from the error norm, detection of rest.
 
-Part of the compiled step loops. A step ends where the input jumps, just past events (``model.derived.stepping``) and
+Part of the compiled step loops. A step ends where the input jumps, just past events (``model.codegen.step_update``) and
 where the input's kinks would cost more than the tolerance.
 """
 

@@ -29,7 +29,7 @@ from numba.np import linalg
 
 from model.kernels.disk_cache import verify_cache
 from model.kernels.machine_code import make_machine_code_when_called
-from model.kernels.once import hold_lock
+from model.kernels.process_lock import hold_lock
 
 
 def defer_blas_import() -> None:
@@ -57,7 +57,7 @@ NO_WRAPPERS: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": T
 
 def kernel_sources() -> list[Path]:
     """Files whose text decides what the kernels compute."""
-    folders = ("kernels", "integrators", "compiler", "elements", "derived")
+    folders = ("kernels", "integrators", "compiler", "elements", "codegen")
     return sorted(path for folder in folders for path in _PACKAGE.glob(f"{folder}/**/*.py"))
 
 

@@ -1,4 +1,4 @@
-"""Torque of a motor along a recorded command and a recorded motion, for several sets of numbers of its circuit."""
+"""Torque of a motor along a recorded command and motion, for several sets of circuit parameters."""
 
 from math import expm1
 
@@ -15,7 +15,7 @@ SETTLING = 60  # steps of a few delays each, until the current is where the firs
 def integrate_torque(amplifier, lumps, largest, command, turned, interval, softness, out):
     """Fill ``out`` (p, k), N m, at the ends of all substeps, for rows of ``lumps`` (p, 7).
 
-    Equations: `model.drive.lumps`; ``amplifier`` is the kernel of `model.derived.outside_a_scene`; ``turned`` the angle
+    Equations: `model.drive.lumps`; ``amplifier`` is the kernel of `model.codegen.single_element`; ``turned`` the angle
     of the motor, rad, at the ends of all substeps.
 
     Steps are exact where the circuit is linear (exponential Rosenbrock-Euler), of second order where a limit sets in.

@@ -1,4 +1,4 @@
-"""The input table of a run: its value, how far it stays constant, and how a step copes with its kinks.
+"""Input table of a run: its value and slope, how long it stays constant, and step limits at its kinks.
 
 A table is linear between its points, or held; a held input jumps, so each of its points ends a step. A linear
 input has kinks only: steps cross them where an a-priori bound says that the tolerance can bear it. Tables of members

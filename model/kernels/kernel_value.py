@@ -1,4 +1,4 @@
-"""A compiled kernel as a plain value: an address that a step loop calls, with plain addresses of arrays as arguments.
+"""A compiled kernel as a value of numba code: a function address, called with addresses of arrays.
 
 Numba's own first-class functions cost what they must not here: each is looked up twice in Python whenever a loop is
 called (a tenth of a millisecond for five), and an array travels as seven numbers, most of them on the stack. Here

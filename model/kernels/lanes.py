@@ -1,4 +1,4 @@
-"""Several numbers side by side in a vector register: arithmetic, memory by rows, and how many pay.
+"""Vector-register arithmetic for numba: several numbers side by side, rows of them in memory.
 
 ``Lanes`` is a row of doubles, ``Rows`` a block of memory whose entry ``k`` is the row of lanes at ``k * width``. A
 float64 beside lanes stands for the same number in each. Derivatives of a motion by many parameters are carried so

@@ -1,4 +1,4 @@
-"""Compiling in less time: machine code is made of what Python calls, not of what only other compiled code calls.
+"""Faster compilation: machine code is generated only of what Python calls.
 
 Numba makes machine code of every function as soon as it is compiled, though a caller that is compiled takes the
 optimised intermediate code of its callees into its own. Of the functions behind a step loop or a tracker nine in ten

@@ -4,7 +4,7 @@ With explicit types a compiled kernel is a plain value (`model.kernels.kernel_va
 and is compiled once. Numbers come in named tuples, so that two of the same type cannot change places unseen; numba
 converts nothing inside a tuple, so each field must have exactly its type: ``float``, ``int``, C-contiguous float64
 arrays.
-What the kernels do: `model.derived.step`.
+What the kernels do: `model.codegen.step_programs`.
 """
 
 from typing import Any, NamedTuple
@@ -149,9 +149,11 @@ _integers = types.Array(types.int64, 1, "C")
 _f, _i = types.float64, types.int64
 
 LINEARISE = _i(pointer, pointer, _f)  # w, p, u -> number of touching contacts
-OBSERVE = _i(pointer, pointer, pointer, pointer)  # state, input, p, row to fill -> 0; see `model.derived.inner_forces`
-REGIME = _i(pointer, pointer)  # workspace, p -> bits: `model.derived.slopes`
-# of `model.derived.stepping`, for one run and for lanes
+OBSERVE = _i(
+    pointer, pointer, pointer, pointer
+)  # state, input, p, row to fill -> 0; see `model.codegen.observable_programs`
+REGIME = _i(pointer, pointer)  # workspace, p -> bits: `model.codegen.parameter_derivatives`
+# of `model.codegen.step_update`, for one run and for lanes
 _STEPPING = {
     "fit": _i(pointer, pointer),  # w, p -> 0
     "end": _i(pointer, pointer, _i, _i),  # w, b, stages, memories -> 1, or bits of the lanes, where the error is finite

@@ -1,4 +1,4 @@
-"""Where the numbers of a step lie: one flat float64 array shared by the step loop and a scene's generated kernels.
+"""Layout of a step's workspace: one flat float64 array shared by the step loop and the generated kernels.
 
 One array with offsets known at compile time lets the compiler see that nothing overlaps. Vectors are padded to
 ``WIDTH`` with zeros, so that loops over them have a fixed length.

@@ -1,4 +1,4 @@
-"""One run under a prescribed motion: the rest of the scene is solved for, what holds the motion follows.
+"""Simulate one run under a prescribed motion, and the force that holds the motion.
 
     force x lever = -(inertia x acceleration + weight + joint friction + contacts at capstan, back check and key pads)
 
@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.derived.columns import HELD, JOINT_Y
-from model.derived.observe import bodies_at
+from model.codegen.evaluate_observables import bodies_at
+from model.codegen.observable_columns import HELD, JOINT_Y
 from model.integrators.methods import DEFAULT_METHOD
 from model.parameters.action import BODIES, Action
 from model.parameters.effects import ARM, FINGER, KEY_LIFT, MOTOR, SHANK
@@ -25,7 +25,7 @@ from model.scene.build import Scene, build_scene
 from model.scene.key_motion import KeyMotion, acceleration_of_input, angle_at_height, with_moved
 from model.scene.selection import SceneChoice, choice_of
 from model.scene.string_terms import with_modes
-from model.simulation.giving_motion import CompliantJointMotion, compliant_joint_motion
+from model.simulation.compliant_joints import CompliantJointMotion, compliant_joint_motion
 from model.simulation.run import Simulation, State
 from model.simulation.solution import EnergyAudit
 from model.simulation.statics import solve_rest

@@ -1,4 +1,4 @@
-"""A slow press of the key at a steady speed, as a technician examines an action; force and all motions come out.
+"""Simulate a slow press of the key at constant speed: force and all motions.
 
 Built on the equations of motion with all friction, not on statics, so that the jack really slides out and the hammer
 really falls back. The front of the key is prescribed, in any scene; the force is what holds it there.
@@ -15,15 +15,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import as_numbers
-from model.derived.columns import NORMAL
-from model.derived.observe import contacts_at
+from model.codegen.evaluate_observables import contacts_at
+from model.codegen.observable_columns import NORMAL
 from model.errors import InputError
 from model.motion_driven.prescribed_key import key_load
 from model.observables import head_height_m, key_dip_m
-from model.parameters.action import BODIES, Action, ActionLike, as_action
+from model.parameters.action import BODIES, Action
 from model.scene.build import build_scene
 from model.scene.key_motion import KeyMotion, with_moved
-from model.simulation.giving_motion import pin_motion
+from model.simulation.compliant_joints import pin_motion
 from model.simulation.run import Simulation, State
 from model.simulation.statics import solve_rest
 
@@ -100,7 +100,7 @@ def _motion(
 
 
 def slow_press(
-    action: ActionLike,
+    action: Action,
     rest_rad: ArrayLike,
     dips_m: ArrayLike,
     *,
@@ -137,7 +137,6 @@ def slow_press(
     >>> print(f"{1e3 * press.hammer_height_m[-1]:.0f} mm below the string at half dip")
     19 mm below the string at half dip
     """
-    action = as_action(action)
     if not 0.0 < speed_m_per_s <= 1.0:
         raise InputError(f"speed of the press: found {speed_m_per_s:g} m/s, allowed above 0 to 1")
     rest, dips = as_numbers(rest_rad, "angles at rest", 1), as_numbers(dips_m, "dips of the key", 1)

@@ -1,4 +1,4 @@
-"""From measured key angles to a motion that can be differentiated twice, with its uncertainty.
+"""Fit a twice differentiable spline to measured key angles, with its posterior uncertainty.
 
 Measured angles in (encoder counts or noiseless), a quintic spline with a knot at every sample out. It is smoothed by a
 prior on its fourth derivative: independent normal values with a variance that follows the data, high where the key hits

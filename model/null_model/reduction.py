@@ -1,4 +1,4 @@
-"""One degree of freedom of an action: static paths, and mass, balance and friction reflected along them.
+"""Reduce an action to one degree of freedom: mass, balance and friction reflected along its static paths.
 
 The coordinate is the key's turn sigma from rest, rad, positive as the front goes down. For each sigma the other bodies
 are in equilibrium without friction (felt as a spring), on one of two paths:
@@ -22,10 +22,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from model.derived.columns import DEPTH, NORMAL
-from model.derived.observe import contacts_at
+from model.codegen.evaluate_observables import contacts_at
+from model.codegen.observable_columns import DEPTH, NORMAL
 from model.observables import hammer_height_from_angle
-from model.parameters.action import BACK_CHECK, BODIES, BUTTON, CONTACTS, USUAL, Action, ActionLike, as_action
+from model.parameters.action import BACK_CHECK, BODIES, BUTTON, CONTACTS, USUAL, Action
 from model.scene.build import Scene, build_scene
 from model.scene.selection import choice_of
 from model.simulation.hand_set_rest import hand_set_rest
@@ -161,7 +161,7 @@ def _string(action: Action, rest: float) -> tuple[float, float]:
     return up, float(turn[i - 1] + (turn[i] - turn[i - 1]) * height[i - 1] / (height[i - 1] - height[i]))
 
 
-def reduce_action(action: ActionLike) -> Reduced:
+def reduce_action(action: Action) -> Reduced:
     """Paths and reflected quantities of an action, from its parameters alone.
 
     Parameters
@@ -185,7 +185,6 @@ def reduce_action(action: ActionLike) -> Reduced:
     >>> reduced.rest_rad.shape
     (5,)
     """
-    action = as_action(action)
     choice = replace(choice_of(action), effects=())  # the yardstick knows no effects and one law
     choice.need_played_key(action.name)
     action = choice.on(replace(action, changed={})).with_laws(dict.fromkeys(CONTACTS, USUAL))

@@ -1,4 +1,4 @@
-"""The adjustments of an action and the bench on which they are turned: where they are, how far off the targets are.
+"""The seven screws of an action, their travel, and the bench that knows their positions and target errors.
 
 Each screw is one geometric parameter. Seven have a target each; the rest rail has none: it is lowered where the hammer
 lies on it instead of the jack. A screw's travel is counted from where the given action has it, as on a bench: what is

@@ -1,4 +1,4 @@
-"""Screws turned until their targets are met: one by itself, and the four targets at rest together.
+"""Turn screws until their targets are met: one by itself, or the four of the rest targets together.
 
 One screw: a secant kept within its bracket, then a search over its travel.
 

@@ -146,7 +146,7 @@ def acceleration_of_input(
 ) -> Array:
     """Acceleration (m,) of the way along which the input works, from that of a motion; at states of all coordinates.
 
-    It is what `model.derived.observe.bodies_at` takes.
+    It is what `model.codegen.evaluate_observables.bodies_at` takes.
     """
     if tables.drive[0, 0] != FORCE_DOWN:
         return acceleration

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.derived.load import load_kernel
-from model.derived.observe import evaluate_rows
+from model.codegen.evaluate_observables import evaluate_rows
+from model.codegen.load import load_kernel
 from model.errors import InputError
 from model.kernels import layout as L
 from model.parameters.action import Action

@@ -13,8 +13,8 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from model.derived.columns import DEPTH, RATE
-from model.derived.observe import contacts_at
+from model.codegen.evaluate_observables import contacts_at
+from model.codegen.observable_columns import DEPTH, RATE
 from model.observables import head_approach_m_per_s, head_height_m, key_dip_m
 from model.parameters.action import BACK_CHECK, BODIES, JACK_KNUCKLE, KEY_FRONT, LEVER_KNUCKLE, STRING, Action
 from model.scene.build import Scene

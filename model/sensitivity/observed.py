@@ -1,4 +1,4 @@
-"""Derivatives of what is seen of a motion: functions of the state and of the parameters, differentiated along both.
+"""Derivatives of observables along a motion: by the state and by the parameters.
 
 A quantity y(q, v; p) changes with parameter j by dy = y_q dq/dp_j + y_v dv/dp_j + y_p. The first two are gradients, one
 for all parameters; the last is asked for only where the quantity reads a value that the parameter changes.

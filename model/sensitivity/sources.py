@@ -1,4 +1,4 @@
-"""Which numbers of a scene each parameter changes, as the tangents read them."""
+"""Which numbers of a scene each parameter changes, and by how much, for the tangents."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from model.integrators.tangents.loads import Sources
+from model.integrators.tangents.parameter_loads import Sources
 from model.kernels import layout as L
 from model.scene.build import Scene
 from model.scene.pressing import Command

@@ -1,4 +1,4 @@
-"""Derivatives of a motion with respect to parameters: motion, rest state and tangents put together.
+"""Derivatives of a recorded motion by parameters: its rest state, its tangents and its normal forces.
 
 In: `Directions` (how parameters change a scene's numbers) and an input table; out: `RecordedMotion`, which
 gives states and their derivatives at any times.
@@ -11,16 +11,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from model.derived.load import load_kernel, load_kernels, memory_couplings
-from model.derived.slopes import CARRIED, normal_places, normal_sizes
+from model.codegen.load import load_kernel, load_kernels, memory_couplings
+from model.codegen.parameter_derivatives import CARRIED, normal_places, normal_sizes
 from model.elements.strings import AWAKE
 from model.elements.structure import Structure
 from model.errors import InputError, IntegrationError
 from model.integrators.step_control import FULL
 from model.integrators.tangents.channels import Channels, Modes
-from model.integrators.tangents.follow import NODE, STEP_TOO_SMALL, TOO_MANY_STEPS, Landings, integrate_tangents
-from model.integrators.tangents.loads import LANES, Loads, MotionDerivatives, Sources, normal_force_derivatives
-from model.integrators.tangents.nodes import Linear, Space, linearise_node
+from model.integrators.tangents.integrate import NODE, STEP_TOO_SMALL, TOO_MANY_STEPS, Landings, integrate_tangents
+from model.integrators.tangents.linearised_nodes import Linear, Space, linearise_node
+from model.integrators.tangents.parameter_loads import (
+    LANES,
+    Loads,
+    MotionDerivatives,
+    Sources,
+    normal_force_derivatives,
+)
 from model.integrators.tangents.radau import STAGES, TangentOutputs
 from model.integrators.tangents.recorded_motion import Motion, RegimeDetector, find_kinks, interpolate_states
 from model.kernels import layout as L

@@ -1,7 +1,7 @@
-"""Compile kernels in a process beside this one, on the other processor, while this one compiles others.
+"""Compile kernels in a second process while this one compiles others.
 
 In: choices of scenes. Out: nothing but files in the kernel cache. Whoever needs what is being compiled waits for it
-(`model.kernels.once`); what the process beside does not finish is compiled by who needs it.
+(`model.kernels.process_lock`); what the process beside does not finish is compiled by who needs it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from threading import Thread
 
 from llvmlite.binding import ffi
 
-from model.derived.load import is_cached, load_kernels, load_lane_kernels
+from model.codegen.load import is_cached, load_kernels, load_lane_kernels
 from model.kernels import compile as _compile
 from model.kernels.lanes import LANES, has_wide_vectors
 from model.parameters.action import load_action

@@ -1,4 +1,4 @@
-"""Rest as a technician sets it: the hammer is lifted by hand and let down on the jack.
+"""Rest state after a technician lifts the hammer by hand and lets it down on the jack.
 
 Statics has no friction, so an action that is out of regulation may also balance with the jack slipped out from under
 the knuckle, and a search may end there. Here the search starts with the hammer above the jack, from several places if
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import StaticsError
-from model.parameters.action import BODIES, JACK_KNUCKLE, Action, ActionLike, as_action
+from model.parameters.action import BODIES, JACK_KNUCKLE, Action
 from model.scene.build import build_scene
 from model.simulation.statics import solve_rest
 
@@ -62,7 +62,7 @@ def _starts(usual: Array, found: list[Array]) -> Iterator[Array]:
         yield start
 
 
-def hand_set_rest(action: ActionLike) -> Array:
+def hand_set_rest(action: Action) -> Array:
     """Rest state reached when the hammer is lifted by hand and let down on the jack.
 
     Parameters
@@ -84,7 +84,6 @@ def hand_set_rest(action: ActionLike) -> Array:
     >>> model.hand_set_rest(model.load_action("hirschkorn2004-regulated")).shape
     (5,)
     """
-    action = as_action(action)
     scene = build_scene(action)
     found: list[Array] = []
     problem: StaticsError | None = None

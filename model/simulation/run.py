@@ -1,4 +1,4 @@
-"""A run that can be stopped and resumed: state in, input table in, state and outputs out.
+"""A simulation of a scene that can be advanced, stopped and resumed.
 
 `Simulation` holds a scene, a method and a tolerance; `State` is plain data (time, angles, speeds, next step), so
 that saving it and going on later gives the same numbers to the last bit as going on at once. Used by
@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import ArrayRecord, as_numbers
-from model.derived.columns import DEPTH, FRICTION, NORMAL, TIP_FORCE
-from model.derived.load import load_kernel, load_kernels
-from model.derived.observe import contacts_at, tips_at
+from model.codegen.evaluate_observables import contacts_at, tips_at
+from model.codegen.load import load_kernel, load_kernels
+from model.codegen.observable_columns import DEPTH, FRICTION, NORMAL, TIP_FORCE
 from model.elements.structure import Structure
 from model.errors import InputError, IntegrationError
 from model.integrators.methods import DEFAULT_METHOD, RosenbrockTableau, get_method
@@ -27,7 +27,7 @@ from model.kernels import workspace as W
 from model.kernels.signatures import Account, InputTable, Limits, Outputs, SceneNumbers, Span, StepKernels
 from model.scene.build import Scene
 from model.scene.key_motion import with_moved
-from model.simulation.felt_that_pulls import describe_jumps, describe_pull
+from model.simulation.negative_contact_force import describe_jumps, describe_pull
 from model.simulation.solution import EnergyAudit
 from model.simulation.statics import with_pins
 from model.simulation.string_motion import propagate_free_string, straight_string_state, string_loss

@@ -13,7 +13,7 @@ from model.arrays import ArrayRecord
 from model.observables import head_approach_m_per_s, head_height_m, key_dip_m
 from model.parameters.action import BODIES, Action
 from model.parameters.effects import KEY_LIFT, column
-from model.simulation.giving_motion import CompliantJointMotion
+from model.simulation.compliant_joints import CompliantJointMotion
 from model.simulation.loads_and_losses import Inside
 from model.simulation.string_motion import StringMotion
 

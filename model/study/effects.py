@@ -1,4 +1,4 @@
-"""What changes in a blow when felt follows another law, or joints give.
+"""Compare one blow under other laws of felt, and with compliant joints.
 
 An action and a force table in; `Effect` rows out: events, strike, rebound, check, touch, each with the standard
 uncertainty that the declared parameters of the law or the bushings give; everything else stays equal: the
@@ -29,8 +29,6 @@ from model.parameters.action import (
     STRING,
     USUAL,
     Action,
-    ActionLike,
-    as_action,
 )
 from model.parameters.effects import KEY_LIFT, PINS, RAIL
 from model.parameters.quantity import allowed_range
@@ -81,7 +79,7 @@ class Effect:
 
 
 def felt_law_effects(
-    action: ActionLike, time_s: ArrayLike, force_n: ArrayLike, felts: Mapping[str, Sequence[str]] = FELTS
+    action: Action, time_s: ArrayLike, force_n: ArrayLike, felts: Mapping[str, Sequence[str]] = FELTS
 ) -> list[Effect]:
     """Change the law of some felts at a time: first the thesis's for all, then each group with each other law.
 
@@ -110,7 +108,6 @@ def felt_law_effects(
     >>> [effect.law for effect in others]
     ['stulov', 'hysteresis']
     """
-    action = as_action(action)
     plain = with_usual_felts(action)
     blow = check_force_table(time_s, force_n)
     out = [estimate_effect("all felts", USUAL, [plain], lambda a: touch_and_blow_marks(a, blow))]
@@ -126,7 +123,7 @@ def felt_law_effects(
     return out
 
 
-def joint_effects(action: ActionLike, time_s: ArrayLike, force_n: ArrayLike) -> list[Effect]:
+def joint_effects(action: Action, time_s: ArrayLike, force_n: ArrayLike) -> list[Effect]:
     """The blow with rigid joints, with one joint that gives, with all, with the key on its rail, with both.
 
     Parameters
@@ -151,7 +148,6 @@ def joint_effects(action: ActionLike, time_s: ArrayLike, force_n: ArrayLike) -> 
     >>> [effect.of for effect in effects][:2]
     ['none', 'key_pin']
     """
-    action = as_action(action)
     action = preload_joints(action)
     blow = check_force_table(time_s, force_n)
     out = [estimate_effect("none", "rigid", [action], lambda a: blow_marks(a, blow, PLAIN))]
@@ -170,7 +166,7 @@ def joint_effects(action: ActionLike, time_s: ArrayLike, force_n: ArrayLike) -> 
 
 
 def joint_sweep(
-    action: ActionLike, time_s: ArrayLike, force_n: ArrayLike, factors: ArrayLike = FACTORS
+    action: Action, time_s: ArrayLike, force_n: ArrayLike, factors: ArrayLike = FACTORS
 ) -> dict[float, dict[str, float]]:
     """Marks of the blow, as in `joint_effects`, with all stiffnesses of joints times a factor, dampings times its root.
 
@@ -197,7 +193,6 @@ def joint_sweep(
     >>> abs(found[10.0]["strike_m_per_s"] / found[0.0]["strike_m_per_s"] - 1.0) < 0.02
     True
     """
-    action = as_action(action)
     action = preload_joints(action)
     blow = check_force_table(time_s, force_n)
     out = {0.0: blow_marks(action, blow, PLAIN)}

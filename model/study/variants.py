@@ -1,4 +1,4 @@
-"""The same blow on an action and on variants of it.
+"""Simulate one blow on an action and on variants of it, and compare them.
 
 `Variant` names parameters to set or scale; `compare` simulates all variants and measures each (`blow_measures`). The
 first row is the action as given, to which the others are compared.
@@ -17,7 +17,7 @@ from model.batch.run import simulate_many
 from model.errors import InputError, ModelError
 from model.files.force_table import check_force_table
 from model.force_driven import output_times
-from model.parameters.action import BODIES, STRING, Action, ActionLike, as_action
+from model.parameters.action import BODIES, STRING, Action
 from model.parameters.scaling import scaled
 from model.scene.selection import choice_of
 from model.simulation.solution import Solution
@@ -112,7 +112,7 @@ FORTE_VARIANTS = (
 
 
 def compare(
-    action: ActionLike, time_s: ArrayLike, force_n: ArrayLike, variants: Sequence[Variant], tolerance: float = 1e-5
+    action: Action, time_s: ArrayLike, force_n: ArrayLike, variants: Sequence[Variant], tolerance: float = 1e-5
 ) -> Study:
     """Simulate a blow on an action as given and on its variants.
 
@@ -142,7 +142,6 @@ def compare(
     >>> [variant.name for variant in study.variants]
     ['as given', 'dry']
     """
-    action = as_action(action)
     every = (Variant(AS_GIVEN), *variants)
     names = [v.name for v in every]
     for name in names:

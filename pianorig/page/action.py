@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 import model
 from model.files.force_library import KNOTS
-from model.inside.seen_motion import observe_poses
+from model.inside.body_poses import observe_poses
 from model.parameters.quantity import allowed_range
 from model.parameters.write_toml import action_text
 from model.regulation.screws import limits

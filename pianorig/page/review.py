@@ -19,7 +19,7 @@ import pandas as pd
 import model
 import vision
 from model.errors import ModelError
-from model.inside.seen_motion import observe_poses
+from model.inside.body_poses import observe_poses
 from pianorig.player.moving_action import drawing_times, measured_poses, moving_action, pack
 from pianorig.workflows.session_film import BODIES_NAME, STEP, SessionFilm
 from rig.atomic_write import sha256_of_file
@@ -261,7 +261,7 @@ def _as_recorded(data: TrialData) -> dict[str, Any]:
         }
         for i, encoder in enumerate(data.encoders)
     }
-    force = {"time_s": pack(data.time_s), "value": pack(data.raw_force_n), "unit": "N"}
+    force = {"time_s": pack(data.time_s), "value": pack(data.force_n), "unit": "N"}
     return {"force": force, "channels": curve}
 
 

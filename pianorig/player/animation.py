@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import model
+from model.inside.body_poses import SeenMotion
 from model.inside.labels import contact_label, input_label
-from model.inside.seen_motion import SeenMotion
 from pianorig.player.moving_action import moving_action, pack, unpack
 from rig.atomic_write import replace_when_complete
 from validation.curves.display_signs import TITLE, degrees

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import model
-from model.inside.seen_motion import SeenMotion
+from model.inside.body_poses import SeenMotion
 from model.inside.side_view import GROUND, side_view
 from vision.output.colours import body_colour
 

@@ -10,6 +10,7 @@ import numpy as np
 
 import rig
 import rig.simulated
+import validation
 import vision
 from pianorig.workflows import DrivingForce
 from rig.session.info import NO_FORCE
@@ -76,7 +77,7 @@ def recording() -> np.ndarray:
 
 def trial() -> rig.TrialData:
     return rig.TrialData(
-        number=1, status="complete", started_utc="", simulated=True, sample_rate_hz=1.0, time_s=ROWS, raw_force_n=ROWS,
+        number=1, status="complete", started_utc="", simulated=True, sample_rate_hz=1.0, time_s=ROWS, force_n=ROWS,
         force_raw=ROWS, motor_command_v=ROWS, encoder_count=np.arange(24)[:, None] * np.ones(3, np.int64),
         encoders=tuple(rig.EncoderInfo(name, 3600) for name in ("key", "whippen", "hammer")), force_info=NO_FORCE,
     )  # fmt: skip
@@ -146,12 +147,12 @@ CALLS: dict[str, Callable[[], Arguments]] = {
     "rig.simulated.film_trial": lambda: {
         "path": Out("film.mraw"), "frame_time_s": ROWS, "angle_rad_of_time": Gives(lambda t: np.zeros((len(t), 3))),
     },
-    "rig.find_quiet": lambda: {
+    "validation.find_quiet": lambda: {
         "time_s": np.arange(512.0) / 2048.0, "force_n": np.maximum(np.arange(512.0) - 400.0, 0.0),
         "encoder_count": np.zeros((512, 3), np.int64),
     },
-    "rig.correct_force": lambda: {
+    "validation.correct_force": lambda: {
         "time_s": np.arange(512.0) / 2048.0, "force_n": np.maximum(np.arange(512.0) - 400.0, 0.0),
-        "quiet": rig.find_quiet(np.arange(512.0) / 2048.0, np.maximum(np.arange(512.0) - 400.0, 0.0)),
+        "quiet": validation.find_quiet(np.arange(512.0) / 2048.0, np.maximum(np.arange(512.0) - 400.0, 0.0)),
     },
 }  # fmt: skip

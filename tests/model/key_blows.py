@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import model
-from model.derived.load import load_kernels
+from model.codegen.load import load_kernels
 from model.kernels import workspace as W
 from tests.model.conftest import read_table
 

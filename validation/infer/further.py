@@ -26,7 +26,6 @@ from rig import (
     parse_profile,
 )
 from rig.configuration.profile import built_in_profiles
-from rig.session.force_correction import Quiet
 from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.infer.blocks import INSTRUMENT, Block, make_blocks, rows
@@ -46,6 +45,7 @@ from validation.infer.noise import (
 from validation.infer.observations import ObservedTrial, observe
 from validation.infer.problem import Problem
 from validation.infer.unknowns import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL
+from validation.measurement.force_correction import Quiet
 from validation.measurement.trial import MeasuredTrial
 from validation.report.files import check_target, write_files
 

@@ -1,4 +1,4 @@
-"""Pixels of each body that may be used: inside its outline, away from its rim, from bodies in front, from saturation.
+"""Pixel masks of the bodies: inside the outline, without its rim, bodies in front and saturated pixels.
 
 In: outlines and the size of the picture; out: one mask per body. A body of which too little is left raises `BodyError`.
 """
@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.bodies.outlines import Body, check_bodies, signed_distance
-from vision.each import ItemMap, serial_map
 from vision.errors import BodyError
 from vision.film.source import SATURATED_SHARE
+from vision.item_map import ItemMap, serial_map
 
 EROSION_PX = 4.0
 """Width of the rim that is not used: edge pixels mix the body with what lies behind it."""

@@ -1,4 +1,4 @@
-"""Pixels of a body that another body hides in a frame.
+"""Occlusion: which pixels of a body another body hides in a frame.
 
 The outlines of the bodies in front, widened by the clearance, move with their predicted poses, so that a lever that
 sweeps over the whippen never counts as whippen. What no outline describes is left to the weights of the fit.

@@ -1,4 +1,4 @@
-"""The bodies to track: outline polygons on the reference, and their file.
+"""Outlines of the bodies on the reference, as polygons, and their file.
 
 `load_bodies` reads what the user drew, `vision.bodies.masks.build_masks` turns it into one pixel mask per body.
 

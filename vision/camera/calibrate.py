@@ -1,4 +1,4 @@
-"""Measure how the camera sees the plane of motion, from a film of a target held in that plane.
+"""Calibrate the camera's projection of the plane of motion from a film of a target in that plane.
 
 OpenCV finds the target's corners or dots; views of one plane cannot separate lens from tilt well enough for a full
 calibration, so only what distorts the plane itself is fitted: stretch, shear, perspective and radial distortion, the

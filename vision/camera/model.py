@@ -1,4 +1,4 @@
-"""What is known of the camera's view of the plane of motion: nothing, or a calibration.
+"""Camera models: an assumed one with uncertainties, or a calibrated projection of the plane of motion.
 
 Every camera model contributes to the uncertainty of the angles; a calibrated one also corrects them.
 

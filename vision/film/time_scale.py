@@ -1,4 +1,4 @@
-"""Times of frames from the stamps of a file: are they evenly spaced, what is missing, and on which scale do they run.
+"""Frame times from stamps: spacing, missing frames, time scale.
 
 A video's stamps may be those of play-back: a camera writes 2,000 frames/s as 25. A rate that the user states then gives
 the scale. Where the stamps are even, frames follow at that rate. Where they are not, their pattern tells what happened,

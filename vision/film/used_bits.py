@@ -1,4 +1,4 @@
-"""How many of a grey value's 16 bits a film uses: cameras of 10, 12 or 14 bit write them into either end.
+"""Detect how many of 16 stored bits a film uses, at either end.
 
 Where white is must be known, since what is saturated says nothing of the light. Formats without a header of the camera
 do not tell.

@@ -1,4 +1,4 @@
-"""What a fit says about itself, compiled in one call: noise, correlation, covariance and coherence of the residuals.
+"""Assessment of a fit: noise, correlation, covariance, coherence of residuals; compiled in one call.
 
 One call holds Python's lock for a fraction of the time that three and the sums between them took. All compiled callees
 stay in this file (`vision.fitting.kernels` says why). Methods: `vision.fitting.pose_covariance`, where the same is

@@ -1,4 +1,4 @@
-"""What a fit of one body in one frame returns, and the region of the frame it reads.
+"""Result of fitting one body in one frame, and the region of the frame that it reads.
 
 A pose is (phi, tx, ty): turn in picture axes (rad, clockwise to the eye) and shift (px) of the template's centre from
 its place in the reference.

@@ -1,4 +1,4 @@
-"""The part of a frame that the bodies take up, read and filtered once for all of them.
+"""B-spline coefficients of the part of a frame that the bodies cover, filtered once for all of them.
 
 The tracker says before a frame where it expects its bodies; a fit that needs a rectangle inside reads nothing more.
 What lies outside (a search, a body that has gone elsewhere) is read and filtered for itself.

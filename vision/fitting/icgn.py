@@ -34,6 +34,7 @@ from vision.fitting.assessment import (
 from vision.fitting.base import FAILED, MARGIN_PX, Fit, Fitter, region_of
 from vision.fitting.bspline import noise_gain
 from vision.fitting.frame_spline import FrameSpline
+from vision.fitting.illumination import LocalIllumination
 from vision.fitting.kernels import (
     Places,
     Region,
@@ -46,7 +47,6 @@ from vision.fitting.kernels import (
     sample_frame,
     tukey_weights,
 )
-from vision.fitting.light import LocalIllumination
 from vision.fitting.pose_covariance import PATTERN_EXCESS, TUKEY_FACTOR, pose_covariance
 from vision.fitting.slow_changes import (
     FOCUS,

@@ -1,4 +1,4 @@
-"""Linear least squares that leaves out what lies far off: pixels that are covered, doubled or glossy."""
+"""Robust linear least squares: pixels that are occluded, duplicated or glossy are outliers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Light and scale that change across a body: measured in the residuals of a fit, and taken out of the frame.
+"""Smooth illumination gradients, scale, tilt and blur of a body: estimated from residuals, corrected in the frame.
 
 Gain and offset follow light that changes everywhere alike. A lamp that moves with the body, a shadow's slow edge, or
 bands of a lamp's flicker in a rolling picture multiply the grey values by a factor that grows across the body; a body

@@ -25,8 +25,8 @@ from vision.film.source import SATURATED_SHARE
 from vision.fitting.assessment import Assessed, Blocks, BodyFacts, assess_fit
 from vision.fitting.frame_spline import prefilter, saturated_inside
 from vision.fitting.icgn import CHANGE_SUSPECTED, FAR_PX, QUIET
+from vision.fitting.illumination import HIDDEN_SUSPECTED, Squares, can_show_illumination, residual_noise
 from vision.fitting.kernels import F32, F64, I32, I64, Region, Settings, State, Subset, fit_rigid
-from vision.fitting.light import HIDDEN_SUSPECTED, Squares, can_show_illumination, residual_noise
 from vision.fitting.pose_covariance import PATTERN_EXCESS, TUKEY_FACTOR
 from vision.frame_fit.judgement import Figures, Standards, has_odd_gain, judge_fit, update_usual_quality
 from vision.frame_fit.motion import Motion, expect_bodies, expect_body, is_placed, place_body, placed_parent
@@ -43,9 +43,9 @@ class Bodies(NamedTuple):
     ``order`` (m,) parents first; ``start``, ``n_pixels`` (m,); ``offset`` and ``columns`` of `fitting.template`, flat;
     ``radius`` (m,), ``box`` (m, 4) left, right, top, bottom; ``noise_normal`` (m, 5, 5); ``averaged`` (m,); blocks of
     `fitting.assessment.Blocks`, ``first`` and ``groups`` flat, their numbers in ``runs`` (m, 2): start and count,
-    ``freedom`` (m, sizes); the ``squares`` of `fitting.light`, flat, pixels as above, and ``square_runs`` (m, 2) where
-    each body's begin and their count; ``in_front`` (m, m), 1 where the second may hide the first; groups of pixels for
-    `bodies.occlusion`, ``around`` flat, ``arounds`` (m, 2) start and count; ``distance`` (m, height, width).
+    ``freedom`` (m, sizes); the ``squares`` of `fitting.illumination`, flat, pixels as above, and ``square_runs`` (m, 2)
+    where each body's begin and their count; ``in_front`` (m, m), 1 where the second may hide the first; groups of
+    pixels for `bodies.occlusion`, ``around`` flat, ``arounds`` (m, 2) start and count; ``distance`` (m, height, width).
     """
 
     order: I64

@@ -1,4 +1,4 @@
-"""The arrays of all bodies of one film, and Python's way to the compiled functions that work in them.
+"""Arrays of all bodies of a film, and the Python interface of the compiled frame fit.
 
 Compiled code reads frames itself where they lie in memory or in a mapped file.
 """
@@ -17,8 +17,8 @@ from vision.fitting.assessment import N_LEVELS, Assessed, Ratios, template_block
 from vision.fitting.base import NO_REGION, Fit
 from vision.fitting.frame_spline import Box, FilteredPart
 from vision.fitting.icgn import FirstFit, FitMemory, fit_settings
+from vision.fitting.illumination import IlluminationField, Squares
 from vision.fitting.kernels import Region, ResidualSums, RigidFit
-from vision.fitting.light import IlluminationField, Squares
 from vision.fitting.template import Template
 from vision.frame_fit.compiled import (
     Bodies,

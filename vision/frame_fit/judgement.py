@@ -1,4 +1,4 @@
-"""Whether a fit is to be believed: its flags. All functions are compiled; Python calls them, too."""
+"""Accept or reject a fit: its flags. Compiled; Python calls the same functions."""
 
 from __future__ import annotations
 

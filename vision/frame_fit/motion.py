@@ -1,4 +1,4 @@
-"""Where bodies have been, and where they are expected: constant acceleration, seen from the parent.
+"""Motion prediction: constant acceleration of each body relative to its parent.
 
 A placement is a body's turn and the place (x, y) of its centre in the picture. The placement of a child is kept in the
 axes of its parent as well, so that a jack that rides on a moving whippen is predicted with the whippen's motion in the

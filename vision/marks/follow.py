@@ -1,4 +1,4 @@
-"""Follow marks through a film: the public entrance of this room.
+"""Track marks, points and lines, through a film.
 
 Each mark is predicted, fitted, accepted or searched for as a body is (`vision.tracking.body_tracker`), by the fit of
 `vision.marks.mark_fitter`. There is no pass backward. Uncertainties are widened where residuals are coherent.

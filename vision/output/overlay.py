@@ -1,4 +1,4 @@
-"""Pictures to check a tracking by eye: a film with the outlines at the poses found, a sheet of the frames fitted worst.
+"""Overlay films with the tracked outlines, and contact sheets of the worst frames.
 
 Drawn with OpenCV: the outlines are moved to the poses found; a body lost in a frame is drawn red where it was last
 seen. A result that does not belong to the film, or a path that cannot be written, raises `VisionInputError`.

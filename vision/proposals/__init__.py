@@ -1,4 +1,4 @@
-"""Outlines proposed from the film itself: what moves as one is one body.
+"""Propose outlines from the film: motion segmentation of tracked points.
 
 In: a film that begins with still frames. Out: outlines in film pixels, for the user to inspect, correct and name.
 """

@@ -1,4 +1,4 @@
-"""Which of the followed points move as one rigid body.
+"""Motion segmentation: groups of tracked points that move as one rigid body.
 
 Method: sequential consensus (M. Fischler and R. Bolles, Random sample consensus, Commun. ACM 24, 1981) over whole
 motions. The neighbours of a point give a rigid motion through all frames; the points that keep to it are counted; the

@@ -1,4 +1,4 @@
-"""Points of the picture followed through the film, as far as each goes: what tells the motions of a scene apart.
+"""Track textured points through the film.
 
 Points are the most textured of each cell of a grid. They are followed from frame to frame by pyramidal Lucas-Kanade
 (J.-Y. Bouguet, Pyramidal implementation of the Lucas-Kanade feature tracker, Intel 2000; OpenCV's), forward and back;

@@ -1,4 +1,4 @@
-"""Outlines proposed from the film itself, for the user to inspect and correct.
+"""Propose outlines of the moving bodies, for the user to inspect and correct.
 
 Meant for the first film of a camera setting; the tracker never uses a proposal that nobody has seen.
 

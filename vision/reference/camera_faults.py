@@ -1,4 +1,4 @@
-"""What a camera does to all its frames: defect pixels, flicker of rows, coarse steps of grey, blocks a codec skips.
+"""Camera faults: defect pixels, row flicker, coarse quantisation, blocks that a codec skips.
 
 Defect pixels, always bright or always dark, are replaced by their neighbours. In the reference such a pixel has by far
 the steepest slopes, which do not move with the body: the fit is held back and thinks itself more certain than it is. A

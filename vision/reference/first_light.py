@@ -1,4 +1,4 @@
-"""First frames that were exposed to another light than those after: a lamp or shutter that starts, a flash.
+"""Detect first frames whose exposure differs from the following ones: a lamp or shutter that starts, a flash.
 
 The template is the mean of the first frames, so that one without light, or with so much that it is clipped, spoils
 every angle. Method: each of the first frames is regressed on the median picture of the first `LOOKED_AT`, inside the

@@ -1,4 +1,4 @@
-"""A film with all that tracking starts from."""
+"""A film prepared for tracking: reference, templates, occlusion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The average of the still frames at the start of a film, and their noise.
+"""Detect the static frames at the start of a film, average them and estimate their noise.
 
 The average is the template's picture and the still frames set the zero of all angles, so their number sets the error
 common to all frames: ten give a third of one frame's noise.

@@ -1,4 +1,4 @@
-"""Filtering in time by the camera, seen in the noise of still frames.
+"""Detect temporal filtering in the camera from the noise of static frames.
 
 Noise reduction that mixes a frame with those before it (recursive averaging) and conversion of the frame rate (blended
 frames) delay whatever moves. No residual shows the delay, but the noise of frames at rest is correlated in time, which

@@ -1,4 +1,4 @@
-"""From the poses of a film to its result: zero on still frames, camera correction, angles, uncertainties, budget."""
+"""Assemble the result of tracking: zero, camera correction, angles, uncertainties, error budget."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from vision.angles import picture_to_ccw
 from vision.camera.model import Projection
-from vision.each import ItemMap, serial_map
 from vision.errors import TrackingError
 from vision.fitting.pose_covariance import predicted_u_angle
+from vision.item_map import ItemMap, serial_map
 from vision.reference.camera_faults import is_coarsely_quantised
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FrameFlag

@@ -1,4 +1,4 @@
-"""How much later the odd rows of a film's frames were exposed than the even ones, measured by the bodies that move.
+"""Estimate the exposure delay between even and odd rows of a film from the bodies' motion.
 
 An interlaced frame holds two fields, its even and its odd rows, exposed half a frame apart. Which comes first a file
 states seldom and not always rightly, and many files do not even state that their frames are interlaced.

@@ -1,4 +1,4 @@
-"""All bodies of one film, stepped from frame to frame, parents first.
+"""Track all bodies of one film from frame to frame, parents before children.
 
 Holds one `BodyTracker` per body and decides in which order they are fitted and which template pixels are left out
 because another body is in front.

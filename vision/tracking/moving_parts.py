@@ -1,4 +1,4 @@
-"""Parts of an outline that move against the rest of it: an outline over two bodies, or a body with a joint or a crack.
+"""Detect parts of an outline that move against the rest: two bodies in one outline, a joint or a crack.
 
 The weights of a fit leave out what does not agree with the body, so that an outline over two bodies is tracked by one
 of them, and nothing in a single frame tells why the rest does not agree: it may be hidden. Method: the outline is cut

@@ -1,4 +1,4 @@
-"""The pass forward through a film, the pass backward that confirms it, and later frames taken for the reference.
+"""Forward pass through a film, backward pass that confirms it, and re-referencing of lost rows.
 
 Why backward: an object that slides over a body is partly taken for the body just before the fit breaks down, and every
 test on that frame alone may pass. The backward pass comes from the other side, with weights that grew on other frames.
@@ -36,7 +36,7 @@ from vision.results.pose_table import PoseTable, pose_difference, rotate_covaria
 from vision.tracking.body_tracker import BodyTracker
 from vision.tracking.checkpoint import EVERY_ROWS, Checkpoint
 from vision.tracking.film_tracker import FilmTracker, build_repeat_detector
-from vision.tracking.stretches import (
+from vision.tracking.segments import (
     SHARED_ROWS,
     fit_rows_forward,
     is_thread_safe,

@@ -1,4 +1,4 @@
-"""The stretch of a film's picture, measured by the bodies that turn in it.
+"""Estimate the aspect error (stretch) of a film's picture from the bodies that turn in it.
 
 Where pixels are not square, or the camera looks askew, a turning body changes its shape in the picture: what was long
 along x is longer or shorter along y. With the picture stretched by ``1 + e`` along x and ``1 - e`` along y, a body that

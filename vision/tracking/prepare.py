@@ -1,4 +1,4 @@
-"""What comes before tracking: frame times, still frames, averaged reference, templates."""
+"""Prepare tracking: frame times, static frames, averaged reference, templates."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from vision.arrays import as_numbers
 from vision.bodies.masks import exclude_saturated, masks_from_distances, outline_distances
 from vision.bodies.occlusion import Occlusion
 from vision.bodies.outlines import Body
-from vision.each import ItemMap, serial_map
 from vision.errors import VisionInputError, VisionWarning
 from vision.film.open import open_or_use
 from vision.film.source import FrameSource
 from vision.film.time_scale import warn_of_uneven_times
 from vision.fitting.pose_covariance import predicted_u_angle
 from vision.fitting.template import build_template
+from vision.item_map import ItemMap, serial_map
 from vision.reference.camera_faults import (
     DefectCorrectedFilm,
     FlickerCorrectedFilm,

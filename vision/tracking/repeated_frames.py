@@ -1,4 +1,4 @@
-"""Frames repeated in a film whose codec predicts frames from others: they are like the one before, not equal to it.
+"""Detect frames that a predicting codec repeats: similar to the one before, not equal to it.
 
 A camera's software fills a gap with the frame before, and a codec that predicts frames stores that again with small
 corrections. In such a frame the picture has changed less than in its neighbours and no body has moved, while it moves

@@ -1,4 +1,4 @@
-"""Fit single frames: again, from poses that the user has corrected, or some before the whole film is tracked."""
+"""Fit single frames: again from corrected poses, or a preview before the whole film is tracked."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from vision.tracking.options import FitOptions, FitSettings
 from vision.tracking.passes import fit_alone
 from vision.tracking.picture_stretch import prior_stretch_uncertainty
 from vision.tracking.prepare import frame_times, prepare
+from vision.tracking.segments import find_segment_starts
 from vision.tracking.sensor_pattern import residual_variance
 from vision.tracking.square_film import prepare_square_film
-from vision.tracking.stretches import find_segment_starts
 
 Places = Mapping[str, tuple[float, float, float]]
 """Where bodies are, by name: angle (rad, counter-clockwise from the zero), x and y of the region's centre (px)."""

@@ -1,4 +1,4 @@
-"""What stays with the sensor while the bodies move: fixed pattern, weak dust, a reflection fixed in the room.
+"""Estimate and subtract the fixed pattern of the sensor: pattern noise, dust, static reflections.
 
 The still frames have it in common with the template, where it looks like texture that does not move; a body that has
 hardly moved is held back by it, and its residuals do not show it. Once the body has moved, it shows in every frame at

@@ -38,6 +38,7 @@ from vision.tracking.passes import confirm_backward, rereference_lost_rows, trac
 from vision.tracking.picture_stretch import PictureStretch, measure_stretch, prior_stretch_uncertainty
 from vision.tracking.prepare import frame_times, prepare
 from vision.tracking.repeated_frames import reject_repeated
+from vision.tracking.segments import is_thread_safe, segment_starts
 from vision.tracking.sensor_pattern import (
     TRACKED_AGAIN,
     PatternCorrectedFilm,
@@ -49,7 +50,6 @@ from vision.tracking.sensor_pattern import (
     residual_variance,
 )
 from vision.tracking.square_film import prepare_square_film
-from vision.tracking.stretches import is_thread_safe, segment_starts
 from vision.tracking.workers import usable_threads, workers
 from vision.uncertainty.budget_terms import expected_budget
 from vision.uncertainty.coherence import inflate_covariance

@@ -9,7 +9,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import ParamSpec, TypeVar
 
-from vision.each import serial_map
+from vision.item_map import serial_map
 
 MOST_THREADS = 8
 A = TypeVar("A")

@@ -1,4 +1,4 @@
-"""The error budget of a tracked film: what contributes how much to the uncertainty of each angle.
+"""Error budget of a tracked film: each contribution to the uncertainty of each angle.
 
 Terms, all standard uncertainties in rad, of the angle at the middle of the exposure:
 ``noise`` (of the frame), ``reference`` (of the zero; common to all frames), ``shutter`` (a blurred picture

@@ -1,4 +1,4 @@
-"""How the terms of the error budget are found, before tracking (`expected_budget`) and after (`compute_budget`).
+"""Terms of the error budget, before tracking (`expected_budget`) and after it (`compute_budget`).
 
 Tilt and distortion bend both bodies of a relative angle alike, so there their differences count; all other
 terms of the two bodies are independent.
@@ -35,10 +35,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.camera.model import CameraModel, Projection, project_posed_points, transform_points
-from vision.each import ItemMap, serial_map
 from vision.film.source import Compression, FrameSource
 from vision.fitting.pose_covariance import predicted_u_angle
 from vision.fitting.template import Template
+from vision.item_map import ItemMap, serial_map
 from vision.reference.prepared_film import PreparedFilm
 from vision.uncertainty.budget import ErrorBudget, rms, shutter_text
 

@@ -1,4 +1,4 @@
-"""Residuals that go together: what they add to the stated uncertainty, and what of them a calibrated camera explains.
+"""Coherent residuals: the variance inflation they imply, and the part a calibrated camera explains.
 
 The stated uncertainty is widened where residuals are not white noise: the ratios of `vision.fitting.assessment` scatter
 by ``sqrt(2 / blocks)`` even on white noise. They are therefore averaged over neighbouring rows, since what disturbs a

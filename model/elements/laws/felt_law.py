@@ -1,4 +1,4 @@
-"""What a law of felt states; everything that simulations, lanes, derivatives and audits ask of it follows from that.
+"""Base class of a constitutive law of felt: parameters, force, rates of internal variables, energy.
 
 The interface only: the forces are in `hunt_crossley`, `stulov` and `hysteresis`, called by `model.elements.contacts`.
 """

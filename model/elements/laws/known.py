@@ -1,4 +1,4 @@
-"""The laws of felt that contacts may follow: those of this folder, and those that a user's program adds.
+"""Registry of the laws of felt: those of this folder, and those that a user's program adds.
 
 A law has a number, by which a scene's tables name it. That of an added law is a hash of its text and of what that does,
 so that kernels in the cache are never those of a law that was changed since.

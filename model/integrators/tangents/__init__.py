@@ -1,4 +1,4 @@
-"""Tangents of a motion: its derivatives with respect to parameters, integrated beside it.
+"""Forward sensitivities (tangents) of a motion: its derivatives by parameters, integrated along it.
 
 In: named tuples of a run (`model.kernels.signatures`) and parameters as changes of its numbers; out: derivatives of
 angles and speeds. `recorded_motion` integrates and keeps the motion, `nodes` linearises along it, `radau` is one step,

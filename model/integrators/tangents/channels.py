@@ -1,4 +1,4 @@
-"""What felt and string remember, in a step of the tangents: each acts on the joints through one number, a channel.
+"""Internal variables of felt and string in a tangent step: each couples to the joints through one scalar, a channel.
 
 A memory z of felt follows z' = g(q, v, z), a first-order equation whose tangent at the nodes of a step is linear in
 those of the joints. A string's modes follow the force of its contact, which follows their sums. Either way the number s
@@ -13,7 +13,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from model.integrators.tangents.loads import LANES
+from model.integrators.tangents.parameter_loads import LANES
 from model.kernels import workspace as W
 from model.kernels.compile import inlined_uncounted, uncounted_loop
 from model.kernels.lanes import broadcast_like, rows
@@ -499,7 +499,7 @@ def interpolate_channels(x, channels, out):
 
 @uncounted_loop(CARRY)
 def propagate_free_modes(carried, channels):
-    """Let the tangents of free modes swing on, as ``carried`` (K `model.derived.slopes.CARRIED`,) says."""
+    """Let the tangents of free modes swing on, as ``carried`` (K `CARRIED`,) says."""
     modes = channels.modes
     many, blocks = modes.number.shape[1], channels.inner.shape[1] // LANES
     tangent, moved = rows(modes.tangent, LANES), rows(modes.moved, LANES)

@@ -1,4 +1,4 @@
-"""One step of Radau's method for the tangents of a motion, and the estimate of its error.
+"""One Radau IIA step of the tangents, and its error estimate.
 
 With sigma = dq/dp and nu = dv/dp the motion's equations M a = f give, linear in both and exact along the motion,
 
@@ -24,8 +24,8 @@ from model.integrators.tangents.channels import (
     predict_free_channels,
     prepare_channels,
 )
-from model.integrators.tangents.loads import LANES
-from model.integrators.tangents.nodes import SPACE
+from model.integrators.tangents.linearised_nodes import SPACE
+from model.integrators.tangents.parameter_loads import LANES
 from model.kernels.compile import inlined, uncounted_loop
 from model.kernels.lanes import broadcast_like, rows
 

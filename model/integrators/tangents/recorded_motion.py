@@ -1,4 +1,4 @@
-"""The motion of a scene with everything that its tangents need: the state at any time, and where the forces have kinks.
+"""A recorded motion for the tangents: its state at any time, and the kinks of its forces.
 
 The step loop keeps each step's dense output (`model.kernels.signatures.Outputs`). `interpolate_state` reads it.
 `find_kinks` finds, to a picosecond, when a contact begins or ceases to push, passes from the arc of a surface to its

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import model
 from model.parameters.effects import EFFECTS, KEY_LIFT, MOTOR, MOTOR_DRIVE, WINDING
-from model.simulation.giving_motion import pin_motion
+from model.simulation.compliant_joints import pin_motion
 from rig.arrays import ArrayRecord, as_numbers
 from rig.errors import RigInputError
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES, PlantBlock, bench_table, read_bench

@@ -16,10 +16,10 @@ import pytest
 import model
 from model import batch
 from model.batch import run as batch_run
-from model.derived import load as scenes
-from model.derived.observe import evaluate_rows
+from model.codegen import load as scenes
+from model.codegen.evaluate_observables import evaluate_rows
 from model.integrators.rosenbrock import integrate
-from model.simulation.giving_motion import CompliantJointMotion
+from model.simulation.compliant_joints import CompliantJointMotion
 from model.simulation.options import ForceDrivenOptions
 from model.simulation.string_motion import StringMotion
 from tests.model.batch.members import Elsewhere, Loses, content, contents

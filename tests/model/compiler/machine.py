@@ -8,9 +8,9 @@ from collections.abc import Callable
 import numpy as np
 from llvmlite import binding, ir
 
+from model.codegen.load import optimise_module, write_kernel
 from model.compiler.expressions import Expression, clear_cache, read
 from model.compiler.programs import Assign, Program, Statement, slot
-from model.derived.load import optimise_module, write_kernel
 from model.kernels.compile import target_processor
 
 _DOUBLES = ctypes.POINTER(ctypes.c_double)

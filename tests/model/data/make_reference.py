@@ -16,7 +16,7 @@ import numpy as np
 from scipy.integrate import DOP853
 
 import model
-from model.derived.load import load_kernels
+from model.codegen.load import load_kernels
 from model.kernels import workspace as W
 
 HERE = Path(__file__).parent

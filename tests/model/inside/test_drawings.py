@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 import model
 from model import force_table
 from model.inside import draw_sheet
-from model.inside.seen_motion import observe_poses
+from model.inside.body_poses import observe_poses
 from model.inside.side_view import side_view
 
 

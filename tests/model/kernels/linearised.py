@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from model import Scene, Simulation
-from model.derived.load import load_kernel, load_kernels
+from model.codegen.load import load_kernel, load_kernels
 from model.kernels import workspace as W
 from tests.model.conftest import random_states
 

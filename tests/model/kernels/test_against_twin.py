@@ -9,8 +9,8 @@ import pytest
 
 import model
 from model import SceneChoice, build_scene
-from model.derived.columns import FRICTION, NORMAL
-from model.derived.observe import contacts_at
+from model.codegen.evaluate_observables import contacts_at
+from model.codegen.observable_columns import FRICTION, NORMAL
 from model.kernels import layout as L
 from model.kernels import workspace as W
 from tests.model.conftest import random_states

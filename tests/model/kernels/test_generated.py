@@ -14,9 +14,9 @@ import pytest
 
 import model
 from model import SceneChoice, build_scene
-from model.derived import load as scenes
-from model.derived.columns import DEPTH
-from model.derived.observe import contacts_at
+from model.codegen import load as scenes
+from model.codegen.evaluate_observables import contacts_at
+from model.codegen.observable_columns import DEPTH
 from model.kernels import compile as compiling
 from model.kernels import workspace as W
 from model.kernels.kernel_value import Kernel
@@ -149,7 +149,7 @@ for name in sys.argv[1:]:
         done = subprocess.run(call, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True)
         return done.stdout.split()
 
-    names = ("laws.py", "../elements/felts.py", "../derived/step.py", "inputs.py")
+    names = ("laws.py", "../elements/felts.py", "../codegen/step_programs.py", "inputs.py")
     (first,) = keys()
     seen = keys(*names)
     assert seen[0] == first and len(set(seen)) == 1 + len(names)

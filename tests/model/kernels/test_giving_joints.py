@@ -6,7 +6,7 @@ import numpy as np
 
 import model
 from model import build_scene
-from model.derived.load import load_kernels
+from model.codegen.load import load_kernels
 from model.kernels import workspace as W
 from tests.model.kernels.linearised import Evaluation, off_differences, placed, states
 from tests.model.verification.free_bodies import FreeBodies

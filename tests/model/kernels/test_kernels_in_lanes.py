@@ -9,7 +9,7 @@ import numpy as np
 
 import model
 from model import Scene, build_scene, load_scene
-from model.derived.load import load_kernels, load_lane_kernels
+from model.codegen.load import load_kernels, load_lane_kernels
 from model.integrators.methods import get_method
 from model.kernels import workspace as W
 from model.kernels.lanes import LANES

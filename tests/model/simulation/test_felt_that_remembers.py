@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import model
-from model.derived.columns import DEPTH
-from model.derived.observe import contacts_at
+from model.codegen.evaluate_observables import contacts_at
+from model.codegen.observable_columns import DEPTH
 from model.felt import Hysteresis, Stulov
 from model.kernels import workspace as W
 from model.parameters.action import CONTACTS

@@ -10,7 +10,7 @@ import pytest
 import model
 from model import BODIES
 from model.parameters.effects import PINS
-from model.simulation.giving_motion import compliant_joint_motion
+from model.simulation.compliant_joints import compliant_joint_motion
 from model.simulation.run import Simulation, State
 from model.simulation.statics import solve_rest
 from tests.model.verification.energy import energy_terms

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import model
-from model.derived.load import load_kernels
+from model.codegen.load import load_kernels
 from model.elements.strings import AWAKE
 from model.kernels import workspace as W
 from model.scene.string_terms import moved_modes, string_of

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import model
-from model.inside.seen_motion import SeenMotion
+from model.inside.body_poses import SeenMotion
 from pianorig.page.action import blow_curves
 from pianorig.player.animation import (
     Animation,

@@ -75,13 +75,14 @@ def all_of(n, filmed=1):
         "events": f"{2 * n} of {2 * n}",
         "curve scores": f"{3 * n + 2 * filmed} of {3 * n + 2 * filmed}",
         "force sign and unit": f"{n} of {n}",  # the stand-in does not move as the trials do
+        "force spike": f"{n} of {n}",
     }
 
 
 def test_unchanged_touched_or_renamed_nothing_is_done_again(bench, predict):
     folder, action = bench
     assert again(folder, action) == all_of(3)
-    assert len(predict.calls) == 3  # of the comparison without memory; no spike of the force asks the model
+    assert len(predict.calls) == 6  # of the comparison without memory: three predictions, three without a spike
     for file in folder.rglob("*"):
         os.utime(file, (1, 1))
     moved = folder.with_name("another name")
@@ -108,12 +109,13 @@ def test_a_further_trial_is_the_only_one_scored(bench, make):
     first = Session.open(folder).trials[0].read()
     count = first.encoder_count.copy()
     count[3000:3010] += 1
-    Session.open(folder).add_trial(replace(first, number=4, raw_force_n=first.raw_force_n * 1.001, encoder_count=count))
+    Session.open(folder).add_trial(replace(first, number=4, force_n=first.force_n * 1.001, encoder_count=count))
     assert again(folder, action) == {
         "predictions": "3 of 4",
         "events": "6 of 8",
         "curve scores": "11 of 14",
         "force sign and unit": "3 of 4",
+        "force spike": "3 of 4",
     }
 
 
@@ -147,9 +149,9 @@ def test_one_altered_sample_of_the_force_makes_the_prediction_again(bench):
     folder, action = bench
 
     def change(trial):
-        force = trial.raw_force_n.copy()
+        force = trial.force_n.copy()
         force[3000] += 1e-3
-        return replace(trial, raw_force_n=force)
+        return replace(trial, force_n=force)
 
     found = again(altered(folder, change), action)
     assert found == all_of(3) | {
@@ -220,9 +222,7 @@ def test_a_further_trial_is_the_only_one_that_is_drawn_if_any_is(bench, predict)
     options = SIMPLE | {"budget": True}
 
     def add(number):
-        Session.open(folder).add_trial(
-            replace(first, number=number, raw_force_n=first.raw_force_n * (1 + 1e-3 * number))
-        )
+        Session.open(folder).add_trial(replace(first, number=number, force_n=first.force_n * (1 + 1e-3 * number)))
 
     add(4), add(5)
     compare_session(folder, action, **options)

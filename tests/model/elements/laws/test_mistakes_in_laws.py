@@ -17,7 +17,7 @@ from model.elements.laws.curve import curve_energy, loading_force, loading_stiff
 from model.elements.laws.felt_law import Felt, Law, Number
 from model.elements.laws.known import LAWS
 from model.elements.laws.stulov import surface_energy
-from model.simulation.felt_that_pulls import describe_jumps
+from model.simulation.negative_contact_force import describe_jumps
 
 
 @pytest.fixture(autouse=True)

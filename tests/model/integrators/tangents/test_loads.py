@@ -6,7 +6,7 @@ import numpy as np
 
 import model
 from model import Scene
-from model.integrators.tangents.nodes import linearise_node
+from model.integrators.tangents.linearised_nodes import linearise_node
 from model.kernels import workspace as W
 from model.sensitivity.parameter_names import directions
 from model.sensitivity.tangents import _Run

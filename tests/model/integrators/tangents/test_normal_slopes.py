@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 import model
-from model.derived.columns import NORMAL
-from model.derived.observe import contacts_at
+from model.codegen.evaluate_observables import contacts_at
+from model.codegen.observable_columns import NORMAL
 from model.kernels.lanes import allocate_aligned
 from model.sensitivity.parameter_names import directions
 from model.sensitivity.tangents import RecordedMotion, _Run

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import model
-from rig.session.force_correction import ForceChannel, Quiet
 from tests.validation.infer import toy
 from validation.conventions import ENCODER_BODIES
 from validation.errors import ValidationInputError
@@ -22,6 +21,7 @@ from validation.infer.observations import (
     with_errors_of_what_drives,
 )
 from validation.infer.unknowns import FORCE, KEY, unknowns
+from validation.measurement.force_correction import ForceChannel, Quiet
 
 ACTION = model.load_action("hirschkorn2004-regulated")
 PRELOAD_N, COUNT_RAD, SCALE = 0.3, 2e-5, 1e-2

@@ -1,4 +1,4 @@
-"""What joints give under way: their motion at the output times, the force of their bushings, how a run begins.
+"""Compliant joints of a run: their motion at the output times, and the force of their bushings.
 
 In: a scene with joints that give, and rows (m, z) of what its step loop remembers (`State.memory`).
 """

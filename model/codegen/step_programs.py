@@ -1,4 +1,4 @@
-"""The kernels of a scene, derived from its elements: what a step loop calls at the start of a step and in its stages.
+"""Programs of a step: linearise the scene at its start, evaluate it at the stages.
 
 ``linearise``: accelerations, K = df/dq - (dM/dq) a, D = df/dv, df/du, what memories are coupled by, open gaps and
 sliding speeds with their rates. ``prepare``: the inverse of M / (gamma h) - D - gamma h K. ``skip``: contacts that

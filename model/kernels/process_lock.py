@@ -1,4 +1,4 @@
-"""What only one process at a time may do to the kernel cache, so that two that start together compile once.
+"""A lock between processes that use one kernel cache, so that two that start together compile once.
 
 ``alone(folder, name)`` waits until no other process holds that name; what the other has compiled meanwhile is then
 found on disk. The operating system lets go of a lock whose process died. Where files cannot be locked nobody waits:

@@ -1,4 +1,4 @@
-"""Which rows of a film are tracked together, and how stretches of them are joined.
+"""Segments of a film that threads track at the same time, and how they are joined.
 
 A film is cut into stretches that are tracked at the same time. Each starts some rows before its own first one, from
 where a quick walk found the bodies. The rows it shares with the stretch before must agree;

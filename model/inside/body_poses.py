@@ -1,4 +1,4 @@
-"""What can be seen of a motion: poses of the bodies, where contacts touch, how deep and how hard; no losses.
+"""Poses of the bodies along a motion, with place, depth and force of each contact; no losses.
 
 A hundredth of the work of `model.inside.observe_motion`, for drawings that must be ready at once. World frame: x right,
 y up.
@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from model.derived import columns as C
+from model.codegen import observable_columns as C
 from model.errors import InputError
 from model.inside.state_observer import Observer
 from model.scene.build import Scene
@@ -68,7 +68,7 @@ def observe_poses(
     --------
     >>> import numpy as np
     >>> import model
-    >>> from model.inside.seen_motion import see_motion
+    >>> from model.inside.body_poses import see_motion
     >>> action, (time_s, force_n) = model.load_action(), model.force_table("forte")
     >>> blow = model.simulate(action, time_s, force_n)
     >>> seen = see_motion(model.build_scene(action), time_s, blow.angle_rad, blow.speed_rad_per_s, force_n)

@@ -1,4 +1,4 @@
-"""What parameters do to a scene, derived from its elements: change of forces, memories and normal forces by numbers.
+"""Programs of the derivatives of forces, internal variables and normal forces by the scene's numbers.
 
 ``numbers``: derivatives of d(f - M a), of the rates of memories and of the force on the string by every number p that
 they depend on, at the state and accelerations of a workspace; of the modes' rates by their own numbers.

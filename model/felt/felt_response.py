@@ -1,4 +1,4 @@
-"""Felt along a given press: force and stored energy by the laws of `model.elements.laws`, with numbers.
+"""Force and stored energy of felt along a prescribed press, by each constitutive law with its parameters.
 
 ``HuntCrossley`` is the thesis's (eqs 2.4 and 2.5), ``Stulov`` has a memory that fades with time, ``Hysteresis`` one
 that fades with the way gone, whatever the speed; ``NamedLaw`` is any that contacts may follow. Depth is positive where
@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import as_numbers
-from model.derived.load import load_press_kernel
-from model.derived.observe import evaluate_rows
+from model.codegen.evaluate_observables import evaluate_rows
+from model.codegen.load import load_press_kernel
 from model.elements.laws.hysteresis import LONGEST_REACH as LONGEST_REACH
 from model.elements.laws.known import LAWS as KNOWN
 from model.errors import InputError

@@ -1,8 +1,7 @@
-"""Laws by themselves, for what is simulated without a scene: an amplifier, felt along a press.
+"""Programs of single elements outside a scene: an amplifier, felt along a prescribed press.
 
-Each is a kernel of four arrays, like those of `model.derived.inner_forces`: what the law is differentiated by, one that
-is not read, its numbers, what is found.
-"""
+Each is a kernel of four arrays, like those of `model.codegen.observable_programs`: what the law is differentiated by,
+one that is not read, its numbers, what is found."""
 
 from __future__ import annotations
 

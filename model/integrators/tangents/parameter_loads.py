@@ -1,8 +1,7 @@
-"""What parameters do to forces along a motion: derivatives by a scene's numbers, put together for each parameter.
+"""Derivatives of forces by parameters along a motion, put together from those by the scene's numbers.
 
-The derivatives by numbers come from the scene's elements (`model.derived.slopes`); a parameter changes some numbers, by
-so much per unit of it: a row of `Sources`.
-"""
+The derivatives by numbers come from the scene's elements (`model.codegen.parameter_derivatives`); a parameter changes
+some numbers, by so much per unit of it: a row of `Sources`."""
 
 from typing import NamedTuple
 
@@ -32,7 +31,7 @@ class Sources(NamedTuple):
 
 
 class Loads(NamedTuple):
-    """Kernels of `model.derived.slopes` and memory for what they fill; what contacts' rows are made of.
+    """Kernels of `model.codegen.parameter_derivatives` and memory for what they fill; what contacts' rows are made of.
 
     ``normal_first`` (c + 1,) is where the numbers of each contact begin in ``normal_number``, ``memory`` (c + 1,) the
     first memory of each contact; all memories of a contact lie together. ``string`` is the string's contact, or -1.

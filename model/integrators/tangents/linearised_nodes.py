@@ -1,4 +1,4 @@
-"""The linearised equations of a motion at the nodes of a step, with what each parameter adds to them.
+"""Linearised equations of a motion at the collocation nodes of a step, with each parameter's load.
 
 M, K and D are the kernels' linearisation; what a parameter adds to the forces is derived as they are (`loads`).
 """
@@ -9,7 +9,7 @@ import numpy as np
 from numba import types
 
 from model.integrators.tangents.channels import CHANNELS, Channels, fill_channels, load_modes
-from model.integrators.tangents.loads import LOADS, SOURCES, Loads, Sources, parameter_loads
+from model.integrators.tangents.parameter_loads import LOADS, SOURCES, Loads, Sources, parameter_loads
 from model.integrators.tangents.recorded_motion import KERNELS, NUMBERS
 from model.kernels.compile import uncounted_loop
 from model.kernels.signatures import SceneNumbers, StepKernels

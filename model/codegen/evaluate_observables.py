@@ -1,6 +1,6 @@
-"""What acts inside a scene at states: contacts, tips, bodies with their joints, by kernels derived from its elements.
+"""Observables of contacts, tips, bodies and joints at given states, evaluated by generated kernels.
 
-Columns are named in `model.derived.columns`. Forces in N, powers in W; world frame: x right, y up.
+Columns are named in `model.codegen.observable_columns`. Forces in N, powers in W; world frame: x right, y up.
 """
 
 from __future__ import annotations
@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from model.derived.columns import BODY, CONTACT, TIP
-from model.derived.load import load_kernel
+from model.codegen.load import load_kernel
+from model.codegen.observable_columns import BODY, CONTACT, TIP
 from model.errors import InputError
 from model.kernels.compile import kernel
 from model.kernels.layout import STRING_STATES, Tables

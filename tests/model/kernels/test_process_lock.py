@@ -6,12 +6,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-from model.kernels.once import hold_lock
+from model.kernels.process_lock import hold_lock
 
 WORK = """
 import sys, os
 from pathlib import Path
-from model.kernels.once import hold_lock
+from model.kernels.process_lock import hold_lock
 folder = Path(sys.argv[1])
 print("ready", flush=True)
 sys.stdin.readline()

@@ -1,4 +1,4 @@
-"""Columns of what acts inside a scene: of a contact, of a tip, of a body with its joint (`model.derived.observe`)."""
+"""Columns of the observables of a contact, a tip, a body with its joint (`evaluate_observables`)."""
 
 NORMAL, FRICTION, DEPTH, SLIDE, RUBBED, FELT, NX, NY, X, Y, RATE = range(11)
 """Columns of a contact: normal and friction force; depth, negative where open; sliding speed of A over B along

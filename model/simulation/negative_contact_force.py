@@ -1,4 +1,4 @@
-"""Felt of an added law whose force went below zero: which contact, by how much, and what to write.
+"""Errors for felt of an added law whose force is negative: which contact, by how much, what to write.
 
 The kernels give no number there (`model.elements.laws.felt_law.checked_force`),
 so that no step stays; here it is named.
@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from model.codegen.evaluate_observables import contacts_at
+from model.codegen.load import load_kernels
+from model.codegen.observable_columns import DEPTH, NORMAL, RATE
 from model.compiler.expressions import argument, clear_cache, constant
-from model.derived.columns import DEPTH, NORMAL, RATE
-from model.derived.load import load_kernels
-from model.derived.observe import contacts_at
 from model.elements.laws.check_law import compile_values
 from model.elements.laws.felt_law import PULL_N, Felt
 from model.elements.structure import Structure

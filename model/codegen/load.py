@@ -1,4 +1,4 @@
-"""Find, write, compile and load the kernels of a scene's structure.
+"""Generate, compile, cache and load the kernels of a scene's structure.
 
 Machine code lies in the kernel cache under the hash of the structure, in a folder that is keyed by all sources and the
 processor (`model.kernels.compile`), and is verified when it is loaded (`model.kernels.disk_cache`): a structure is
@@ -16,14 +16,14 @@ from typing import Any
 import numpy as np
 from llvmlite import binding, ir
 
+from model.codegen.observable_programs import ObservablePrograms
+from model.codegen.parameter_derivatives import ParameterDerivatives
+from model.codegen.single_element import SingleElement
+from model.codegen.step_programs import StepPrograms
+from model.codegen.step_update import StepUpdate
 from model.compiler.expressions import clear_cache
 from model.compiler.native import KernelWriter
 from model.compiler.programs import Program
-from model.derived.inner_forces import ObservablePrograms
-from model.derived.outside_a_scene import SingleElement
-from model.derived.slopes import ParameterDerivatives
-from model.derived.step import StepPrograms
-from model.derived.stepping import StepUpdate
 from model.elements.laws.felt_law import Law
 from model.elements.structure import Structure
 from model.kernels import compile as _compile
@@ -31,7 +31,7 @@ from model.kernels.disk_cache import read_entry, write_entry
 from model.kernels.kernel_value import Kernel
 from model.kernels.lanes import has_wide_vectors
 from model.kernels.layout import Tables
-from model.kernels.once import hold_lock
+from model.kernels.process_lock import hold_lock
 from model.kernels.signatures import ALONE, IN_LANES, STEP, StepKernels
 
 Kind = tuple[np.ndarray, ...]
@@ -87,7 +87,7 @@ def memory_couplings(tables: Tables) -> list[list[int]]:
 
 
 def load_press_kernel(law: Law, memories: int, numbers: int, power: bool) -> Kernel:
-    """Kernel ``press`` of `model.derived.outside_a_scene`, of a law with so many memories and numbers."""
+    """Kernel ``press`` of `model.codegen.single_element`, of a law with so many memories and numbers."""
     return load_kernel((np.array([law.number, memories, numbers, int(power)]),), "press")
 
 

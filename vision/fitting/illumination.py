@@ -1,4 +1,4 @@
-"""Light that changes from place to place on a body, and what it does to a fit.
+"""Illumination that varies over a body: detection, estimation and correction in a fit.
 
 It may change in any way: the edge of a shadow, a reflection that stays while the body moves. Gradients
 (`vision.fitting.slow_changes`) do not follow an edge. Method: the body is cut into squares of `CELL_PX`; in each the

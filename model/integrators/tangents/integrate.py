@@ -1,4 +1,4 @@
-"""Tangents carried along a recorded motion, with their own error control over every parameter.
+"""Integrate the tangents along a recorded motion, with error control over every parameter.
 
 Steps land on the kinks of the forces, where the Jacobian jumps; the tangents themselves are continuous there, because
 the forces are.
@@ -15,7 +15,7 @@ from model.integrators.tangents.channels import (
     propagate_free_modes,
     solve_channels,
 )
-from model.integrators.tangents.nodes import LINEAR, LINEARISE_NODE, linearise_node
+from model.integrators.tangents.linearised_nodes import LINEAR, LINEARISE_NODE, linearise_node
 from model.integrators.tangents.radau import NODES, STAGES, WANTED, estimate_error, interpolate_step, solve_step
 from model.integrators.tangents.recorded_motion import DRIVE, MOTION, interpolate_state
 from model.kernels.compile import inlined_uncounted, uncounted_loop

@@ -9,7 +9,7 @@ import pytest
 
 import vision.tracking.body_tracker
 import vision.tracking.passes
-import vision.tracking.stretches
+import vision.tracking.segments
 from tests.vision.known_films import PIVOT, bar_motion, bar_scene, dark, film_of, same_bits, sliding_bar, z_of
 from vision import ArrayFilm, InputError, track
 from vision.film.mmap_window import FileWindow
@@ -20,7 +20,7 @@ N = 120
 @pytest.fixture(autouse=True)
 def short_stretches(monkeypatch: pytest.MonkeyPatch) -> None:
     """Four stretches of the film."""
-    monkeypatch.setattr(vision.tracking.stretches, "STRETCH_ROWS", 30)
+    monkeypatch.setattr(vision.tracking.segments, "STRETCH_ROWS", 30)
 
 
 def counted_searches(monkeypatch: pytest.MonkeyPatch) -> list[int]:
@@ -47,7 +47,7 @@ def test_any_number_of_threads_gives_the_same_bits() -> None:
 def test_a_film_in_stretches_is_as_good_as_a_whole_one(monkeypatch: pytest.MonkeyPatch) -> None:
     known = film_of(bar_scene("wood"), bar_motion(N, PIVOT, 0.4))
     parts = track(known.film, known.bodies)
-    monkeypatch.setattr(vision.tracking.stretches, "STRETCH_ROWS", N)
+    monkeypatch.setattr(vision.tracking.segments, "STRETCH_ROWS", N)
     whole = track(known.film, known.bodies)
     assert np.abs((parts.angle_rad - whole.angle_rad) / whole.u_angle_rad).max() < 0.3
     np.testing.assert_allclose(parts.u_angle_rad, whole.u_angle_rad, rtol=0.1)
@@ -59,7 +59,7 @@ def test_a_stretch_that_does_not_join_is_tracked_from_the_one_before(
     monkeypatch: pytest.MonkeyPatch, fault: str
 ) -> None:
     known = film_of(bar_scene("speckle"), bar_motion(N, PIVOT, 0.4))
-    plain = vision.tracking.stretches.find_segment_starts
+    plain = vision.tracking.segments.find_segment_starts
 
     def misled(*arguments: object) -> object:
         for k, (before, newest) in enumerate(plain(*arguments)):
@@ -68,13 +68,13 @@ def test_a_stretch_that_does_not_join_is_tracked_from_the_one_before(
             # far enough to be another place, too far to be found again
             yield (before + [0.9, 70.0, -50.0], newest + [0.9, 70.0, -50.0]) if k == 1 else (before, newest)
 
-    monkeypatch.setattr(vision.tracking.stretches, "find_segment_starts", misled)
+    monkeypatch.setattr(vision.tracking.segments, "find_segment_starts", misled)
     searches = counted_searches(monkeypatch)
     results = [track(known.film, known.bodies, threads=threads, confirm="none") for threads in (1, 3)]
     same_bits(*results)
     assert not results[0].is_lost.any()
     assert not searches, "a stretch that cannot join is given up at its seam"
-    monkeypatch.setattr(vision.tracking.stretches, "STRETCH_ROWS", N)
+    monkeypatch.setattr(vision.tracking.segments, "STRETCH_ROWS", N)
     whole = track(known.film, known.bodies, confirm="none")
     assert np.abs((results[0].angle_rad - whole.angle_rad) / whole.u_angle_rad).max() < 0.3
 
@@ -82,9 +82,9 @@ def test_a_stretch_that_does_not_join_is_tracked_from_the_one_before(
 def test_a_stretch_begins_where_a_third_of_the_body_is_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
     known = film_of(bar_scene("speckle"), bar_motion(N, PIVOT, 0.3), cover=sliding_bar)
     searches, joined = counted_searches(monkeypatch), []
-    plain = vision.tracking.stretches.Segment.is_continuous
+    plain = vision.tracking.segments.Segment.is_continuous
     monkeypatch.setattr(
-        vision.tracking.stretches.Segment, "is_continuous", lambda *both: joined.append(plain(*both)) or joined[-1]
+        vision.tracking.segments.Segment, "is_continuous", lambda *both: joined.append(plain(*both)) or joined[-1]
     )
     result = track(known.film, known.bodies)
     assert not result.is_lost.any() and not searches

@@ -1,4 +1,4 @@
-"""Work done for each of several items, in turn or by threads: who calls decides, who works does not know."""
+"""Mapping of a function over items: serially, or by threads that the caller provides."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What acts inside a scene at single states, derived from its elements.
+"""Programs of the observables: forces and motion of contacts, tips and bodies at a single state.
 
 ``contacts``, ``tips`` and ``bodies`` (with their joints) are kernels of their own, compiled when first
 asked for, that take one state: coordinates and speeds of all bodies, what is remembered (as the step loop keeps it),
@@ -12,9 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from model.compiler.expressions import ONE, ZERO, Expression, read, total, value_of, where
-from model.compiler.programs import Accumulate, Assign, If, Program, Statement, slot, variable
-from model.derived.columns import (
+from model.codegen.observable_columns import (
     BODY,
     CONTACT,
     DEPTH,
@@ -34,6 +32,8 @@ from model.derived.columns import (
     X,
     Y,
 )
+from model.compiler.expressions import ONE, ZERO, Expression, read, total, value_of, where
+from model.compiler.programs import Accumulate, Assign, If, Program, Statement, slot, variable
 from model.elements.bodies import solve_mass_matrix
 from model.elements.contacts import Contact
 from model.elements.drives import Drives

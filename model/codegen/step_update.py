@@ -1,4 +1,4 @@
-"""What a step loop does with the numbers of a step beside forces, the same text for one run and for lanes.
+"""Programs of a step beside forces: stage sums, error norm, dense output, fit of the step; for one run and for lanes.
 
 ``fit``: the step in ``FITTED``, shortened to the first event that it cannot cross: surfaces about to touch or part,
 friction about to turn. A step that ends just after a kink of the forces, or just before friction turns round, is rarely
