@@ -16,14 +16,11 @@ from .infer.write import write_identified as write_identified
 from .infer.write import write_reading as write_reading
 from .measurement.force_correction import correct_force as correct_force
 from .measurement.force_correction import find_quiet as find_quiet
-from .measurement.kind import has_positions_only as has_positions_only
 from .options import CompareOptions as CompareOptions
-from .pipeline.compare_positions import PositionComparison as PositionComparison
 from .pipeline.compare_session import compare as compare
 from .pipeline.compare_sessions import compare_many as compare_many
 from .pipeline.compare_sessions import validate_session as validate_session
 from .pipeline.compare_sessions import validate_sessions as validate_sessions
-from .pipeline.validate_positions import validate_positions as validate_positions
 from .report.write import write_report as write_report
 from .result import ValidationResult as ValidationResult
 from .side_by_side import SideBySide as SideBySide

@@ -36,8 +36,12 @@ def command(
     ] = None,
     tolerance: Tolerance = DEFAULT_TOLERANCE,
     by_motion: Annotated[
-        bool, typer.Option("--by-motion/--no-by-motion", help="Also predict the force from the key's motion.")
-    ] = True,
+        bool,
+        typer.Option(
+            "--by-motion/--no-by-motion",
+            help="The measured key drives the models instead of the force; where no force was recorded it always does.",
+        ),
+    ] = False,
     condition: Annotated[
         str | None,
         typer.Option("--condition", help="Compare only this condition of the trial plan; default: each on its own."),
@@ -51,14 +55,7 @@ def command(
             metavar="NAME=VALUE",
         ),
     ] = None,
-    identified: Annotated[
-        Path | None,
-        typer.Option(
-            "--identified",
-            help="Identified set (identified.json, or the session that holds one) for a session of positions without "
-            "force; default: the session's own.",
-        ),
-    ] = None,
+    identified: Annotated[Path | None, typer.Option("--identified", hidden=True)] = None,
     again: Annotated[
         bool,
         typer.Option(
@@ -70,33 +67,18 @@ def command(
 ) -> None:
     """Report how well models predict the measured angles.
 
-    Every model is driven with each trial's own force. Several sessions and several models stand side by side in one
-    report; they are never pooled.
-
-    In a session of positions without force the measured key moves the models, and the hammer is compared (--by-motion).
+    Every model is driven with each trial's own force, or with the measured motion of its key (--by-motion, and where no
+    force was recorded). Several sessions and several models stand side by side in one report; they are never pooled.
 
     Example:  pianorig validate sessions/try --action hirschkorn2004
     Example:  pianorig validate sessions/try --relevant check_height=1 --relevant travel=3
-    Example:  pianorig validate sessions/kawai_kg3c --by-motion --out real
+    Example:  pianorig validate sessions/kawai_kg3c --action sessions/kawai_kg3c/identified.toml --out real
     Example:  pianorig validate sessions/try --action hirschkorn2004 --action hirschkorn2004-regulated --out compared
     Example:  pianorig validate sessions/try --action hirschkorn2004 --action "hirschkorn2004: --set hammer.mass=0.01"
     Example:  pianorig validate sessions/try --action hirschkorn2004 --action "hirschkorn2004: --scene string"
     """
-    if by_motion and len(sessions) == 1 and validation.has_positions_only(sessions[0]):
-        changed = tolerance != DEFAULT_TOLERANCE
-        given = {
-            "--set": set_,
-            "--scene": scene,
-            "--tolerance": changed,
-            "--condition": condition,
-            "--relevant": relevant,
-        }
-        _by_motion_alone(sessions[0], action or [], out, identified, as_json, [name for name in given if given[name]])
-        return
-    if by_motion and all(map(validation.has_positions_only, sessions)):
-        raise CommandInputError(f"{len(sessions)} sessions of positions without force, allowed 1 at a time")
     if identified is not None:
-        raise CommandInputError(f"--identified: {sessions[0]} is not one session of positions without force")
+        raise CommandInputError(f"--identified is gone: an identified set is an action; give --action {identified}")
     folder = report_folder(sessions, out)
     actions = action or [DEFAULT_ACTION]
     options = {"set": set_ or [], "tolerance": tolerance, "by_motion": by_motion, "condition": condition}
@@ -154,21 +136,6 @@ def _limits(given: list[str]) -> dict[str, float]:
             raise CommandInputError(f"--relevant {text}: {value!r} is no number above 0; give {name} in {kind.unit}")
         out[name] = number / kind.factor
     return out
-
-
-def _by_motion_alone(
-    session: Path, actions: list[str], out: Path | None, identified: Path | None, as_json: bool, refused: list[str]
-) -> None:
-    """Compare a session of positions: the measured key moves the models, the hammer is the answer."""
-    if refused:
-        raise CommandInputError(f"{refused[0]}: not for a session of positions without force ({session}); leave it out")
-    if len(actions) > 1:
-        raise CommandInputError(f"--action: {len(actions)} models, allowed 1 for a session of positions")
-    result = validation.validate_positions(
-        session, out, action=actions[0] if actions else None, identified=identified, progress=None if as_json else say
-    )
-    facts = {"verdict": result.sentence, "files": result.files, "scores": result.scores.to_dict("records")}
-    tell(as_json, facts, [*verdict_lines(result.verdict_lines), f"report: {result.files['report.html']}"])
 
 
 def _reused(side: validation.SideBySide) -> str:

@@ -29,6 +29,7 @@ from rig.session.info import SessionInfo
 from rig.session.seal import CONTENT, content_sha256, open_sealed, write_sealed
 from rig.session.sealed_trial import (
     copied_trial,
+    read_condition,
     read_status,
     read_trial,
     trial_problem,
@@ -149,6 +150,11 @@ class Trial:
         if self.problem:
             warnings.warn(f"trial {self.number} is left out: {self.problem}", stacklevel=3)
         return bool(self.problem)
+
+    @property
+    def condition(self) -> str:
+        """Condition that the trial was recorded under; empty where none is known."""
+        return "" if self.problem else read_condition(self.path)
 
     @property
     def sha256(self) -> str:

@@ -207,6 +207,12 @@ def read_status(path: Path) -> tuple[str, str]:
         return str(file["daq"].attrs["status"]), str(file.attrs[CONTENT])
 
 
+def read_condition(path: Path) -> str:
+    """Condition that a trial was recorded under, without reading its arrays."""
+    with open_sealed(path) as file:
+        return str(file.attrs.get("condition", ""))
+
+
 def _check_shapes(path: Path, data: TrialData) -> None:
     n = data.time_s.shape[0]
     shapes = {

@@ -51,7 +51,7 @@ def test_an_unchanged_validate_only_compares_hashes(tmp_path: Path) -> None:
     files = {name: session / name for name in ("report.html", "results.json")}
     for path in files.values():
         path.write_text("made before")
-    options = {"set": [], "tolerance": 1e-5, "by_motion": True, "condition": None}
+    options = {"set": [], "tolerance": 1e-5, "by_motion": False, "condition": None}
     store_report(session, inputs_sha256([session], ["hirschkorn2004"], options), files, ["fine"], "2026-01-01")
     assert not modules_after(("validate", session)) & HEAVY
 

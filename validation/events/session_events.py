@@ -45,7 +45,7 @@ class Window:
 
 
 def choose_window(measurements: Sequence[MeasuredTrial], events: dict[int, dict[str, Event]]) -> Window:
-    """From 20 ms before the earliest force onset to 50 ms after the last trial is at rest, within every record.
+    """From 20 ms before the earliest onset to 50 ms after the last trial is at rest, within every record.
 
     Parameters
     ----------
@@ -70,7 +70,8 @@ def choose_window(measurements: Sequence[MeasuredTrial], events: dict[int, dict[
         raise ValidationInputError(
             f"evaluation window: start {start:.4f} s, end {end:.4f} s; the trials do not overlap in time"
         )
-    return Window(start, end, "20 ms before the earliest force onset", rule)
+    onset = "onset of the force" if all(m.has_force for m in measurements) else "motion"
+    return Window(start, end, f"20 ms before the earliest {onset}", rule)
 
 
 @dataclass(frozen=True)
@@ -93,11 +94,14 @@ def find_session_events(predicted: PredictedSession, tested: ModelUnderTest) -> 
     """Find events in every trial and its prediction, lifts of the key, and the evaluation window."""
     model, trial = {}, {}
     for m in predicted.trials:
-        geometry = tested.geometry_at(m.force.preload_n)
+        geometry = tested.geometry_of_trial(m)
         motion = make_predicted_motion(predicted.predictions[m.number].model, geometry, tested.tolerance)
         model[m.number] = _find_stored_events(tested.store, motion, m.quiet.stop)
         trial[m.number] = _find_stored_events(tested.store, m.motion, m.quiet.stop)
-    lifts = find_key_lifts(predicted, tested, trial)
+    by_force = replace(predicted, trials=tuple(m for m in predicted.trials if not m.driven_by_key))
+    lifts: dict[int, list[KeyLift]] = {m.number: [] for m in predicted.trials}
+    if by_force.trials:  # the rail's pull is that under the force
+        lifts |= find_key_lifts(by_force, tested, trial)
     return SessionEvents(mark_doubtful_events(trial, lifts), model, lifts, choose_window(predicted.trials, trial))
 
 

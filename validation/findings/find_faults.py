@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from validation.conventions import ENCODER_CHANNELS
 from validation.events.session_events import SessionEvents
 from validation.findings.encoders import (
     find_capstan_gaps,
@@ -67,6 +68,7 @@ class SessionFindings:
     faults: tuple[SessionFinding, ...]
     kinds: tuple[tuple[int, ...], ...] = ()
     conditions: tuple[tuple[int, ...], ...] = ()  # nothing is pooled beyond one of them
+    not_compared: frozenset[tuple[int, str]] = frozenset()  # trials and encoders: not measured, or what drives
 
     @property
     def unusable(self) -> tuple[UnusableData, ...]:
@@ -80,8 +82,8 @@ class SessionFindings:
 
     @property
     def left_out(self) -> frozenset[tuple[int, str]]:
-        """The same by trial and curve, of encoders and film."""
-        return list_unusable_pairs(self.unusable)
+        """The same by trial and curve, of encoders and film, and what is not compared."""
+        return list_unusable_pairs(self.unusable) | self.not_compared
 
 
 def find_faults(
@@ -90,7 +92,16 @@ def find_faults(
     scored: ScoredSession,
     tested: ModelUnderTest,
 ) -> SessionFindings:
-    """Faults of the session, wiring first."""
+    """Faults of the session, wiring first.
+
+    Of trials that the key drives none is looked for: the checks compare with a prediction by the force.
+    """
+    aside = frozenset((m.number, c) for m in predicted.trials for c in ENCODER_CHANNELS if c not in m.channels)
+    by_force = tuple(m.number for m in predicted.trials if not m.driven_by_key)
+    if len(by_force) < len(predicted.trials):
+        unused = SessionFindings(tuple(find_unused_trials(predicted.refused)))
+        sound = find_faults(*_select_trials(by_force, predicted, events, scored), tested) if by_force else unused
+        return replace(sound, not_compared=aside)
     trials = predicted.trials
     found = find_unused_trials(predicted.refused) + [f for check in OF_TRIALS for f in check(trials)]
     found += [f for m in trials for f in find_missing_rest(m, tested.geometry_at(m.force.preload_n))]

@@ -20,9 +20,9 @@ from validation.infer.fit import Fitted, fit_multistart
 from validation.infer.identifiability import EXPECTED, HALF, Combination, directions, warnings_before, warnings_of
 from validation.infer.motion_runs import response_to
 from validation.infer.noise import Marginal, Sizes
-from validation.infer.observations import CHANNEL_NAMES, with_errors_of_what_drives
+from validation.infer.observations import CHANNEL_NAMES, with_calibration, with_errors_of_what_drives
 from validation.infer.problem import Columns, Problem, at_start
-from validation.infer.result import FITTED, Details, Identification, joint_posterior
+from validation.infer.result import FITTED, Details, Identification, joint_posterior, sensor_calibration
 from validation.infer.scatter import lacking
 from validation.infer.scores import by_channel, score, score_events, why_it_rises
 from validation.infer.sources import IdentifyKeywords, IdentifyOptions, Sources, collect
@@ -112,7 +112,9 @@ def identify(
     names = [p.name for p in asked.asked]
     undetermined, determined = directions(names, covariance)
     end = _end(best, names, covariance, determined)
-    both, of = {"before": start, "identified": found}, {FITTED: sources.fitted, **sources.held}
+    sensors = sensor_calibration(problem, best, sources)
+    both = {"before": start, "identified": found}
+    of = {name: with_calibration(trials, sensors) for name, trials in {FITTED: sources.fitted, **sources.held}.items()}
     scores = {name: score(trials, both, options.tolerance) for name, trials in of.items()}
     events = {name: score_events(some, both, EVENT_TOLERANCE) for name, some in sources.measured_held.items()}
     fitted, risen = scores[FITTED], []
@@ -135,7 +137,8 @@ def identify(
         scores=scores,
         events=events,
         provenance=_provenance(start, asked, sources, best, options),
-        posterior=joint_posterior(problem, best, estimates, sources),
+        posterior=joint_posterior(problem, best, estimates, sources, sensors),
+        sensors=sensors,
         end=end,
         details=Details(problem, best, tuple(profiles), sources, max(budget.left_s, 0.0)),
     )

@@ -1,10 +1,14 @@
-"""The model's response to trials of any kind, in their order: those that a force drives, those that the key drives."""
+"""The model's response to trials of any kind, in their order: those that a force drives, those that the key drives.
+
+The key's motion is measured by an encoder or by a position sensor.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_banded
@@ -12,8 +16,9 @@ from scipy.linalg import solve_banded
 import model
 from model.errors import ModelError
 from model.motion_driven.prescribed_key import run_prescribed
-from model.motion_driven.spline_fit import DEGREE
+from model.motion_driven.spline_fit import DEGREE, KeyFit
 from validation.conventions import BODIES, Array
+from validation.conventions import KEY as KEY_BODY
 from validation.infer.blocks import MOVED_RAD
 from validation.infer.force_runs import (
     ForceRuns,
@@ -24,7 +29,8 @@ from validation.infer.force_runs import (
     tangent_options,
 )
 from validation.infer.observations import ObservedTrial
-from validation.infer.unknowns import KEY_SCALE, KEY_ZERO, Parameter
+from validation.infer.unknowns import KEY_SCALE, KEY_ZERO, POSITIONS, Parameter
+from validation.measurement.position_sensors import PositionSensors
 
 DRAWS = 24
 DRAW_SEED = 160
@@ -47,7 +53,7 @@ class Drive:
     def motion(self, trial: ObservedTrial) -> model.KeyMotion:
         """Motion of the key since rest, with the errors of its encoder taken off."""
         fit = trial.key
-        assert fit is not None
+        assert isinstance(fit, KeyFit)
         # control points of knots at every sample stand next to the curve
         c, turned = fit.coefficients, fit.coefficients + fit.offset_rad
         moved = -np.expm1(-np.abs(turned) / MOVED_RAD)
@@ -129,18 +135,101 @@ class MotionRuns(PlacedRuns[Drive]):
 
     def run(self, members: Sequence[Sequence[Drive]]) -> list[list[Array] | None]:
         """Curves of every trial in each of several cases of all trials; None where one of them cannot run."""
-        jobs = [
-            (self.action, drive, trial, self.tolerance)
-            for drives in members
-            for drive, trial in zip(drives, self.trials, strict=True)
-        ]
-        found, n = spread(self.executor, driven_curve, jobs), len(self.trials)
-        by_case = [found[i * n : (i + 1) * n] for i in range(len(members))]
-        return [None if any(c is None for c in some) else [c for c in some if c is not None] for some in by_case]
+        return run_cases(self, members, driven_curve)
+
+
+def run_cases(
+    runs: PlacedRuns[Any],
+    members: Sequence[Sequence[Any]],
+    curve: Callable[[tuple[model.Action, Any, ObservedTrial, float]], Array | None],
+) -> list[list[Array] | None]:
+    """Curves of every trial in each of several cases of all trials; None where one of them cannot run."""
+    jobs = [
+        (runs.action, drive, trial, runs.tolerance)
+        for drives in members
+        for drive, trial in zip(drives, runs.trials, strict=True)
+    ]
+    found, n = spread(runs.executor, curve, jobs), len(runs.trials)
+    by_case = [found[i * n : (i + 1) * n] for i in range(len(members))]
+    return [None if any(c is None for c in some) else [c for c in some if c is not None] for some in by_case]
+
+
+LOOSEST = 1e-5
+"""Tolerance of runs that are compared with position sensors, rad: a thousandth of what they know of an angle."""
+
+
+@dataclass(frozen=True)
+class PositionDrive:
+    """What one run does: values of the action, and errors of the position sensors in u, (10,)."""
+
+    changed: dict[str, float] = field(hash=False)
+    errors: tuple[float, ...] = (0.0,) * len(POSITIONS)
+
+
+def positions_curve(job: tuple[model.Action, PositionDrive, ObservedTrial, float]) -> Array | None:
+    """Readings (m, 1) of a trial's position sensors under its key's motion; None where the model cannot run."""
+    action, drive, trial, tolerance = job
+    assert isinstance(trial.key, PositionSensors)
+    away = np.array(drive.errors)
+    try:
+        own = action.with_values(drive.changed)
+        rest = float(model.rest_state(own, force_n=trial.preload_n).angle_rad[KEY_BODY])
+        motion = trial.key.key_motion(rest, away)
+        run = run_prescribed(own, motion, np.concatenate([motion.break_s[:1], trial.time_s]), tolerance=tolerance)
+    except ModelError:
+        return None
+    hammer = run.angle_rad[:, run.bodies.index("hammer")]
+    return trial.key.read_hammer(hammer[1:] - hammer[0], away)[:, None]
+
+
+class PositionRuns(PlacedRuns[PositionDrive]):
+    """The project's model under motions of the key that position sensors measured; see `PlacedRuns`.
+
+    Derivatives are differences of runs: one run takes milliseconds, and readings are held at the ruler's ends.
+    """
+
+    errors = frozenset(p.name for p in POSITIONS)
+    by_runs = True
+    drive_steps = np.empty(0)
+
+    def __init__(
+        self,
+        action: model.Action,
+        parameters: Sequence[Parameter],
+        trials: Sequence[ObservedTrial],
+        tolerance: float | None = None,
+        executor: Executor | None = None,
+    ) -> None:
+        super().__init__(action, parameters, trials, max(tolerance or 0.0, LOOSEST), executor)
+
+    def cases(self, at: Array, own: Sequence[Own] | None) -> list[PositionDrive]:
+        """What the run of each trial does where it is."""
+        return [self.drive(place) for place in at]
+
+    def drive(self, z: Array) -> PositionDrive:
+        """What the runs at z, of all parameters, do."""
+        changed: dict[str, float] = {}
+        errors = {p.name: 0.0 for p in POSITIONS}
+        for p, value in zip(self.parameters, z, strict=True):
+            changed |= p.values(self.action, float(value))
+            if p.name in errors:
+                errors[p.name] = float(value)
+        return PositionDrive(changed, tuple(errors.values()))
+
+    def run(self, members: Sequence[Sequence[PositionDrive]]) -> list[list[Array] | None]:
+        """Curves of every trial in each of several cases of all trials; None where one of them cannot run."""
+        return run_cases(self, members, positions_curve)
+
+    def jacobian(
+        self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None, driven: bool = False
+    ) -> list[Array]:
+        """Derivatives, see `Response`."""
+        moving = [j for j in which if j in self.acting or self.parameters[j].name in self.errors]
+        return self.differences(self.places(z, own), own, list(which), moving)
 
 
 class MixedRuns:
-    """Responses of two kinds of trials as one; see `force_runs.Response`."""
+    """Responses of several kinds of trials as one; see `force_runs.Response`."""
 
     def __init__(self, parts: Sequence[tuple[Sequence[int], Response]]) -> None:
         self.parts = [(list(places), response) for places, response in parts]
@@ -205,12 +294,16 @@ def response_to(
     tolerance : largest error of any angle of a run, rad
     executor : where to compute; by default threads of this process
     """
-    by_force = [k for k, t in enumerate(trials) if t.key is None]
-    by_key = [k for k, t in enumerate(trials) if t.key is not None]
-    if not by_key:
-        return ForceRuns(action, parameters, trials, tolerance, executor)
-    driven = MotionRuns(action, parameters, [trials[k] for k in by_key], tolerance, executor)
-    if not by_force:
-        return driven
-    forced = ForceRuns(action, parameters, [trials[k] for k in by_force], tolerance, executor)
-    return MixedRuns([(by_force, forced), (by_key, driven)])
+    kinds: tuple[tuple[type[PlacedRuns[Any]], type], ...] = (
+        (ForceRuns, type(None)),
+        (MotionRuns, KeyFit),
+        (PositionRuns, PositionSensors),
+    )
+    parts: list[tuple[list[int], Response]] = []
+    for runs, driven_by in kinds:
+        places = [k for k, t in enumerate(trials) if isinstance(t.key, driven_by)]
+        if places:
+            parts.append((places, runs(action, parameters, [trials[k] for k in places], tolerance, executor)))
+    if len(parts) == 1:
+        return parts[0][1]
+    return MixedRuns(parts) if parts else ForceRuns(action, parameters, (), tolerance, executor)

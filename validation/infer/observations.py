@@ -19,7 +19,8 @@ from model.errors import ModelError
 from model.motion_driven.spline_fit import KeyFit, fit_key_motion
 from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, Array
 from validation.errors import ValidationInputError
-from validation.infer.unknowns import FORCE, KEY, Parameter, Unknowns
+from validation.infer.unknowns import FORCE, KEY, POSITIONS, Parameter, Unknowns
+from validation.measurement.position_sensors import PositionSensors, SensorCalibration
 from validation.measurement.trial import FilmAngles, MeasuredTrial
 
 NEAR = 0.75  # of the time between two frames: how far a frame may be from its phase
@@ -127,8 +128,8 @@ class ObservedTrial:
     channels: tuple[int, ...] = ENCODERS  # what is compared, as places in `CHANNEL_NAMES`
     film_time_s: Array | None = None  # (m,) times of the frames that film channels are compared at; None without a film
     u_film_time_s: float = 0.0  # of the film's clock
-    # the fitted motion of the key that drives the model, since rest; None where the force does
-    key: KeyFit | None = None
+    # the fitted motion of the key that drives the model, since rest, or its position sensor; None where the force does
+    key: KeyFit | PositionSensors | None = None
     # u_key_rad, u_key_scale: errors of the key's encoder, of the motion that drives
     u_key_rad: float = 0.0
     u_key_scale: float = 0.0
@@ -221,8 +222,9 @@ def common_phases(name: str, trials: Sequence[MeasuredTrial], spans: Sequence[Sp
         )
     fine = np.arange(-before, after, 1e-3)
     lead, first = trials[0], spans[0]
-    curve = _at(lead, first.top_s + fine)
-    way = np.abs(np.gradient(curve, axis=0)) / np.ptp(lead.change_rad, axis=0)
+    measured = np.isfinite(lead.change_rad).any(axis=0)
+    curve = _at(lead, first.top_s + fine)[:, measured]
+    way = np.abs(np.gradient(curve, axis=0)) / np.ptp(lead.change_rad[:, measured], axis=0)
     density = way.sum(axis=1) / way.sum() * (1.0 - EVEN) + EVEN / fine.size
     passed = np.concatenate([[0.0], np.cumsum(density)[:-1]])
     at = np.unique(np.interp((np.arange(phases) + 0.5) / phases, passed, fine))
@@ -376,9 +378,66 @@ def _observed_driven(name: str, session: int, m: MeasuredTrial, span: Span, phas
     )
 
 
+UP = 0.02  # of the hammer's way: below it for good, it is back
+HAMMER_ALONE = (2,)
+
+
+def observe_positions(
+    name: str, session: int, trials: Sequence[MeasuredTrial], phases: int = PHASES, film: bool = False
+) -> list[ObservedTrial]:
+    """Thin the trials of position sensors to common phases, each driven by its own key; as `observe`.
+
+    Conventions: the hammer is compared, from just before the key moves until it is back: a key that is let go moves the
+    action on. Errors of the sensors move like parameters.
+    """
+    return _thinned(name, session, trials, (_positions_span, _observed_positions), phases, film)
+
+
+def _positions_span(m: MeasuredTrial) -> Span:
+    key, hammer = (np.abs(m.change_rad[:, c] - m.change_rad[0, c]) for c in (0, 2))
+    moves = int(np.argmax(key > MOVES * key.max()))
+    top = float(m.time_s[int(np.argmax(hammer > 0.9 * hammer.max()))])
+    back = min(int(np.flatnonzero(hammer > UP * hammer.max())[-1]) + 1, m.time_s.size - 1)
+    return Span(max(float(m.time_s[moves]) - 2e-3, float(m.time_s[0]) + 1e-3), top, float(m.time_s[back]))
+
+
+def _observed_positions(name: str, session: int, m: MeasuredTrial, span: Span, phases: Array) -> ObservedTrial:
+    index, measured = sampled(m, span, phases), list(HAMMER_ALONE)
+    white = (m.resolution_rad / np.sqrt(12.0))[measured]
+    return ObservedTrial(
+        label=f"{name}, trial {m.number}",
+        session=session,
+        number=m.number,
+        force_time_s=np.empty(0),
+        force_n=np.empty(0),
+        time_s=m.time_s[index],
+        change_rad=m.change_rad[index][:, measured],
+        u_white_rad=white,
+        u_zero_rad=np.zeros(1),
+        u_steady_rad=m.u_rad[measured],
+        u_scale=np.zeros(1),
+        preload_n=0.0,
+        u_preload_n=0.0,
+        u_offset_n=0.0,
+        u_gain=0.0,
+        u_delay_s=0.0,
+        noise_n=0.0,
+        channels=HAMMER_ALONE,
+        key=m.sensors,
+    )
+
+
+def with_calibration(trials: Sequence[ObservedTrial], sensors: SensorCalibration | None) -> tuple[ObservedTrial, ...]:
+    """Trials whose position sensors have these errors; others as they are."""
+    return tuple(
+        replace(t, key=replace(t.key, calibration=sensors)) if sensors and isinstance(t.key, PositionSensors) else t
+        for t in trials
+    )
+
+
 def sharing_the_key(trials: Sequence[ObservedTrial]) -> list[ObservedTrial]:
     """All trials, with errors of the key's encoder that move where they move in any of them."""
-    if all(t.key is None for t in trials):
+    if not any(isinstance(t.key, KeyFit) for t in trials):
         return list(trials)
     return [
         t
@@ -393,6 +452,8 @@ def with_errors_of_what_drives(asked: Unknowns, trials: Sequence[ObservedTrial])
     errors: tuple[Parameter, ...] = ()
     if any(t.key is None for t in trials):
         errors += FORCE
-    if any(t.key is not None for t in trials):
+    if any(isinstance(t.key, KeyFit) for t in trials):
         errors += KEY
+    if any(isinstance(t.key, PositionSensors) for t in trials):
+        errors += POSITIONS
     return replace(asked, force=errors)

@@ -32,6 +32,7 @@ from validation.infer.observations import ObservedTrial
 from validation.infer.problem import Problem
 from validation.infer.scores import EventScore
 from validation.infer.sources import Sources
+from validation.measurement.position_sensors import ERROR_NAMES, SensorCalibration
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.black_boxes import fit_black_boxes
 from validation.prediction.model_under_test import ModelUnderTest
@@ -96,7 +97,36 @@ def _name(trial: ObservedTrial) -> str:
     return trial.label.rpartition(", trial")[0] or trial.label
 
 
-def joint_posterior(problem: Problem, fitted: Fitted, estimates: Sequence[Estimate], sources: Sources) -> Posterior:
+def sensor_calibration(problem: Problem, fitted: Fitted, sources: Sources) -> SensorCalibration | None:
+    """Errors of the position sensors where the fit ended; None where no trial has any."""
+    sensors = next((m.sensors for _, m in sources.measured_by_key if m.sensors is not None), None)
+    places = {p.name: j for j, p in enumerate(problem.unknowns.moved) if p.name in ERROR_NAMES}
+    if sensors is None or not places:
+        return None
+    at = [places[name] for name in ERROR_NAMES]
+    before, width = np.array(sensors.calibration.z), np.array(sensors.calibration.u)
+    z = before + width * fitted.z[at]
+    u = width * np.sqrt(np.diag(fitted.covariance)[at])
+    return SensorCalibration(tuple(z.tolist()), tuple(u.tolist()), sensors.sensors)
+
+
+def calibrated(m: MeasuredTrial, sensors: SensorCalibration | None) -> MeasuredTrial:
+    """A trial of position sensors by another calibration of them; any other as it is."""
+    if m.sensors is None or sensors is None:
+        return m
+    new = replace(m.sensors, calibration=sensors)
+    change = m.change_rad.copy()
+    change[:, 0] = -new.key_turn_rad()
+    return replace(m, sensors=new, change_rad=change)
+
+
+def joint_posterior(
+    problem: Problem,
+    fitted: Fitted,
+    estimates: Sequence[Estimate],
+    sources: Sources,
+    sensors: SensorCalibration | None = None,
+) -> Posterior:
     """Posterior of every parameter the fit moved, without the force's errors; the asked ones as wide as stated.
 
     Correlations stay. With it what a comparison needs to know of the fit: the values before, what the strokes were
@@ -107,6 +137,7 @@ def joint_posterior(problem: Problem, fitted: Fitted, estimates: Sequence[Estima
     problem, fitted : the fit
     estimates : of the asked parameters
     sources : what was fitted
+    sensors : errors of position sensors, as found
     """
     wider = np.ones(fitted.covariance.shape[0])
     for j, e in enumerate(estimates):
@@ -119,8 +150,12 @@ def joint_posterior(problem: Problem, fitted: Fitted, estimates: Sequence[Estima
     by_force = [(t, m) for trials in driven_by_force(sources) for t, m in trials if m is not None]
     for observed, m in by_force:
         strokes[observed.label] = describe_stroke(m)
+    by_key = [(label, calibrated(m, sensors)) for label, m in sources.measured_by_key]
+    for label, m in by_key:
+        strokes[label] = describe_stroke(m)
     samples = {} if earlier is None else {f"before: {label}": one for label, one in earlier.samples.items()}
-    boxes = fit_black_boxes([make_example(m) for _, m in by_force]) if by_force else {}
+    examples = [make_example(m) for _, m in by_force or by_key]  # of one drive
+    boxes = fit_black_boxes(examples) if examples else {}
     return replace(
         made,
         before={path: float(problem.action[path]) for path in sorted(made.moved)},
@@ -181,6 +216,7 @@ class Identification(ArrayRecord):
     provenance : what it was made from
     end : how the fit ended, see `validation.infer.budget`
     posterior : joint uncertainty of everything the fit moved
+    sensors : errors of the position sensors, as found; None without such sensors
     details : the fit itself, with the trials
     """
 
@@ -197,4 +233,5 @@ class Identification(ArrayRecord):
     provenance: Mapping[str, Any]
     posterior: Posterior
     end: End
+    sensors: SensorCalibration | None
     details: Details = field(repr=False, compare=False)

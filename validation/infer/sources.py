@@ -17,8 +17,21 @@ import model
 from rig.session import Session
 from validation.errors import ValidationInputError
 from validation.infer.force_runs import TOLERANCE
-from validation.infer.observations import PHASES, ObservedTrial, observe, observe_driven, sharing_the_key
-from validation.measurement.measure_session import MeasuredSession, measure_session, open_session
+from validation.infer.observations import (
+    PHASES,
+    ObservedTrial,
+    observe,
+    observe_driven,
+    observe_positions,
+    sharing_the_key,
+)
+from validation.measurement.measure_session import (
+    OTHER_CONDITION,
+    MeasuredSession,
+    conditions_of,
+    measure_session,
+    open_session,
+)
 from validation.measurement.sample_fingerprints import are_same_samples
 from validation.measurement.trial import U_REST_LEVEL_M, MeasuredTrial, trials_in_words
 from validation.options import utc_now
@@ -91,6 +104,7 @@ class Sources:
     # name -> trials that are only predicted and that a force drives, as measured
     measured_held: Mapping[str, tuple[MeasuredTrial, ...]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()  # lines on what was recorded and is not used
+    measured_by_key: tuple[tuple[str, MeasuredTrial], ...] = ()  # label and trial of those that the key drives
 
 
 def collect(sessions: Sequence[Session | str | Path], action: model.Action, options: IdentifyOptions) -> Sources:
@@ -108,8 +122,18 @@ def collect(sessions: Sequence[Session | str | Path], action: model.Action, opti
     _refuse_twice(opened)
     _refuse_other_actions(opened)
     tested = ModelUnderTest(action, options.tolerance)
-    found = [measure_session(s, tested.geometry_at, U_REST_LEVEL_M, options.condition, True) for s in opened]
-    n_to_fit = len(sessions)
+    found, parts, names = [], [], []
+    for s, called in zip(opened, _names(opened), strict=True):
+        conditions = _conditions(s, options)
+        for condition in conditions:
+            found.append(
+                measure_session(
+                    s, tested.geometry_at, U_REST_LEVEL_M, condition, options.motion_driven, tested.calibration
+                )
+            )
+            parts.append(s)
+            names.append(called if len(conditions) == 1 else f"{called}, {condition}")
+    n_to_fit = sum(any(s is one for one in opened[: len(sessions)]) for s in parts)
     _refuse_absent(options.hold_out_trials, found[:n_to_fit])
     fitted: list[ObservedTrial] = []
     seals: dict[str, str] = {}
@@ -117,14 +141,18 @@ def collect(sessions: Sequence[Session | str | Path], action: model.Action, opti
     held: dict[str, tuple[ObservedTrial, ...]] = {}
     refused: list[str] = []
     to_fit: list[MeasuredTrial] = []
+    by_key: list[tuple[str, MeasuredTrial]] = []
     as_measured: dict[str, tuple[MeasuredTrial, ...]] = {}
     strokes: list[tuple[str, MeasuredTrial]] = []
-    names = _names([one.session for one in found])
     for k, (name, measured) in enumerate(zip(names, found, strict=True)):
-        refused += [f"{name}, trial {number}: {reason}" for number, reason in measured.refused.items()]
+        refused += [
+            f"{name}, trial {number}: {reason}"
+            for number, reason in measured.refused.items()
+            if options.condition is not None or not reason.startswith(OTHER_CONDITION)
+        ]
         kept = [m for m in measured.trials if k < n_to_fit and m.number not in options.hold_out_trials]
         out = [m for m in measured.trials if k >= n_to_fit or m.number in options.hold_out_trials]
-        if k < n_to_fit and not kept:
+        if k < n_to_fit and not kept and not (out and parts.count(measured.session) > 1):
             raise ValidationInputError(_none(measured, name, len(out)))
         if kept:
             observed, by_force = _observed(name, k, kept, options)
@@ -133,6 +161,7 @@ def collect(sessions: Sequence[Session | str | Path], action: model.Action, opti
             samples |= {t.label: m.samples for t, m in zip(observed, kept, strict=True)}
             strokes += [(f"{name}, trial {m.number}", m) for m in kept]
             to_fit += kept if by_force else []
+            by_key += [] if by_force else [(t.label, m) for t, m in zip(observed, kept, strict=True)]
         if out:
             label = f"{name}, held out" if kept else name
             seen, by_force = _observed(name, 0, out, options)
@@ -145,16 +174,25 @@ def collect(sessions: Sequence[Session | str | Path], action: model.Action, opti
     fitted = sharing_the_key(fitted)
     notes = _not_used([m for one in found for m in one.trials], options)
     return Sources(
-        tuple(fitted), held, seals, samples, tuple(refused), tuple(opened), tuple(to_fit), as_measured, notes
-    )
+        tuple(fitted), held, seals, samples, tuple(refused), tuple(opened), tuple(to_fit), as_measured, notes,
+        tuple(by_key),
+    )  # fmt: skip
+
+
+def _conditions(session: Session, options: IdentifyOptions) -> Sequence[str | None]:
+    """Conditions of a session that count as a session each: those of an imported one; else the one that is asked."""
+    several = not session.info.plan.conditions and options.condition is None
+    found = conditions_of(session) if several else []
+    return found if len(found) > 1 else [options.condition]
 
 
 def _observed(
     name: str, session: int, trials: Sequence[MeasuredTrial], options: IdentifyOptions
 ) -> tuple[list[ObservedTrial], bool]:
     """Trials of one session as they are compared, and whether a force drives them: all of them, or none."""
-    by_force = not options.motion_driven and all(m.has_force for m in trials)
-    see = observe if by_force else observe_driven
+    by_force = not any(m.driven_by_key for m in trials)
+    of_positions = all(m.sensors is not None for m in trials)
+    see = observe if by_force else observe_positions if of_positions else observe_driven
     return see(name, session, trials, options.phases, options.film), by_force
 
 

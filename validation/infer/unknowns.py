@@ -17,6 +17,7 @@ from fnmatch import fnmatchcase
 import model
 from model.parameters.quantity import Quantity, allowed_range
 from validation.errors import ValidationInputError
+from validation.measurement.position_sensors import POSITION_ERRORS
 
 FELT = "felt:"
 STIFFNESS = ("a", "b", "c")
@@ -212,6 +213,11 @@ FORCE = tuple(
 """Errors of the force that all trials share, in standard uncertainties; no path of the action."""
 KEY = tuple(Parameter(name, (), 1.0, False, "key encoder of each trial") for name in (KEY_SCALE, KEY_ZERO))
 """The same of the key's encoder, where it drives the model in some trials."""
+POSITIONS = tuple(
+    Parameter(error.name, (), 1.0, False, f"position sensor of each trial: {error.meaning}")
+    for error in POSITION_ERRORS
+)
+"""The same of position sensors."""
 
 
 @dataclass(frozen=True)

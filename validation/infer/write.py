@@ -15,6 +15,7 @@ from validation.infer.estimates import IDENTIFIED
 from validation.infer.further import Prospect
 from validation.infer.page import render_identification
 from validation.infer.result import Identification
+from validation.measurement.position_sensors import TABLE as SENSORS
 from validation.prediction.posterior import TABLE, TRIALS, digests
 from validation.report.files import check_target, write_files
 
@@ -88,6 +89,9 @@ def _table(found: Identification, hashes: Mapping[str, str]) -> list[str]:
         lines.append(f"{_key(name)} = {_value(plain)}")
     lines += ["", f"[identification.{TABLE}]"]
     lines += [f"{k} = {_value(v)}" for k, v in found.posterior.table().items()]
+    if found.sensors is not None:
+        lines += ["", f"[identification.{SENSORS}]"]
+        lines += [f"{k} = {_value(v)}" for k, v in found.sensors.table().items()]
     for e in found.estimates:
         lines += ["", f"[identification.parameters.{_key(e.name)}]"]
         lines += [f"{k} = {_value(v)}" for k, v in asdict(e).items() if k != "name"]

@@ -6,10 +6,9 @@ Rejected, damaged and incomplete trials are named and left out; the rest goes on
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
@@ -18,12 +17,14 @@ from rig.session import Session, Trial, TrialData
 from validation.conventions import Array
 from validation.errors import TrialError, ValidationInputError
 from validation.measurement.geometry import ActionGeometry
+from validation.measurement.position_sensors import SensorCalibration
+from validation.measurement.positions import AS_FAR_AS_SEEN, measure_positions
 from validation.measurement.trial import MeasuredTrial, measure
 
-T = TypeVar("T")
 USABLE_STATUS = ("complete", "not at rest")
 REJECTED, OTHER_CONDITION, NOT_PREDICTED = "rejected:", "recorded under the condition", "not predicted:"
 """How the reason begins where a trial is not used though nothing is known against its data."""
+BY_RULER = SensorCalibration()
 
 
 @dataclass(frozen=True)
@@ -51,26 +52,29 @@ def open_session(session: Session | str | Path) -> Session:
     return opened
 
 
-def usable_trials(
-    session: Session, read: Callable[[Trial, TrialData], T], statuses: Sequence[str] = ("complete",)
-) -> tuple[list[T], dict[int, str]]:
-    """What is read of every usable trial, with force or positions, and by number the reason for every other.
+IMPORTED = "import"
+"""Backend of a session without a trial plan, whose trials may be of several conditions all the same."""
 
-    Parameters
-    ----------
-    read : given a trial and its data; raises `TrialError` where it cannot be used
-    statuses : of a recording that can be used
-    """
+
+def conditions_of(session: Session) -> list[str]:
+    """Conditions of a session's trial plan; of an imported session, which has none, those of its trials."""
+    planned = [c.name for c in session.info.plan.conditions]
+    if planned or session.info.backend.get("name") != IMPORTED:
+        return planned
+    return list(dict.fromkeys(t.condition for t in session.trials if t.rejected is None))
+
+
+def usable_trials(
+    session: Session, read: Callable[[Trial, TrialData], MeasuredTrial]
+) -> tuple[list[MeasuredTrial], dict[int, str]]:
+    """Every usable trial as ``read`` measures it, and by number the reason for every other (its `TrialError`)."""
     found, refused = [], {}
     for trial in session.trials:
         if trial.rejected is not None:
             refused[trial.number] = f"{REJECTED} {trial.rejected}"
             continue
         try:
-            data = trial.read()
-            if data.status not in statuses:
-                raise TrialError(f"recorded with status {data.status!r}: {data.reason or 'no reason given'}")
-            found.append(read(trial, data))
+            found.append(read(trial, trial.read()))
         except (RigError, TrialError) as error:
             trial.warn_if_unreadable()
             refused[trial.number] = str(error)
@@ -82,7 +86,8 @@ def measure_session(
     geometry: Callable[[float], ActionGeometry],
     u_rest_level_m: float,
     condition: str | None = None,
-    without_force: bool = False,
+    by_motion: bool = False,
+    calibration: SensorCalibration = BY_RULER,
 ) -> MeasuredSession:
     """Measure every usable trial.
 
@@ -91,7 +96,8 @@ def measure_session(
     geometry : geometry of the action under test at a preload in N
     u_rest_level_m : standard uncertainty of hammer height and key dip at rest on the bench
     condition : the only condition of the trial plan to use
-    without_force : also trials that have encoder angles alone
+    by_motion : the measured key drives the model in all trials, not only where no force was recorded
+    calibration : errors of position sensors, of the action under test
 
     Raises
     ------
@@ -101,22 +107,27 @@ def measure_session(
     conditions: dict[int, str] = {}
 
     def read(trial: Trial, data: TrialData) -> MeasuredTrial:
-        if not data.has_force and not without_force:
-            raise TrialError("no force was recorded; a session of positions is compared by motion (--by-motion)")
-        if not data.has_force and data.absent:
+        of_positions = not data.has_force and bool(data.position_names)
+        allowed = AS_FAR_AS_SEEN if of_positions else USABLE_STATUS
+        if data.status not in allowed:
+            raise TrialError(f"recorded with status {data.status!r}: {data.reason or 'no reason given'}")
+        if not data.has_force and not of_positions and data.absent:
             raise TrialError(
-                "neither force nor measured key motion to drive the model: no encoder of "
-                f"{', '.join(data.absent)}; a session of positions is compared by motion (validate --by-motion)"
+                f"neither force nor measured key motion to drive the model: no encoder of {', '.join(data.absent)}"
             )
         conditions[trial.number] = data.condition
         if condition is not None and data.condition != condition:
             raise TrialError(f"{OTHER_CONDITION} {data.condition!r}, not {condition!r}")
+        if of_positions:
+            return measure_positions(data, calibration, trial.sha256)
         derived = session.read_derived("angles", trial.number)
         film = None if derived is None else derived[0]
         action_geometry = geometry(data.force_info.preload_n)
-        return measure(data, film, action_geometry, u_rest_level_m=u_rest_level_m, seal=trial.sha256)
+        return measure(
+            data, film, action_geometry, u_rest_level_m=u_rest_level_m, seal=trial.sha256, by_motion=by_motion
+        )
 
-    every, refused = usable_trials(session, read, USABLE_STATUS)
+    every, refused = usable_trials(session, read)
     measured: list[MeasuredTrial] = []
     for one in every:
         measured.append(_sharing_times(one, measured[-1]) if measured else one)
@@ -144,6 +155,16 @@ def _sharing_times(m: MeasuredTrial, other: MeasuredTrial) -> MeasuredTrial:
 
 
 def representative(trials: tuple[MeasuredTrial, ...] | list[MeasuredTrial]) -> MeasuredTrial:
-    """The trial of median peak force, which stands for all where many runs of the model are needed."""
-    order = sorted(trials, key=lambda m: (float(m.force.force_n.max()), m.number))
+    """The trial of median peak force, which stands for all where many runs of the model are needed.
+
+    Of median speed of the key where one has no force.
+    """
+    by_force = all(m.has_force for m in trials)
+    order = sorted(trials, key=lambda m: (float(m.force.force_n.max()) if by_force else _speed(m), m.number))
     return order[(len(order) - 1) // 2]
+
+
+def _speed(m: MeasuredTrial) -> float:
+    """Largest change of the key's angle within 5 ms, rad."""
+    key, reach = m.change_rad[:, 0], max(round(5e-3 / float(np.median(np.diff(m.time_s)))), 1)
+    return float(np.abs(key[reach:] - key[:-reach]).max()) if key.size > reach else 0.0

@@ -1,25 +1,36 @@
-"""A stroke as this room sees it: displacements of key and hammer from rest, smoothed, with uncertainty and flags.
+"""A trial of position sensors: displacements of key and hammer from rest, smoothed, with uncertainty and flags.
 
 Conventions: displacements of the calibrated points, m, rising as the key is pressed and the hammer goes to the string.
 What the sensor's reading at rest has drifted by is taken off the reading, and mains hum that the rest shows is fitted
 there and subtracted. A sample is averaged over as many neighbours as its noise needs, at most some 10 ms, which happens
-only where the ruler's curve is steep.
+only where the ruler's curve is steep. The trial's changes of angle are those of `validation.measurement.
+position_sensors`: the key's by its calibration, for it drives the model, the hammer's as read.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from rig.mains_hum import fit_mains_hum
-from rig.session import Session, TrialData
+from rig.session import TrialData
 from rig.session.info import ChannelInfo
 from rig.session.ruler import Position, ruler_curve
 from validation.conventions import Array
-from validation.errors import TrialError, ValidationInputError
-from validation.measurement.measure_session import usable_trials
+from validation.errors import TrialError
+from validation.measurement.force_correction import Quiet
+from validation.measurement.geometry import motion_of
+from validation.measurement.position_sensors import (
+    PRIOR_U,
+    PositionSensors,
+    SensorCalibration,
+    reference_geometry,
+    reference_turns,
+)
 from validation.measurement.sample_fingerprints import sample_fingerprints
+from validation.measurement.trial import MeasuredTrial, no_force
 
 QUIET_S = 0.25
 """What is taken for rest before the stroke, at most; at least a period of the mains, over which hum has no mean."""
@@ -35,74 +46,32 @@ NOISE_M = {"key": 2e-5, "hammer": 4e-5}
 MOST_NEIGHBOURS = 40.0
 MAINS = "mains_frequency_hz"
 AS_FAR_AS_SEEN = ("complete", "incomplete")
-"""Of a recording of positions that can be used."""
+"""Of a recording of positions that can be used: what the key has not done yet moves nothing."""
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
-    """One sensor of one stroke."""
+class DisplacementReading:
+    """One sensor of one trial."""
 
     position: Position  # as recorded, with flags and uncertainties
     value_m: Array  # (n,), displacement from rest, hum taken off, smoothed, m
-    travel_m: float  # length of the ruler, m
-    zero_reading: float  # what the reading at rest had drifted by
-    # (n,), Standard uncertainty of level and hum that a rest shorter than `QUIET_S` leaves beyond those of a whole one,
-    # m: one error for all samples. What a whole rest leaves is in the numbers of a band, which are learnt from such
-    u_zero_m: Array
-
-    def draw(self, random: np.random.Generator) -> Array:
-        """Displacement by another calibration and rest that their uncertainties allow, m, zero at rest."""
-        curve = ruler_curve(self.position.ruler)
-        order = np.argsort(curve.height)
-        at = curve.height[order]
-        away = (curve.drawn(random, curve.places) - curve.height)[order]
-        zero = random.spawn(1)[0].standard_normal() * self.u_zero_m
-        return np.asarray(self.value_m + np.interp(self.value_m, at, away - away[0]) + zero)
+    quiet: int  # samples of the rest
+    u_zero_m: float  # standard uncertainty of level and hum that the rest leaves, m
 
 
-@dataclass(frozen=True, eq=False)
-class Stroke:
-    """A usable stroke: sample times (n,), s from the trial's first sample, key and hammer."""
-
-    number: int
-    condition: str
-    source: str
-    time_s: Array
-    key: Measured
-    hammer: Measured
-    samples: tuple[str, ...] = ()
-
-    @property
-    def interval_s(self) -> float:
-        """Between samples, s."""
-        return float(self.time_s[1] - self.time_s[0])
-
-
-def measure_positions(session: Session) -> tuple[tuple[Stroke, ...], dict[int, str]]:
-    """Usable strokes of a session, and by number the reason for each trial that is not.
-
-    A trial whose recording ends within it is used as far as it goes: what the key has not done yet moves nothing. One
-    whose recording begins within it has no rest and is refused.
-
-    Raises
-    ------
-    ValidationInputError
-        No trial is usable; the message has the first reason.
-    """
-    strokes, refused = usable_trials(session, lambda _, data: measure_stroke(data), AS_FAR_AS_SEEN)
-    if not strokes:
-        number, reason = next(iter(refused.items()), (0, "it has no trials"))
-        raise ValidationInputError(f"{session.path}: no usable stroke; trial {number}: {reason}")
-    return tuple(strokes), refused
-
-
-def measure_stroke(data: TrialData) -> Stroke:
+def measure_positions(data: TrialData, calibration: SensorCalibration, seal: str = "") -> MeasuredTrial:
     """Measure key and hammer of one trial.
+
+    Parameters
+    ----------
+    calibration : errors of the sensors, of the action under test
+    seal : SHA-256 of the trial
 
     Raises
     ------
     TrialError
-        A sensor of key or hammer is missing or there are two, or the trial does not begin at rest.
+        A sensor of key or hammer is missing or there are two, the trial does not begin at rest, or the calibration is
+        of other sensors.
     """
     found = {}
     for body in ("key", "hammer"):
@@ -110,16 +79,69 @@ def measure_stroke(data: TrialData) -> Stroke:
         if len(names) != 1:
             raise TrialError(f"{len(names)} position sensors of the {body}, allowed 1; found {data.position_names}")
         found[body] = _measure(data, names[0], body)
-    origin = data.provenance
-    source = f"{float(origin['source_start_s']):.1f} s of the recording" if "source_start_s" in origin else ""
-    if data.status != "complete":
-        source = f"{source} ({data.reason})".strip()
-    return Stroke(
-        data.number, data.condition, source, data.time_s, found["key"], found["hammer"], sample_fingerprints(data)
+    key, hammer = found["key"], found["hammer"]
+    travel = key.position.travel_m, hammer.position.travel_m
+    sensors = PositionSensors(data.time_s, key.value_m, *travel, calibration, _places(found))
+    sensors.check_sensors()
+    per_m = [turn / length for turn, length in zip(reference_turns(), travel, strict=True)]
+    noise = [per * NOISE_M[body] for per, body in zip(per_m, found, strict=True)]
+    steady = [
+        per * float(np.hypot(np.median(one.position.u_calibration_m), one.u_zero_m))
+        for per, one in zip(per_m, found.values(), strict=True)
+    ]
+    relative = PRIOR_U * np.array(calibration.u)
+    lost = np.full(data.time_s.size, np.nan)
+    stop = min(key.quiet, hammer.quiet)
+    start_s = float(data.time_s[0])
+    u = np.array([steady[0], np.nan, steady[1]])
+    resolution = np.sqrt(12.0) * np.array([noise[0], np.nan, noise[1]])
+    scale = np.array([relative[0], np.nan, relative[3]])
+    read_motion = partial(
+        motion_of,
+        reference_geometry(),
+        u_sample_rad=resolution / np.sqrt(12.0),
+        u_zero_rad=u,
+        u_scale_relative=scale,
+    )
+    return MeasuredTrial(
+        number=data.number,
+        time_s=data.time_s,
+        raw_force_n=lost,
+        force=no_force(data.time_s),
+        quiet=Quiet(stop, start_s, float(data.time_s[stop - 1]), _onset_s(data, key)),
+        change_rad=np.column_stack([-sensors.key_turn_rad(), lost, sensors.as_turn(hammer.value_m)]),
+        u_rad=u,
+        resolution_rad=resolution,
+        scale_relative_u=scale,
+        read_motion=read_motion,
+        film=None,
+        seal=seal,
+        notes=tuple(_cut_short(data)),
+        samples=sample_fingerprints(data),
+        sensors=sensors,
+        driven_by_key=True,
     )
 
 
-def _measure(data: TrialData, name: str, body: str) -> Measured:
+def _places(found: dict[str, DisplacementReading]) -> dict[str, str]:
+    """Places of the sensors and of the calibrated points, as text."""
+    out = {}
+    for body, one in found.items():
+        out[f"{body} sensor"] = one.position.ruler.sensor_at
+        out[f"{body} calibrated point"] = f"{one.position.ruler.calibrated_at}, {1e3 * one.position.travel_m:.2f} mm"
+    return out
+
+
+def _onset_s(data: TrialData, key: DisplacementReading) -> float:
+    """When the key first leaves its rest by 1 % of its way, s."""
+    return float(data.time_s[int(np.argmax(key.value_m > 0.01 * key.value_m.max()))])
+
+
+def _cut_short(data: TrialData) -> list[str]:
+    return [] if data.status == "complete" else [f"recorded {data.status}: {data.reason or 'no reason given'}"]
+
+
+def _measure(data: TrialData, name: str, body: str) -> DisplacementReading:
     k = [channel.name for channel in data.channels].index(name)
     info, reading = data.channels[k], data.channel_values
     assert info.ruler is not None and reading is not None
@@ -133,7 +155,6 @@ def _measure(data: TrialData, name: str, body: str) -> Measured:
         )
     at_rest = np.arange(data.time_s.size) < quiet
     _, hum, _, _, u_reading = fit_mains_hum(data.time_s, reading[:, k], at_rest, np.array([mains_hz]))
-    lacking = max(1.0 - quiet / (QUIET_S * data.sample_rate_hz), 0.0)
     zero = float(np.median((reading[:, k] - hum)[:quiet])) - float(info.ruler.reading[0])
     values = reading.copy()
     values[:, k] -= hum
@@ -141,7 +162,7 @@ def _measure(data: TrialData, name: str, body: str) -> Measured:
     value = smoothed(position.displacement_m, position.u_noise_m, NOISE_M[body])
     value = value - float(np.median(value[:quiet]))
     slope = np.abs(ruler_curve(info.ruler, name).slope(values[:, k] - zero))
-    return Measured(position, value, position.travel_m, zero, np.sqrt(lacking) * u_reading * slope)
+    return DisplacementReading(position, value, quiet, float(np.max(u_reading * slope)))
 
 
 def _rest(data: TrialData, reading: Array, info: ChannelInfo, period_s: float) -> int:

@@ -31,6 +31,7 @@ from validation.measurement.force_correction import (
     quiet_of_motion,
 )
 from validation.measurement.geometry import ActionGeometry, Motion, motion_of
+from validation.measurement.position_sensors import PositionSensors
 from validation.measurement.sample_fingerprints import sample_fingerprints
 
 
@@ -96,6 +97,13 @@ U_REST_LEVEL_M = 0.1e-3 / np.sqrt(3)
 NONE = "no force was recorded"
 
 
+def no_force(time_s: Array) -> CorrectedForce:
+    """The force of a trial without one: NaN at its sample times, no preload."""
+    lost = np.full(time_s.size, np.nan)
+    hum = HumFit(0.0, 0.0, 0.0, False, (), (), 0.0, 0.0, False, NONE, np.zeros((0, 0)))
+    return CorrectedForce(time_s, lost, lost, hum, float("nan"), ForceChannel())
+
+
 @dataclass(frozen=True)
 class FilmAngles:
     """Angles tracked on the film of one trial, relative to the whippen and to rest; NaN where lost.
@@ -112,7 +120,7 @@ class FilmAngles:
     u_noise_rad: dict[str, Array] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MeasuredTrial:
     """A usable trial.
 
@@ -134,6 +142,14 @@ class MeasuredTrial:
     seal: str
     notes: tuple[str, ...] = ()
     samples: tuple[str, ...] = ()
+    sensors: PositionSensors | None = None  # of key and hammer, in place of encoders
+    driven_by_key: bool = False  # whether the measured key drives the model, not the force
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """What is compared of the encoders or position sensors: not what drives, not what was not measured."""
+        measured = [name for i, name in enumerate(ENCODER_CHANNELS) if np.isfinite(self.change_rad[:, i]).any()]
+        return tuple(name for name in measured if not (self.driven_by_key and name == "key"))
 
     @property
     def has_force(self) -> bool:
@@ -163,6 +179,7 @@ def measure(
     *,
     u_rest_level_m: float = U_REST_LEVEL_M,
     seal: str = "",
+    by_motion: bool = False,
 ) -> MeasuredTrial:
     """Correct the force, zero the angles and state the uncertainties of one trial.
 
@@ -179,6 +196,8 @@ def measure(
         Standard uncertainty with which hammer height and key dip at rest are known on the bench.
     seal : str
         SHA-256 of the trial, for provenance.
+    by_motion : bool
+        The measured key drives the model although a force was recorded.
 
     Raises
     ------
@@ -223,8 +242,7 @@ def measure(
         notes += _force_doubt(force)
     else:
         quiet, raw = quiet_of_motion(time, counts), np.full(time.size, np.nan)
-        hum = HumFit(0.0, 0.0, 0.0, False, (), (), 0.0, 0.0, False, NONE, np.zeros((0, 0)))
-        force = CorrectedForce(time, raw, raw, hum, float("nan"), ForceChannel())
+        force = no_force(time)
         notes.append(NONE)
     change, u_sample, u_zero = encoder_change(angle, quiet, resolution)
     u_sample = np.hypot(u_sample, u_change)
@@ -253,6 +271,7 @@ def measure(
         seal=seal,
         samples=sample_fingerprints(data),
         notes=(*of_film, *notes),
+        driven_by_key=by_motion or not data.has_force,
     )
 
 

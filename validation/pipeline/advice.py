@@ -21,8 +21,6 @@ from validation.statistics.skill import CALLED, Skill
 MOST = 3
 MOST_CAUSES = 3
 NOTHING = "Nothing: no difference beyond the stated uncertainty is shown."
-USE = "Use the identified set for strokes like those it was fitted to; record and fit others before it is used there."
-IDENTIFY = "Identify a set on some of these strokes (pianorig identify) before the hammer is predicted for others."
 LOUDER = "Record louder strokes: by strokes as soft as these no cause of the difference can be told."
 MEND = {name: kind.mend for name, kind in order_kinds().items() if kind.mend}
 """What to do about each kind of finding; of a key that lifts nothing, its samples are left out."""

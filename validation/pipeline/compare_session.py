@@ -1,6 +1,7 @@
 """Model against experiment, trial by trial: the straight line from a session to its `ValidationResult`.
 
-Conventions: each trial's own corrected force drives the model from rest; model and trial are never aligned;
+Conventions: each trial's own corrected force drives the model from rest, or the measured motion of its key where there
+is none or that is asked for; model and trial are never aligned;
 the evaluation window is fixed from measured events before anything is scored. A trial that cannot be used is listed
 with its reason and the rest goes on.
 """
@@ -93,6 +94,7 @@ def provenance(
             "start_rule": window.start_rule,
             "end_rule": window.end_rule,
         },
+        "driven_by": "key" if any(m.driven_by_key for m in trials) else "force",
         "force": "offset and mains hum fitted on the quiet baseline and subtracted, declared preload added; channel "
         "delay taken off the time axis; never smoothed",
         "alignment": "none: model and trial share the DAQ clock",
@@ -129,9 +131,11 @@ def compare(
             runs of one trial, up to a thousand more where the difference is large. ``"parts"``: without effects that
             the model lacks, each of which compiles a scene of its own once (half a minute in all).
         by_motion : bool, default False
-            Also drive the model by the key's measured motion and compare the force, in the trial of median peak force.
+            Drive the model by the key's measured motion instead of the force, in all trials; where no force was
+            recorded it always does. Also compare the force that the motion needs, in the trial of median peak force.
         further : bool, default False; True where a report is written
-            Also make the tables that only a report shows: forces and energies inside the action.
+            Also make the tables that only a report shows: forces and energies inside the action, the force that the
+            motion of the key needs.
         keep_predictions : bool, default True
             Store predictions and scores in the session's ``derived`` and reuse them when their inputs have not changed.
         u_rest_level_m : float, default 0.1 mm / √3
@@ -175,13 +179,16 @@ def compare(
 def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions) -> ValidationResult:
     """Compare a session with a model: one stage after the other."""
     tested = model_under_test(session, action, chosen)
-    measured = measure_session(session, tested.geometry_at, chosen.u_rest_level_m, chosen.condition)
+    measured = measure_session(
+        session, tested.geometry_at, chosen.u_rest_level_m, chosen.condition, chosen.by_motion, tested.calibration
+    )
     predicted = predict_session(measured, tested, chosen.say)
     events = find_session_events(predicted, tested)
     scored = score_session(predicted, events, tested.store)
     findings = find_faults(predicted, events, scored, tested)
     explained = Explained()
-    if chosen.suspect:
+    by_key = any(m.driven_by_key for m in predicted.trials)
+    if chosen.suspect and not by_key:  # causes are told by the force
         chosen.say("which causes explain the difference")
         effects = chosen.suspect != "parts"
         odd = ODD in (f.kind for f in findings.faults)  # such trials are left out unless what they differ by is found
@@ -204,7 +211,7 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
         warnings.append(explained.sentence + (FINER if finer else ""))
     advice = tuple(name_parts(text, action) for text in what_to_do(findings.faults, explained, rivals, verdict.outcome))
     verdict = replace(verdict, sentence=name_parts(verdict.sentence, action))
-    head, *rest = verdict_lines(name, action.name, tables, verdict, findings.faults, rivals.nearer)
+    head, *rest = verdict_lines(name, action.name, tables, verdict, findings.faults, rivals.nearer, by_key)
     judgement = dict(verdict.facts)
     return ValidationResult(
         session_name=name,

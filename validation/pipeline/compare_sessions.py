@@ -19,7 +19,7 @@ from rig.errors import RigError
 from rig.session import Session
 from validation.cache.report_cache import report_folder
 from validation.errors import ValidationError, ValidationInputError
-from validation.measurement.measure_session import open_session
+from validation.measurement.measure_session import conditions_of, open_session
 from validation.options import CompareOptions, ComparisonOptions
 from validation.pipeline.compare_session import compare_by, load_model
 from validation.prediction.model_under_test import action_sha256
@@ -34,7 +34,7 @@ def by_condition(opened: Sequence[Session], condition: str | None) -> list[tuple
     parts: list[tuple[Session, str | None]] = []
     names = []
     for session in opened:
-        found = [c.name for c in session.info.plan.conditions]
+        found = conditions_of(session)
         own = session.info.name or session.path.name
         if len(found) < 2:
             parts.append((copy.copy(session), condition))

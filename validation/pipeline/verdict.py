@@ -67,6 +67,7 @@ def verdict_lines(
     verdict: Verdict,
     findings: Sequence[SessionFinding] = (),
     nearer: str = "",
+    by_key: bool = False,
 ) -> list[str]:
     """The verdict as sentences, the most important first.
 
@@ -75,11 +76,13 @@ def verdict_lines(
     tables : of the session; ``trials``, ``channels`` and ``event_summary`` are read
     findings : of the session
     nearer : what is to be said where a rival is nearer, see `validation.statistics.skill`
+    by_key : whether the measured key drives the model
     """
     scored = tables["channels"][tables["channels"]["rmse_rad"].notna()]
     n_trials = int(tables["trials"]["used"].sum())
     trials = "1 trial" if n_trials == 1 else f"{n_trials} trials"
-    head = f"Model {action} against {trials} of {session}, each driven by its own measured force: {verdict.sentence}"
+    drive = "motion of the key" if by_key else "force"
+    head = f"Model {action} against {trials} of {session}, each driven by its own measured {drive}: {verdict.sentence}"
     if nearer:
         head += f" {nearer}"
     events = tables["event_summary"]

@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Collection, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Literal, TypeVar
 
 import numpy as np
@@ -19,9 +21,11 @@ from numpy.typing import NDArray
 
 import model
 from model.errors import ModelError
-from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, Array
+from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, WORKERS, Array
+from validation.measurement.position_sensors import CURVE_AT
 from validation.measurement.trial import FilmAngles, MeasuredTrial
 from validation.prediction.input_sampling import parameter_draws
+from validation.prediction.key_driven import KeyErrors, run_key_driven
 from validation.prediction.many_runs import Run, coarse_force, run_many
 from validation.prediction.model_under_test import ModelUnderTest
 
@@ -29,7 +33,9 @@ CHANNELS = (*ENCODER_CHANNELS, *FILM_CHANNELS)
 FILM_CLOCK = len(ENCODER_CHANNELS)  # place of its error in `JointDraw.z_scale`: one clock moves all of a film
 MOVED_RAD = 1e-3  # turn over which the error of an encoder that does not grow with the angle comes about
 SEED = 65
-LEVELS, OWN = 2, 3  # uses of the seed
+LEVELS, OWN, RULER = 2, 3, 4  # uses of the seed
+# departures of position sensors' rulers, beside a scale and a zero of each
+RULERS = ("bow of the key's ruler", *(f"ruler of the hammer at {100 * at:.0f} %" for at in CURVE_AT))
 USES = ("force", "readings")
 MOST_TRIALS = 5
 T = TypeVar("T")
@@ -51,7 +57,15 @@ class JointDraw:
     z_change: tuple[float, ...]
     own: tuple[int, ...]  # seed of what each trial has for itself
     z_levels: tuple[float, float] = (0.0, 0.0)  # errors of hammer height and key dip at rest, in standard uncertainties
+    z_ruler: tuple[float, ...] = ()  # departures of position sensors' rulers, in standard uncertainties; () of none
     has_own_errors: bool = True  # whether a trial's own errors are drawn: offset and noise of its force, quantisation
+
+    @property
+    def key_errors(self) -> KeyErrors:
+        """Errors of the sensors of a trial that the key drives, in standard uncertainties."""
+        bow, *curve = self.z_ruler or (0.0,) * len(RULERS)
+        (key, key_zero), (hammer, hammer_zero) = ((self.z_scale[i], self.z_change[i]) for i in (0, 2))
+        return KeyErrors(key, key_zero, np.array([key, key_zero, bow, hammer, hammer_zero, *curve]))
 
     def rng(self, trial: int, use: Literal["force", "readings"]) -> np.random.Generator:
         """Random numbers of one trial in this draw."""
@@ -93,8 +107,9 @@ def joint_draws(action: model.Action, seed: int, n: int, *, parameters: bool) ->
         scale, change = (tuple(map(float, rng.standard_normal(len(CHANNELS)))) for _ in range(2))
         own = (SEED, seed, int(parameters), i)
         levels = np.random.default_rng([*own, LEVELS]).standard_normal(2)
+        ruler = tuple(map(float, np.random.default_rng([*own, RULER]).standard_normal(len(RULERS))))
         errors = (float(z[0]), float(z[1]), float(z[2]), scale, change)
-        out.append(JointDraw(i, changed, *errors, own, (float(levels[0]), float(levels[1]))))
+        out.append(JointDraw(i, changed, *errors, own, (float(levels[0]), float(levels[1])), ruler))
     return out
 
 
@@ -140,6 +155,8 @@ def each_draw(
     trials : sequence of (trial, times), times (n,) s; trials under the same declared preload share the actions drawn
     use : given the place of the trial and its readings as of `drawn_readings`, on a thread; what it returns is kept
     """
+    if trials and all(m.driven_by_key for m, _ in trials):
+        return [_each_draw_by_key(tested, m, time_s, draws, partial(use, i)) for i, (m, time_s) in enumerate(trials)]
     known: dict[tuple[float, float, float], list[DrawnAction | None]] = {}
     places: list[tuple[int, DrawnAction | None]] = []
     for i, (m, _) in enumerate(trials):
@@ -160,6 +177,27 @@ def each_draw(
 
     found = run_many(tested, runs, read)
     return [found[k : k + len(draws)] for k in range(0, len(found), len(draws))]
+
+
+def _each_draw_by_key(
+    tested: ModelUnderTest, m: MeasuredTrial, time_s: Array, draws: Sequence[JointDraw], use: Callable[[Array], T]
+) -> list[T | None]:
+    """The same of one trial under its key's motion, with the drawn errors of the key's sensor."""
+
+    def one(draw: JointDraw) -> T | None:
+        drawn = drawn_action(tested, m, draw)
+        if drawn is None:
+            return None
+        rest = np.asarray(drawn.rest.angle_rad, dtype=float)[: len(BODIES)]
+        try:
+            turn, _, _ = run_key_driven(drawn.action, m, rest, drawn_tolerance(tested), draw.key_errors)
+        except ModelError:
+            return None
+        at = np.column_stack([np.interp(time_s, m.time_s, column) for column in turn.T])
+        return use(_readings(m, draw, time_s, at))
+
+    with ThreadPoolExecutor(WORKERS) as pool:
+        return list(pool.map(one, draws))
 
 
 def drawn_tolerance(tested: ModelUnderTest) -> float:
@@ -184,10 +222,16 @@ def drawn_readings(m: MeasuredTrial, drawn: DrawnAction, time_s: Array, solution
 
     ``solution`` is that of `drawn_run`. Columns are `CHANNELS`; those of a film are NaN where the trial has none.
     """
-    draw, rng = drawn.draw, drawn.draw.rng(m.number, "readings")
+    draw = drawn.draw
     turn = np.full((time_s.size, len(BODIES)), np.nan)
     moved = np.asarray(solution.angle_rad, dtype=float) - np.asarray(drawn.rest.angle_rad, dtype=float)
     turn[_inside(m, draw, time_s)] = moved[:, : len(BODIES)]
+    return _readings(m, draw, time_s, turn)
+
+
+def _readings(m: MeasuredTrial, draw: JointDraw, time_s: Array, turn: Array) -> Array:
+    """Readings of the channels (n, 5) of turns (n, 5) of the bodies; position sensors have read theirs already."""
+    rng = draw.rng(m.number, "readings")
     out = np.full((time_s.size, len(CHANNELS)), np.nan)
     for i, name in enumerate(CHANNELS):
         angle = turn[:, BODIES.index(name)]
@@ -203,7 +247,8 @@ def drawn_readings(m: MeasuredTrial, drawn: DrawnAction, time_s: Array, solution
         moved = 1.0 - np.exp(-np.abs(angle) / MOVED_RAD)
         white = abs(float(m.resolution_rad[i])) / np.sqrt(12.0)
         steady = float(np.sqrt(max(float(m.u_rad[i]) ** 2 - 2.0 * white**2, 0.0)))
-        out[:, i] = angle * (1 + float(m.scale_relative_u[i]) * draw.z_scale[i]) + steady * draw.z_change[i] * moved
+        scale = 0.0 if m.sensors is not None else float(m.scale_relative_u[i]) * draw.z_scale[i]
+        out[:, i] = angle * (1 + scale) + steady * draw.z_change[i] * moved
         if draw.has_own_errors:
             out[:, i] += white * (rng.standard_normal(angle.size) + rng.standard_normal())
     return out

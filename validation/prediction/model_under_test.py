@@ -18,6 +18,8 @@ from validation.cache.result_store import ResultStore
 from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.measurement.geometry import ActionGeometry, geometry_of
+from validation.measurement.position_sensors import SensorCalibration, calibration_of, reference_geometry
+from validation.measurement.trial import MeasuredTrial
 
 RIVALS = ("null", "raw_force", "unfitted", "polynomial", "fir", "fir_lags")
 
@@ -94,6 +96,11 @@ class ModelUnderTest:
         return self.simulate is own_simulate
 
     @cached_property
+    def calibration(self) -> SensorCalibration:
+        """Errors of position sensors that the action was identified with."""
+        return calibration_of(self.action)
+
+    @cached_property
     def action_hash(self) -> str:
         """Hash of the action's values and structure."""
         return action_sha256(self.action)
@@ -122,6 +129,10 @@ class ModelUnderTest:
     def rest_of(self, action: model.Action, preload_n: float) -> model.RestState:
         """Rest of any action under a preload."""
         return (self.stand_ins.rest_state or model.rest_state)(action, force_n=preload_n)
+
+    def geometry_of_trial(self, m: MeasuredTrial) -> ActionGeometry:
+        """Geometry in which the readings of a trial stand: of position sensors one for all models."""
+        return self.geometry_at(m.force.preload_n) if m.sensors is None else reference_geometry()
 
     def geometry_at(self, preload_n: float) -> ActionGeometry:
         """Geometry under a preload.

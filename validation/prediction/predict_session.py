@@ -23,11 +23,13 @@ from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, Arra
 from validation.errors import PredictionError, ValidationInputError
 from validation.measurement.measure_session import NOT_PREDICTED, MeasuredSession
 from validation.measurement.trial import MeasuredTrial, trials_in_words
+from validation.prediction.key_driven import run_key_driven, run_null_key_driven
 from validation.prediction.model_under_test import ModelUnderTest
 
 STEP = "prediction"
 # what drives and what predicts, and how the derived step of each begins
 VARIANTS = {"model": STEP, "raw_force": f"{STEP}_raw_force", "null": f"{STEP}_null"}
+KEY_DRIVEN = ("model", "null")
 COLUMNS = [f"{body}_rad" for body in BODIES], [f"{body}_rad_per_s" for body in BODIES]
 
 
@@ -99,6 +101,8 @@ def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "mode
     PredictionError
         The result has the wrong shape.
     """
+    if m.driven_by_key:
+        return _predict_by_key(m, tested, variant)
     load = tested.load(m.force.preload_n)
     rest = np.asarray(load.rest.angle_rad, dtype=float)[: len(BODIES)]
     force_s, force_n = (m.time_s, m.raw_force_n) if variant == "raw_force" else (m.force.time_s, m.force.force_n)
@@ -146,6 +150,34 @@ def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "mode
     failure = tested.store.write_table(step, m.number, m.seal, pd.DataFrame(columns), attributes, versioned=True)
     tested.store.count("predictions", reused=False, failure=failure)
     return PredictedAngles(m.time_s, _turn(angle, rest), speed, rest, key, False, counters, error_rad, check_load)
+
+
+def _predict_by_key(m: MeasuredTrial, tested: ModelUnderTest, variant: str) -> PredictedAngles:
+    """The same under the measured motion of the key; the force as recorded predicts nothing there."""
+    if variant not in KEY_DRIVEN or not tested.stand_ins.none:
+        raise PredictionError("is not driven by the key")
+    rest = np.asarray(tested.load(m.force.preload_n).rest.angle_rad, dtype=float)[: len(BODIES)]
+    sensors = None if m.sensors is None else (m.sensors.calibration, m.sensors.hammer_travel_m)
+    inputs = (tested.action_hash, float(tested.tolerance), variant, m.time_s, m.change_rad, m.resolution_rad, sensors)
+    key = result_key("predictions by key", tested.version, (*inputs, rest))
+    step = f"{VARIANTS[variant]}_by_key_{tested.action_hash[:12]}"
+    stored = _stored(tested, m, step, key, rest)
+    if stored is not None:
+        tested.store.count("predictions", reused=True)
+        return stored
+    began_s = thread_time()
+    counters: dict[str, float] = {}
+    if variant == "null":
+        turn = run_null_key_driven(tested.action, m)
+        speed = np.full(turn.shape, np.nan)
+    else:
+        turn, speed, counters = run_key_driven(tested.action, m, rest, tested.tolerance)
+    counters["seconds"] = thread_time() - began_s
+    columns = {"time_s": m.time_s} | dict(zip([*COLUMNS[0], *COLUMNS[1]], [*(turn + rest).T, *speed.T], strict=True))
+    attributes = {"input_sha256": key, "counters": counters}
+    failure = tested.store.write_table(step, m.number, m.seal, pd.DataFrame(columns), attributes, versioned=True)
+    tested.store.count("predictions", reused=False, failure=failure)
+    return PredictedAngles(m.time_s, np.asfortranarray(turn), speed, rest, key, False, counters)
 
 
 def _stored(tested: ModelUnderTest, m: MeasuredTrial, step: str, key: str, rest: Array) -> PredictedAngles | None:
@@ -226,7 +258,7 @@ def _predict(m: MeasuredTrial, tested: ModelUnderTest) -> PredictedTrial:
     found = predict_trial(m, tested)
     missed = _missed(found, tested.tolerance)
     notes, rivals = [text for text in (missed, found.check_load) if text], {}
-    for name in (name for name in tested.rivals if name in VARIANTS):
+    for name in (name for name in tested.rivals if name in (KEY_DRIVEN if m.driven_by_key else VARIANTS)):
         try:
             rivals[name] = _curves_of(predict_trial(m, tested, name), m)
         except (ModelError, PredictionError) as error:

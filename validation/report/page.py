@@ -91,10 +91,13 @@ def page_data(view: SessionView) -> str:
     per_sample = len(trials) * (1 + len(ENCODER_CHANNELS) * (1 + len(view.results)))
     n = int(np.clip(LARGEST_BYTES / BYTES_PER_VALUE / per_sample, FEWEST_SAMPLES, MOST_SAMPLES))
     shown = first.traces[view.shown_trial()]
-    leading = [on_base(base, shown["time_s"].to_numpy(), shown[f"{c}_measured_rad"]) for c in ENCODER_CHANNELS]
-    at = base[uneven_samples(base, np.column_stack([*leading, force_on_base(base, shown)]), n)]
-    channels: dict[str, Any] = {"force": {"m": [force_on_base(at, frame) for frame in first.traces.values()], "p": []}}
-    for channel in ENCODER_CHANNELS:
+    leading = [on_base(base, shown["time_s"].to_numpy(), shown[f"{c}_measured_rad"]) for c in view.measured]
+    leading += [force_on_base(base, shown)] if view.has_force else []
+    at = base[uneven_samples(base, np.column_stack(leading), n)]
+    channels: dict[str, Any] = {}
+    if view.has_force:
+        channels["force"] = {"m": [force_on_base(at, frame) for frame in first.traces.values()], "p": []}
+    for channel in view.measured:
         measured = [_rotation(frame, channel, "measured", at) for frame in first.traces.values()]
         predicted = [
             [_rotation(r.traces[t], channel, "predicted", at) if t in r.traces else np.full(at.size, np.nan)
@@ -109,7 +112,7 @@ def page_data(view: SessionView) -> str:
         "models": view.names,
         "channels": {name: _packed(curves) for name, curves in channels.items()},
         "marks": {t: [[m.label, round(m.time_s, 6), m.meaning] for m in first.marks(t)] for t in trials},
-        "words": {c: {t: trial_words(view, c, t) for t in trials} for c in ENCODER_CHANNELS},
+        "words": {c: {t: trial_words(view, c, t) for t in trials} for c in view.measured},
     }
     return json.dumps(content, separators=(",", ":"), ensure_ascii=False)
 
@@ -309,8 +312,6 @@ def cannot_claim(side: SideBySide) -> list[str]:
     limits = [
         "The trials were played in one session on one action: this is repeatability. Other days, remounting, other "
         "actions and other benches are reproducibility, which is not measured here.",
-        "The model is driven by the measured force, and that force depends on the action that was played; the motor is "
-        "not part of the comparison.",
         "An encoder reads a rotation only while its body turns about its pivot. A key that lifts off the balance rail "
         "gives false readings; where the gap at the loaded capstan, by key and whippen encoder, is larger than the "
         f"model's by {1e3 * EXCESS_M:g} mm, they are marked and left out of the scores. Lifts with a smaller "
@@ -336,9 +337,19 @@ def cannot_claim(side: SideBySide) -> list[str]:
     return limits
 
 
+BY_FORCE = (
+    "The model is driven by the measured force, and that force depends on the action that was played; the motor is not "
+    "part of the comparison."
+)
+BY_KEY = (
+    "The model is driven by the measured motion of the key: the key itself is no answer, and nothing is said of the "
+    "force that it needs. Causes of a difference are not looked for."
+)
+
+
 def _limits_of(result: ValidationResult) -> list[str]:
     """What is not known of one session."""
-    limits = []
+    limits = [BY_KEY if result.provenance.get("driven_by") == "key" else BY_FORCE]
     filmed = len(result.film_traces)
     if filmed == 0:
         limits.append("Jack and repetition lever were not filmed: nothing is said about them.")

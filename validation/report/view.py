@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from validation.conventions import ENCODER_CHANNELS
 from validation.result import ValidationResult
 from validation.side_by_side import SideBySide
 
@@ -89,6 +90,22 @@ class SessionView:
         short = [shortened(r.action_name) for r in self.results]
         alike = len(set(short)) < len(short)
         return [f"{i}: {name}" if alike else name for i, name in enumerate(short, start=1)]
+
+    @property
+    def has_force(self) -> bool:
+        """Whether a force was recorded."""
+        return any(frame["force_n"].notna().any() for frame in self.first.traces.values())
+
+    @property
+    def measured(self) -> list[str]:
+        """Encoders, or position sensors, that measured something."""
+        frames = self.first.traces.values()
+        return [c for c in ENCODER_CHANNELS if any(frame[f"{c}_measured_rad"].notna().any() for frame in frames)]
+
+    @property
+    def compared(self) -> list[str]:
+        """Those of them that are compared with a prediction: not the key where it drives the model."""
+        return [c for c in self.measured if (self.first.scores["channel"] == c).any()]
 
     def shown_trial(self) -> int:
         """The trial that is drawn with its predictions: the first that every model could predict."""

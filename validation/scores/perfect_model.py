@@ -94,9 +94,9 @@ def score_perfect_model(
     every = tested.store.values(
         "perfect model",
         [
-            (tested.identity, seed, DRAWS, paired, m.number, m.force, sensors, m.film, of_trial)
+            (tested.identity, seed, DRAWS, paired, m.number, m.force, sensors, m.film, of_trial, m.driven_by_key)
             for m, of_trial in zip(chosen, curves, strict=True)
-            for sensors in [(m.u_rad, m.resolution_rad, m.scale_relative_u)]
+            for sensors in [(m.u_rad, m.resolution_rad, m.scale_relative_u, m.sensors and m.sensors.calibration)]
         ],
         lambda missing: _scores(tested, [(chosen[i], curves[i]) for i in missing], draws, paired),
     )

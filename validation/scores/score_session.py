@@ -14,7 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from validation.cache.result_store import ResultStore
-from validation.conventions import CHANNEL_GROUPS, WORKERS, Array, rms
+from validation.conventions import CHANNEL_GROUPS, FILM_CHANNELS, WORKERS, Array, rms
 from validation.events.session_events import SessionEvents
 from validation.prediction.predict_session import PredictedSession
 from validation.scores.curve_scores import SCORES, compute_scores, score_curve
@@ -51,17 +51,21 @@ def score_session(predicted: PredictedSession, events: SessionEvents, store: Res
         if filmed is not None:
             film[m.number] = filmed
     traces = SessionTraces(encoder, film, events.window, events.impact_s)
-    scores = score_curves(traces, {m.number: m.u_rad for m in predicted.trials}, store)
+    channels = {m.number: (*m.channels, *FILM_CHANNELS) for m in predicted.trials}
+    scores = score_curves(traces, {m.number: m.u_rad for m in predicted.trials}, channels, store)
     return ScoredSession(traces, scores, tuple(sorted(failures - {""})[:1]))
 
 
-def score_curves(traces: SessionTraces, u_encoder: dict[int, Array], store: ResultStore) -> pd.DataFrame:
-    """Scores of every trial and channel inside the window, with guards; null model and raw force beside."""
+def score_curves(
+    traces: SessionTraces, u_encoder: dict[int, Array], channels: dict[int, tuple[str, ...]], store: ResultStore
+) -> pd.DataFrame:
+    """Scores of every trial and channel that is compared inside the window, with guards; rivals beside."""
     jobs = [
         (number, name, i, source, frame)
         for names, source in CHANNEL_GROUPS
         for number, frame in traces.of(source).items()
         for i, name in enumerate(names)
+        if name in channels[number]
     ]
 
     def row(job: tuple[int, str, int, str, pd.DataFrame]) -> dict[str, object]:

@@ -1,6 +1,6 @@
-"""Two 95 % bands by two rules: the repeatability band of the mean of a few curves, the prediction band of one stroke.
+"""The 95 % repeatability band of the mean of a few curves.
 
-*Repeatability band*: with 95 % confidence the whole mean curve lies inside. Curves are (n_samples, n_trials); half
+With 95 % confidence the whole mean curve lies inside. Curves are (n_samples, n_trials); half
 widths in the unit of the curves. Fewer than five trials give NaN (three would need a factor of 136); curves that are
 equal everywhere give a band of zero width.
 Source: random-field t. A curve of t values with ν degrees of freedom exceeds ±u somewhere with a probability of about
@@ -23,31 +23,18 @@ when it is shifted by as much as a further trial's shift may be (prediction inte
 some that comes early has its part in the mean, and is nowhere narrower than the rounding of its samples. What this
 covers on the virtual bench: benchmark `band_on_bench`. No band of a few trials knows what one blow in thirty does and
 none of them did.
-
-*Prediction band*: about the prediction of a stroke that was not fitted, calibrated on training strokes left out of the
-fit, alike for every model. Its half width is q · u(t): u joins what the key's calibration leaves open (an ensemble),
-the hammer's own calibration and a floor; q is a number for each phase of the key, or one for the whole stroke. Which of
-the `CANDIDATES` is used is decided by training strokes alone (docs/explanation/positions.md): the
-numbers come from some, the interval score is taken on another. So q holds what the model lacks and what other strokes
-would have made of its parameters, as far as left-out strokes show it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from itertools import product
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import convolve1d, maximum_filter1d
 from scipy.optimize import brentq, isotonic_regression
 from scipy.special import stdtr, stdtrit
 
-import model
 from validation.conventions import Array
-from validation.events.strikes import PHASES, find_phases
-from validation.measurement.positions import NORMAL, Stroke
-from validation.prediction.positions import Mixture, Predict
 
 WINDOW = 1 / 6  # of the time in which the mean curve would cover its range at its largest speed
 LONGEST = 0.5  # of the same time: a longer shift is not told from a difference in value
@@ -273,131 +260,3 @@ def repeatability_band(curves: Array, *, u_sample: float = 0.0, confidence: floa
     of_times = extend_in_time(mean[known], estimate_time_scatter(values[known], u_sample), n)
     half[known] = np.maximum.reduce([of_values, of_times + u_sample, np.full(s.size, ROUNDING * u_sample)])
     return RepeatabilityBand(mean, half, factor, length, n)
-
-
-LEVEL = 0.95
-DRAWS, SEED = 9, 19
-WHOLE = "whole"
-"""The number for the whole stroke, beside those of the phases."""
-
-
-FLOORS = (0.005, 0.01, 0.02, 0.04)
-JOINED = ("pooled", "largest")
-
-
-@dataclass(frozen=True)
-class PredictionBand:
-    """A way to calibrate a band about a prediction, and the numbers that came of it."""
-
-    floor: float  # least standard uncertainty of a prediction, in rulers
-    by_phase: bool  # there is a number for each phase; otherwise one for the whole stroke
-    # ``pooled``: the 95 % quantile of errors over u in the training strokes, each of the same weight; ``largest``: the
-    # largest of the strokes' own
-    joined: str
-    q: dict[str, float] = field(default_factory=dict)  # the numbers, by phase, and that of the whole stroke
-    # for each training stroke how the band calibrated on the others fared there: ``inside``, ``half_width`` (median)
-    # and ``score`` (interval score), in rulers
-    left_out: dict[str, dict[str, float]] = field(default_factory=dict)
-
-
-CANDIDATES = tuple(PredictionBand(floor, phase, how) for floor, phase, how in product(FLOORS, (True, False), JOINED))
-
-
-@dataclass(frozen=True, eq=False)
-class PredictedStroke:
-    """A stroke, its prediction and u without floor, (n,), m; to calibrate on: by parameters fitted without it."""
-
-    stroke: Stroke
-    prediction_m: Array
-    u_m: Array
-
-
-def estimate_spread(stroke: Stroke, predict: Predict, sets: Mixture, prediction: Array) -> Array:
-    """Standard uncertainty u(t) (n,), m, of a prediction beside what the model lacks, without floor.
-
-    The ensemble draws calibrations and rests of the key, and one of the sets; its spread is the median departure, so
-    that a draw in which the hammer goes another way (is not caught, say) does not set it. What other strokes would have
-    made of the parameters is in q.
-    """
-    random = np.random.default_rng(SEED)
-    away = []
-    for chosen in np.random.default_rng(SEED + 1).choice(len(sets.z), DRAWS, p=sets.weight):
-        try:
-            away.append(np.abs(predict(np.array(sets.z[chosen]), stroke, stroke.key.draw(random)) - prediction))
-        except model.ModelError:
-            continue
-    drawn = NORMAL * np.median(away, axis=0) if away else np.zeros(prediction.size)
-    return np.hypot(drawn, np.hypot(stroke.hammer.position.u_calibration_m, stroke.hammer.u_zero_m))
-
-
-def prediction_band(strokes: Sequence[PredictedStroke]) -> PredictionBand:
-    """Choose the candidate with the least interval score on strokes that its numbers have not seen, and calibrate it.
-
-    Parameters
-    ----------
-    strokes : training strokes, at least two
-    """
-
-    def fared(way: PredictionBand) -> dict[str, dict[str, float]]:
-        out = {}
-        for one in strokes:
-            q = quantiles([other for other in strokes if other is not one], way)
-            out[str(one.stroke.number)] = score(one.stroke, one.prediction_m, half_width(one, way, q))
-        return out
-
-    every = [(way, fared(way)) for way in CANDIDATES]
-    best, rows = min(every, key=lambda pair: float(np.mean([row["score"] for row in pair[1].values()])))
-    return replace(best, q=quantiles(strokes, best), left_out=rows)
-
-
-def quantiles(strokes: Sequence[PredictedStroke], candidate: PredictionBand) -> dict[str, float]:
-    """Numbers q of each phase and of the whole; a phase that no stroke shows gets that of the whole."""
-    ratios: dict[str, list[Array]] = {name: [] for name in (*PHASES, WHOLE)}
-    for one in strokes:
-        error = np.abs(one.prediction_m - one.stroke.hammer.value_m)
-        at, ratio = find_phases(one.stroke), error / apply_floor(one, candidate.floor)
-        ratios[WHOLE].append(ratio)
-        for i, name in enumerate(PHASES):
-            if np.any(at == i):
-                ratios[name].append(ratio[at == i])
-
-    def join(every: Sequence[Array]) -> float:
-        return _pool(every) if candidate.joined == "pooled" else max(_pool([one]) for one in every)
-
-    whole = join(ratios[WHOLE])
-    return {name: join(of) if of and candidate.by_phase else whole for name, of in ratios.items()}
-
-
-def apply_floor(one: PredictedStroke, floor: float) -> Array:
-    """Standard uncertainty with its floor (n,), m."""
-    return np.asarray(np.hypot(one.u_m, floor * one.stroke.hammer.travel_m))
-
-
-def _pool(ratios: Sequence[Array]) -> float:
-    values = np.concatenate(ratios)
-    weights = np.concatenate([np.full(one.size, 1.0 / one.size) for one in ratios])
-    order = np.argsort(values)
-    share = np.cumsum(weights[order]) / len(ratios)
-    return float(values[order][min(int(np.searchsorted(share, LEVEL)), values.size - 1)])
-
-
-def half_width(one: PredictedStroke, way: PredictionBand, q: dict[str, float]) -> Array:
-    """Half width of the band (n,), m."""
-    return np.asarray(apply_floor(one, way.floor) * np.array([q[name] for name in PHASES])[find_phases(one.stroke)])
-
-
-def score(stroke: Stroke, prediction_m: Array, half_m: Array) -> dict[str, float]:
-    """Share inside a band, its median half width and its interval score, the latter two in rulers."""
-    travel = stroke.hammer.travel_m
-    return {
-        "inside": float(np.mean(np.abs(prediction_m - stroke.hammer.value_m) <= half_m)),
-        "half_width": float(np.median(half_m)) / travel,
-        "score": interval_score(stroke.hammer.value_m, prediction_m, half_m) / travel,
-    }
-
-
-def interval_score(measured: Array, prediction: Array, half: Array) -> float:
-    """Mean interval score of a 95 % band (Gneiting and Raftery 2007, eq. 43), in the unit of the curves; less is
-    better."""
-    beyond = np.maximum(np.abs(measured - prediction) - half, 0.0)
-    return float(np.mean(2.0 * half + 2.0 / (1.0 - LEVEL) * beyond))

@@ -148,15 +148,6 @@ def locate_stroke(stroke: Features, fitted: Sequence[Features]) -> DomainPositio
     return DomainPosition(max(out[worst], 0.0), words[worst] if out[worst] > 0.0 else "", out)
 
 
-def compute_left_out_distances(fitted: Mapping[str, Features]) -> dict[str, float]:
-    """Distance of each fitted stroke from the others; nothing of one alone."""
-    found = {
-        label: locate_stroke(one, [other for name, other in fitted.items() if name != label])
-        for label, one in fitted.items()
-    }
-    return {label: where.distance for label, where in found.items() if where is not None}
-
-
 def _scale(name: str, value: float) -> float:
     if name in LOGARITHMIC:
         return math.log(max(value, 1e-12))

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from model.errors import ModelError
-from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, rms
+from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, FILM_CHANNELS, rms
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.black_boxes import KINDS, BlackBox, Example, left_out_boxes
 from validation.prediction.model_under_test import ModelUnderTest
@@ -35,12 +35,19 @@ from validation.statistics.skill import (
 
 def describe_stroke(m: MeasuredTrial) -> dict[str, Any]:
     """Properties of a measured trial (`validation.statistics.domain`): by its key, rad, and its force."""
-    return extract_features(m.time_s, m.change_rad[:, 0], "rad", m.force.force_n if m.has_force else None)
+    return extract_features(m.time_s, m.change_rad[:, 0], "rad", None if m.driven_by_key else m.force.force_n)
 
 
 def make_example(m: MeasuredTrial) -> Example:
-    """A measured trial as a black box sees it: force in, N, angles of the encoders since rest out, rad."""
-    return Example(m.force.time_s, m.force.force_n, m.time_s, m.change_rad)
+    """A measured trial as a black box sees it: what drives it in, angles that are compared since rest out, rad.
+
+    What drives is the force, N, or the key's angle, rad.
+    """
+    compared = [name in m.channels for name in ENCODER_CHANNELS]
+    answers = np.where(compared, m.change_rad, np.nan)
+    if m.driven_by_key:
+        return Example(m.time_s, m.change_rad[:, 0], m.time_s, answers)
+    return Example(m.force.time_s, m.force.force_n, m.time_s, answers)
 
 
 @dataclass(frozen=True)
@@ -73,13 +80,14 @@ def compare_rivals(
     without : trials and channels that figures of several trials do not count
     """
     posterior = posterior_of(tested.action)
-    boxes = _fit_black_boxes(predicted.trials, tested, posterior, {number for number, _ in without})
+    compared = {m.number: m.channels for m in predicted.trials}
+    faulty = {number for number, name in without if name in (*compared.get(number, ()), *FILM_CHANNELS)}
+    boxes = _fit_black_boxes(predicted.trials, tested, posterior, faulty)
     unfitted = _make_unfitted(tested, posterior)
     rows = []
     for m in predicted.trials:
-        answers = {
-            kind: box.answers(m.force.time_s, m.force.force_n, m.time_s) for kind, box in boxes[m.number].items()
-        }
+        drive = make_example(m)
+        answers = {kind: box.answers(drive.drive_s, drive.drive, m.time_s) for kind, box in boxes[m.number].items()}
         if unfitted is not None:
             try:
                 answers["unfitted"] = predict_trial(m, unfitted).turn_rad[:, ENCODER_BODIES]
@@ -127,7 +135,7 @@ def _fit_black_boxes(
     if posterior is not None and posterior.black_boxes:
         made = {kind: BlackBox.of(plain, tested.action.origin) for kind, plain in posterior.black_boxes.items()}
         return {m.number: made for m in trials}
-    sound = [m for m in trials if m.number not in faulty and m.has_force]
+    sound = [m for m in trials if m.number not in faulty]
     found = left_out_boxes([make_example(m) for m in sound])
     return nothing | {m.number: boxes for m, boxes in zip(sound, found, strict=True)}
 

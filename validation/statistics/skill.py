@@ -25,7 +25,6 @@ LEAST = 1e-12
 CALLED = {
     "null": "the null model",
     "unfitted": "the unfitted set",
-    "regulated": "the unfitted set",
     "polynomial": "the polynomial",
     "fir": "the FIR filter",
     "fir_lags": "the FIR filter of six lags",

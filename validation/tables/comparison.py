@@ -85,7 +85,8 @@ class Comparison:
     def motion(self) -> tuple[list[dict[str, Any]], pd.DataFrame | None, list[str]]:
         """Motion-driven comparison of the sound trial of median peak force: its row, its trace, why there is none."""
         sound = select_sound_trials(self.predicted.trials, self.findings.faults)
-        if not (sound and self.options.by_motion):
+        asked = self.options.by_motion or self.options.further
+        if not (sound and asked and all(m.has_force for m in sound)):
             return [], None, []
         m = representative(sound)
         at = m.time_s[self.events.window.mask(m.time_s)]

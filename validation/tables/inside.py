@@ -75,12 +75,12 @@ def rows(comparison: Comparison) -> list[dict[str, Any]]:
 
 
 def inside_rows(predicted: PredictedSession, tested: ModelUnderTest, *, is_drawn: bool) -> list[dict[str, Any]]:
-    """The same of a prediction; no rows for a stand-in: what happens inside is not known of it.
+    """The same of a prediction; no rows for a stand-in, of which it is not known, nor where the key drives.
 
     Standard uncertainties, where they are drawn, are those of `DRAWS` draws of force and parameters
     (`validation.prediction.joint_draws`).
     """
-    if not tested.own_model:
+    if not tested.own_model or any(m.driven_by_key for m in predicted.trials):
         return []
     m = representative(predicted.trials)
     draws = joint_draws(tested.action, session_seed(predicted.trials), DRAWS, parameters=True) if is_drawn else []

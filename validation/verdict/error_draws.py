@@ -22,7 +22,15 @@ from validation.events.detect import find_events, read_level
 from validation.events.session_events import SessionEvents
 from validation.measurement.measure_session import representative
 from validation.measurement.trial import MeasuredTrial
-from validation.prediction.joint_draws import CHANNELS, JointDraw, each_draw, joint_draws, own_draws, session_seed
+from validation.prediction.joint_draws import (
+    CHANNELS,
+    RULERS,
+    JointDraw,
+    each_draw,
+    joint_draws,
+    own_draws,
+    session_seed,
+)
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession
 from validation.scores.traces import SessionTraces, select_scored_angles
@@ -50,6 +58,7 @@ INPUTS = (
     *(f"{name} on film" for name in FILM_CHANNELS),
     "level of the hammer at rest",
     "level of the key at rest",
+    *RULERS,
 )
 """Names of `ErrorSample.inputs`; parameters of the action are what these leave."""
 
@@ -137,7 +146,7 @@ def trial_errors(
         if mask.any():
             masks[q.name], errors[k] = mask, float((predicted - measured)[mask].mean())
             travel[q.channel] = float(np.ptp(measured[inside]))
-    geometry = tested.geometry_at(m.force.preload_n)
+    geometry = tested.geometry_of_trial(m)
     angle = {i: frame[f"{name}_predicted_rad"].to_numpy(dtype=float) for i, name in enumerate(("key", "whippen"))}
     angle[4] = frame["hammer_predicted_rad"].to_numpy(dtype=float)
     predicted_motion = replace(m.motion, hammer_height_m=geometry.hammer_height_m(geometry.absolute(angle)))
@@ -191,7 +200,7 @@ def session_errors(
         condition=np.repeat(np.arange(len(groups)), len(QUANTITIES)),
         branch=np.column_stack([(one.branch & found[m.number].known)[ran] for m, one in of_group]),
         branch_found=np.array([found[m.number].branch for m, _ in of_group]),
-        inputs=np.array([_inputs(d) for d in draws])[ran],
+        inputs=np.array([_inputs(d, any(m.sensors is not None for m in usable)) for d in draws])[ran],
         floor=np.tile(_floors(usable), len(groups)),
         primary=np.tile(IS_PRIMARY, len(groups)),
     )
@@ -280,7 +289,8 @@ class _TrialDrawing:
         values = np.array([list(draw.changed.values()) for draw in self.common])
         names = [list(draw.changed) for draw in self.common[:1]]
         draws = names, values, [replace(draw, changed={}) for draw in (*self.common, *self.own)]
-        known = self.tested.identity, draws, m.number, m.force, m.film, sensors, self.masks
+        key = (m.change_rad[:, 0], m.sensors and m.sensors.calibration) if m.driven_by_key else ()
+        known = self.tested.identity, draws, m.number, m.force, m.film, sensors, self.masks, key
         stored = self.tested.store.value("error draws", known, self._run)
         n_samples = m.time_s[_sparse(m.time_s.size)].size
         values = np.frombuffer(base64.b64decode(stored["values"])).reshape(n + len(self.own) - 1, len(QUANTITIES))
@@ -348,11 +358,12 @@ def _sparse(n: int) -> slice:
     return slice(None, None, max(1, n // MOST_SAMPLES))
 
 
-def _inputs(draw: JointDraw) -> Array:
+def _inputs(draw: JointDraw, has_rulers: bool) -> Array:
     n = len(ENCODER_CHANNELS)
     scales, offsets = draw.z_scale, draw.z_change
     force = draw.z_gain, draw.z_preload, draw.z_delay
-    return np.array([*force, *scales[:n], *offsets[:n], scales[n], *offsets[n:], *draw.z_levels])
+    ruler = draw.z_ruler if has_rulers else (0.0,) * len(RULERS)
+    return np.array([*force, *scales[:n], *offsets[:n], scales[n], *offsets[n:], *draw.z_levels, *ruler])
 
 
 EVENT_FLOOR = 1e-7  # s, m, m/s: far below any event's uncertainty

@@ -246,6 +246,7 @@ def divide_variance(errors: Array, inputs: Array, middle: Array, lower: Array, u
     `WINSOR` scales.
     """
     n, q = inputs.shape
+    varied = int((np.ptp(inputs, axis=0) > 0.0).sum()) if n else 0
     v = errors.shape[1] if errors.ndim == 2 else 0
     slopes, other = np.zeros((q, v)), np.full(v, np.nan)
     if n < FEWEST_FOR_INTERVAL:
@@ -253,13 +254,13 @@ def divide_variance(errors: Array, inputs: Array, middle: Array, lower: Array, u
     design = np.column_stack([np.ones(n), inputs])
     for k in range(v):
         known = np.isfinite(errors[:, k])
-        if known.sum() < max(FEWEST_FOR_INTERVAL, 2 * (q + 1)) or not np.isfinite(middle[k]):
+        if known.sum() < max(FEWEST_FOR_INTERVAL, 2 * (varied + 1)) or not np.isfinite(middle[k]):
             continue
         ends = middle[k] - WINSOR * lower[k], middle[k] + WINSOR * upper[k]
         y = np.clip(errors[known, k], *ends)
         x = design[known]
         beta, *_ = np.linalg.lstsq(x, y, rcond=None)
-        left = float(((y - x @ beta) ** 2).sum()) / (y.size - q - 1)
+        left = float(((y - x @ beta) ** 2).sum()) / (y.size - varied - 1)
         variance = np.diag(np.linalg.pinv(x.T @ x)) * left
         slopes[:, k] = np.sqrt(np.maximum(beta[1:] ** 2 - variance[1:], 0.0))
         other[k] = np.sqrt(left)

@@ -14,7 +14,7 @@ import pytest
 
 import model
 from rig.session import Session
-from rig.session.info import ActionInfo
+from rig.session.info import NO_FORCE, ActionInfo
 from tests.validation.infer import toy
 from validation.conventions import Array
 from validation.errors import ValidationInputError
@@ -26,7 +26,6 @@ from validation.infer.problem import Columns, Problem
 from validation.infer.sources import IdentifyOptions, collect
 from validation.infer.unknowns import expand, unknowns
 from validation.pipeline.compare_session import compare as compare_session
-from validation.prediction.positions import of_null
 from validation.report.files import check_target
 
 SESSIONS = Path(__file__).parents[3] / "sessions"
@@ -65,8 +64,6 @@ def test_a_set_without_a_rest_state_is_refused_in_one_line() -> None:
     with pytest.raises(ValidationInputError) as error:  # a comparison says the same
         compare_session(Session.open(SESSIONS / "example_forte"), floating, budget=False, suspect=False)
     assert refused(error) == said
-    with pytest.raises(ValidationInputError, match="hirschkorn2004: the model cannot run .*; use another action"):
-        of_null(floating)
 
 
 def test_tables_are_refused_by_a_set_without_a_rest_state_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -87,14 +84,25 @@ def test_a_pattern_leaves_out_what_the_geometry_fixes_and_fix_does_not() -> None
     assert "contact04.second.normal.x" in expand(ACTION, ["*"], "--fix")
 
 
-def test_trials_with_neither_force_nor_key_motion_are_refused_with_the_reason() -> None:
+def test_trials_with_neither_force_nor_key_motion_are_refused_with_the_reason(tmp_path: Path) -> None:
+    session = Session.create(tmp_path / "blind", Session.open(SESSIONS / "example_forte").info)
+    for trial in Session.open(SESSIONS / "example_forte").trials[:2]:
+        data = trial.read()
+        kept = [k for k, encoder in enumerate(data.encoders) if encoder.name != "key"]
+        lost = np.full(data.time_s.size, np.nan)
+        session.add_trial(
+            replace(
+                data, force_n=lost, force_raw=lost, force_info=NO_FORCE,
+                encoders=tuple(data.encoders[k] for k in kept), encoder_count=data.encoder_count[:, kept],
+            )
+        )  # fmt: skip
     with pytest.raises(
         ValidationInputError, match="no usable trial to fit .*neither force nor measured key motion"
     ) as error:
-        identify([SESSIONS / "kawai_kg3c"], ["hammer.joint_friction"], fixed=("*",))
+        identify([session.path], ["hammer.joint_friction"], fixed=("*",))
     said = refused(error)
     assert "a fit needs measured key, whippen and hammer angles" in said
-    assert said.count("neither force") == 1 and "trials 2, 3" in said  # one reason is said once
+    assert said.count("neither force") == 1 and "trials 1, 2" in said  # one reason is said once
 
 
 @pytest.mark.parametrize("see", [observe, observe_driven])

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import pandas as pd
 
 from validation.findings.finding import KINDS, SessionFinding
 from validation.infer.causes.explain import CompatibleChange, Explained
 from validation.pipeline import advice
-from validation.pipeline.compare_positions import _advice
 from validation.result import AGREES, DIFFERS
 from validation.statistics.rivals import Rivals
 from validation.statistics.skill import Skill
@@ -104,25 +102,6 @@ def test_at_most_three_and_nothing_to_do() -> None:
     assert len(advice.what_to_do(many, Explained(), rivals(), DIFFERS)) == advice.MOST == 3
     assert advice.what_to_do([], Explained(), rivals(), AGREES) == (advice.NOTHING,)
     assert advice.what_to_do([], Explained(), rivals(), DIFFERS) == ()
-
-
-def position_rivals(fitted: bool, identified: float, why: str = "") -> pd.DataFrame:
-    """One stroke of a session of positions beside one rival of 5 %."""
-    outside = why != ""
-    return pd.DataFrame(
-        [{"trial": 4, "fitted": fitted, "outside": outside, "why": why, "identified_rmse_share": identified,
-          "fir_rmse_share": 0.05}]
-    )  # fmt: skip
-
-
-def test_positions_say_what_the_set_may_be_used_for() -> None:
-    identified: Any = object()
-    assert _advice(position_rivals(False, 0.02), None) == [advice.IDENTIFY]
-    assert _advice(position_rivals(False, 0.02), identified) == [advice.USE]
-    assert _advice(position_rivals(False, 0.08), identified) == []  # one stroke does not show that the rival is nearer
-    assert _advice(position_rivals(True, 0.02), identified) == []
-    (said,) = _advice(position_rivals(False, 0.02, "repetition: no fitted stroke has it"), identified)
-    assert said.startswith("Record repetitions and identify again")
 
 
 def test_several_conditions_come_before_what_is_of_one_and_nothing_is_said_twice() -> None:

@@ -1,114 +1,92 @@
-"""The models under a measured key: what a blow did is done again when only its key is given."""
+"""A trial that its key drives: a blow of the model is done again, null model and sensors in closed form."""
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import model
-from rig.session.info import RulerInfo
-from rig.session.ruler import Position
-from validation.measurement.positions import Measured, Stroke
-from validation.prediction.positions import (
-    FREE,
-    NAMES,
-    SENSORS,
-    Mixture,
-    Nominal,
-    NullAction,
-    action_of,
-    hammer_reading,
-    of_model,
-    of_null,
-    predict_null,
-    sensing_of,
-    values_of,
-)
+import validation
+from rig.session import Session
+from tests.validation.positions.planted import REGULATED, SHIPPED, STRING_RAD
+from validation.measurement.position_sensors import PRIOR_U, PositionSensors, SensorCalibration
+from validation.measurement.positions import measure_positions
+from validation.measurement.trial import MeasuredTrial
+from validation.prediction.key_driven import run_key_driven, run_null_key_driven
 
-ACTION = model.load_action("hirschkorn2004-regulated")
 KEY_M, HAMMER_M = 0.012, 0.004
-RATE = 2000.0
+TIME_S = np.arange(0.0, 0.7, 5e-4)
+REST = np.asarray(model.rest_state(REGULATED).angle_rad)[:5]
+BY_RULER = SensorCalibration()
 
 
-def sensor(body: str, value_m, travel_m) -> Measured:
-    ruler = RulerInfo(body, "a", "b", (0.0, 0.3, 0.6, 1.0), tuple(travel_m * np.array([0.0, 0.3, 0.6, 1.0])), 1e-5)
-    none = np.zeros(value_m.size)
-    held = Position(body, ruler, none, value_m, none, none, none.astype(np.uint8), "")
-    return Measured(held, held.displacement_m, travel_m, 0.0, none)
+def sensors(key_m, z=None) -> PositionSensors:
+    calibration = BY_RULER if z is None else SensorCalibration(tuple(z))
+    return PositionSensors(TIME_S, key_m, KEY_M, HAMMER_M, calibration, {})
 
 
 @pytest.fixture(scope="module")
-def stroke() -> Stroke:
-    """A forte of the regulated action, driven by force, through sensors as `sensing_of` ties them nominally."""
-    time_s = np.arange(0.0, 0.7, 1.0 / RATE)
-    blow = model.simulate(ACTION, *model.force_table("forte"), output_time_s=time_s, tolerance=1e-6)
-    sensing = sensing_of(Nominal.of(ACTION), np.zeros(len(FREE)), KEY_M, HAMMER_M)
-    key = (blow.angle_rad[0, 0] - blow.angle_rad[:, 0]) / sensing.key_rad_per_m
-    hammer = np.clip((blow.angle_rad[0, 4] - blow.angle_rad[:, 4]) * sensing.hammer_m_per_rad, 0.0, HAMMER_M)
-    return Stroke(1, "forte", "", time_s, sensor("key", key, KEY_M), sensor("hammer", hammer, HAMMER_M))
+def blow() -> tuple[MeasuredTrial, np.ndarray]:
+    """A forte of the regulated action as a trial of position sensors, and its true turns (n, 5)."""
+    run = model.simulate(REGULATED, *model.force_table("forte"), output_time_s=TIME_S, tolerance=1e-6)
+    turn = run.angle_rad[:, :5] - run.angle_rad[0, :5]
+    seen = sensors(-turn[:, 0] * REGULATED["drive.point.x"] / 0.010 * KEY_M)
+    shipped = measure_positions(Session.open(SHIPPED).trial(7).read(), BY_RULER)
+    change = np.column_stack([-seen.key_turn_rad(), np.full(TIME_S.size, np.nan), seen.read_hammer(turn[:, 4])])
+    return replace(shipped, time_s=TIME_S, change_rad=change, sensors=seen), turn
 
 
-def test_the_model_repeats_its_own_blow(stroke) -> None:
-    made = of_model(ACTION)(np.zeros(len(FREE)), stroke, None)
-    error = np.abs(made - stroke.hammer.value_m) / HAMMER_M
-    assert error[stroke.time_s < 0.45].max() < 0.02  # later the hammer bounces, and rounding grows
+def test_the_model_repeats_its_own_blow(blow) -> None:
+    m, turn = blow
+    made, _, counters = run_key_driven(REGULATED, m, REST, 1e-5)
+    early = TIME_S < 0.45  # later the hammer bounces, and rounding grows
+    assert np.abs(made[:, 0] - turn[:, 0]).max() < 5e-4 and counters["n_rhs"] > 0
+    assert np.abs(made[:, 1] - turn[:, 1])[early].max() < 0.02 * np.ptp(turn[:, 1])
+    assert np.abs(made[:, 4] - m.change_rad[:, 2])[early].max() < 0.02 * STRING_RAD
 
 
-def test_a_changed_regulation_changes_the_answer(stroke) -> None:
-    z = np.zeros(len(FREE))
-    z[NAMES.index("check")] = -0.1
-    moved = of_model(ACTION)(z, stroke, None) - of_model(ACTION)(np.zeros(len(FREE)), stroke, None)
-    held = (stroke.time_s > 0.2) & (stroke.time_s < 0.3)
-    assert 0.02 * HAMMER_M < np.abs(np.median(moved[held])) < 0.2 * HAMMER_M
-    assert np.abs(moved[stroke.time_s < 0.1]).max() < 0.005 * HAMMER_M
+def test_an_encoder_s_key_drives_as_a_position_sensor_s(blow) -> None:
+    m, turn = blow
+    by_encoder = replace(
+        m, sensors=None, change_rad=turn[:, [0, 1, 4]], resolution_rad=np.full(3, 4e-5), u_rad=np.zeros(3),
+        scale_relative_u=np.zeros(3),
+    )  # fmt: skip
+    assert by_encoder.channels == ("whippen", "hammer")
+    made, _, _ = run_key_driven(REGULATED, by_encoder, REST, 1e-5)
+    assert np.abs(made[:, 4] - turn[:, 4])[TIME_S < 0.45].max() < 0.02 * STRING_RAD
 
 
-def test_the_null_model_rises_strikes_and_comes_back(stroke) -> None:
-    made = of_null(ACTION)(np.zeros(len(SENSORS)), stroke, None)
+def test_the_null_model_rises_strikes_and_comes_back(blow) -> None:
+    m, _ = blow
+    made = -run_null_key_driven(REGULATED, m)[:, 4]
     top = int(np.argmax(made))
-    assert made[top] > 0.98 * HAMMER_M and abs(stroke.time_s[top] - 0.112) < 0.005
-    assert made[0] == pytest.approx(0.0, abs=1e-6) and made[-1] < 0.1 * HAMMER_M
-    rising = stroke.time_s < 0.105
-    assert np.abs(made - stroke.hammer.value_m)[rising].max() < 0.15 * HAMMER_M
+    assert made[top] > 0.98 * STRING_RAD and abs(TIME_S[top] - 0.112) < 0.005
+    assert made[0] == pytest.approx(0.0, abs=1e-6) and made[-1] < 0.1 * STRING_RAD
+    assert np.abs(made + m.change_rad[:, 2])[TIME_S < 0.105].max() < 0.15 * STRING_RAD
 
 
-def test_a_null_hammer_never_leaves_path_and_string(stroke) -> None:
-    sensing = sensing_of(Nominal.of(ACTION), np.zeros(len(SENSORS)), KEY_M, HAMMER_M)
-    wide = dataclasses.replace(sensing, key_rad_per_m=1.2 * sensing.key_rad_per_m)
-    made = predict_null(NullAction.of(ACTION), stroke, wide)
-    assert np.isfinite(made).all() and made.min() >= 0.0 and made.max() <= HAMMER_M
+def test_readings_follow_the_errors_inside_the_ruler_and_are_held_at_its_ends() -> None:
+    errors = np.array([0.0, 0.0, 0.0, np.log(1.1), 2e-5, 0.02, 0.05, 0.05, 0.0, -0.01])
+    seen = sensors(np.zeros(TIME_S.size), errors / PRIOR_U)
+    share = np.array([-0.1, 0.0, 0.1, 0.4, 0.7, 1.3])  # of the ruler, as the sensor is gained
+    read = seen.read_hammer(-share / 1.1 * STRING_RAD) / seen.as_turn(np.array([HAMMER_M]))
+    assert read == pytest.approx([0.0, 0.005, 0.155, 0.405, 0.695, 1.0], abs=2e-5)
 
 
-def test_readings_follow_the_curve_inside_the_ruler_and_are_held_at_its_ends() -> None:
-    sensing = sensing_of(Nominal.of(ACTION), np.zeros(len(SENSORS)), KEY_M, HAMMER_M)
-    more = dataclasses.replace(sensing, hammer_curve=(0.02, 0.05, 0.05, 0.0, -0.01))
-    turn = np.array([-0.1, 0.0, 0.1, 0.7, 1.0, 1.3]) * HAMMER_M / sensing.hammer_m_per_rad
-    assert hammer_reading(turn, more, HAMMER_M) / HAMMER_M == pytest.approx([0.0, 0.0, 0.15, 0.69, 1.0, 1.0])
+def test_the_key_turns_by_its_gain_from_its_rest_and_bows_between_the_ends() -> None:
+    errors = np.array([np.log(0.9), 1e-4, 0.2, *np.zeros(7)])
+    key_m = np.resize([0.0, 0.5 * KEY_M, KEY_M], TIME_S.size)
+    turn = sensors(key_m, errors / PRIOR_U).key_turn_rad()[:3]
+    per_m = 0.9 * 0.010 / REGULATED["drive.point.x"] / KEY_M
+    assert turn == pytest.approx(per_m * (KEY_M * np.array([0.0, 0.55, 1.0]) - 1e-4))
 
 
-def test_parameters_mean_what_they_say() -> None:
-    z = np.zeros(len(FREE))
-    z[NAMES.index("let_off")], z[NAMES.index("hammer_mass")] = 1.0, -1.0
-    changed = action_of(ACTION, z)
-    assert changed["contact08.second.y"] - ACTION["contact08.second.y"] == pytest.approx(2e-3)
-    assert changed["hammer.inertia"] / ACTION["hammer.inertia"] == pytest.approx(np.exp(-0.2))
-    assert values_of(z)["let_off"] == pytest.approx(2e-3)
-    assert {path for path in ACTION.quantities if changed[path] != ACTION[path]} == {
-        "contact08.second.y", "hammer.mass", "hammer.inertia",
-    }  # fmt: skip
-    with pytest.raises(model.ModelError):
-        action_of(ACTION, 3000.0 * z)
-
-
-def test_a_mixture_is_the_mean_of_the_sets_that_can_follow(stroke) -> None:
-    def predict(z, stroke, displacement_m):
-        if z[0] < 0.0:
-            raise model.ModelError("cannot follow")
-        return np.full(stroke.time_s.size, z[0])
-
-    made = Mixture([[1.0], [3.0], [-1.0]], [0.45, 0.15, 0.4]).predict(predict, stroke)
-    assert made == pytest.approx(np.full(stroke.time_s.size, 1.5))
-    with pytest.raises(model.ModelError, match="cannot follow"):
-        Mixture.of_one(np.array([-1.0])).predict(predict, stroke)
+def test_by_motion_drives_the_model_by_the_key_where_a_force_was_recorded() -> None:
+    options = {"by_motion": True, "budget": False, "suspect": False, "keep_predictions": False, "rivals": ("null",)}
+    result = validation.compare(SHIPPED.parent / "example_forte", "hirschkorn2004", **options)
+    assert set(result.scores["channel"]) == {"whippen", "hammer"}
+    assert result.provenance["driven_by"] == "key" and len(result.motion_driven) == 1
+    assert "driven by its own measured motion of the key" in result.verdict
+    assert result.scores["null_rmse_rad"].notna().all() and result.scores["rmse_over_range"].max() < 0.2

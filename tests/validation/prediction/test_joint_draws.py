@@ -91,6 +91,7 @@ def film_readings(u_rad, u_noise_rad, u_time_s, n, time_s=FRAMES_S, own=True):
     total, noise = (dict.fromkeys(("jack", "repetition"), u * np.ones(FRAMES_S.size)) for u in (u_rad, u_noise_rad))
     film = SimpleNamespace(time_s=FRAMES_S, u_rad=total, u_noise_rad=noise, u_time_s=u_time_s)
     m = SimpleNamespace(number=1, film=film, force=force, resolution_rad=still, u_rad=still, scale_relative_u=still)
+    m.sensors = None
     found = []
     for draw in joint_draws(model.load_action("hirschkorn2004"), 7, n, parameters=False):
         drawn = SimpleNamespace(draw=replace(draw, has_own_errors=own), rest=rest)

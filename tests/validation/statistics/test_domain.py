@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from validation.statistics.domain import compute_left_out_distances, extract_features, locate_stroke
+from validation.statistics.domain import extract_features, locate_stroke
 from validation.statistics.skill import compute_skill, describe_skills
 
 TIME_S = np.arange(0.0, 2.0, 2e-4)
@@ -73,12 +73,6 @@ def test_what_is_not_known_has_no_place():
         and locate_stroke(stroke(), [{}]) is None
     )
     assert locate_stroke(stroke(), [stroke() | {"unit": "m"}]) is None
-
-
-def test_each_fitted_stroke_seen_from_the_others():
-    found = compute_left_out_distances(FITTED)
-    assert set(found) == set(FITTED) and found["soft"] > 1.0  # the only soft one
-    assert compute_left_out_distances({"a": stroke()}) == {}
 
 
 def test_skill_is_against_the_best_rival_paired_by_stroke():

@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS, Array
+from validation.conventions import FILM_CHANNELS, Array
 from validation.curves.display_signs import TITLE, degrees, rotation_label
 from validation.curves.style import (
     BLACK,
@@ -73,8 +73,10 @@ def control_charts(view: SessionView) -> ReportFigure | None:
     numbers = np.array(list(result.traces))
     if numbers.size < FEWEST:
         return None
-    peaks = [float(np.nanmax(frame["force_n"].to_numpy())) for frame in result.traces.values()]
-    charts: list[tuple[str, Array, Array]] = [("peak force (N)", numbers, np.array(peaks))]
+    charts: list[tuple[str, Array, Array]] = []
+    if view.has_force:
+        peaks = [float(np.nanmax(frame["force_n"].to_numpy())) for frame in result.traces.values()]
+        charts.append(("peak force (N)", numbers, np.array(peaks)))
     rmse = result.scores[result.scores["channel"] == "hammer"].dropna(subset=["rmse_rad"])
     charts.append(("hammer RMSE (°)", rmse["trial"].to_numpy(), np.degrees(rmse["rmse_rad"].to_numpy(dtype=float))))
     charts += [(EVENTS[name].label, *_of_event(result.events, name)) for name in CHARTS]
@@ -298,12 +300,12 @@ def on_columns(result: ValidationResult, channel: str) -> Array:
 def all_figures(view: SessionView) -> dict[str, list[ReportFigure]]:
     """Figures of a session in two groups: ``comparison`` (thesis 4.1–4.15, 3.13) and ``repeatability`` (3.9–3.12)."""
     with rc_context(STYLE):
-        comparison = [force_of_one_trial(view)]
-        comparison += [model_against_trial(view, channel) for channel in ENCODER_CHANNELS]
+        comparison = [force_of_one_trial(view)] if view.has_force else []
+        comparison += [model_against_trial(view, channel) for channel in view.compared]
         comparison += film_rotations(view)
         comparison += [force_from_motion(view, i) for i, r in enumerate(view.results) if r.motion_trace is not None]
-        repeatability = [force_of_all_trials(view)]
-        repeatability += [rotation_of_all_trials(view, channel) for channel in ENCODER_CHANNELS]
+        repeatability = [force_of_all_trials(view)] if view.has_force else []
+        repeatability += [rotation_of_all_trials(view, channel) for channel in view.measured]
         charts = control_charts(view)
         repeatability += [] if charts is None else [charts]
         return {"repeatability": repeatability, "comparison": comparison}

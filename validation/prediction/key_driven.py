@@ -1,0 +1,168 @@
+"""A trial whose measured key drives the model: the other bodies are the answer, of the model and of the null model.
+
+Conventions: changes of angle since rest, rad, (n, 5) of all bodies on the trial's sample times; the hammer is as its
+sensor reads it (`validation.measurement.position_sensors`), of an encoder as it is.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+import model
+from model.motion_driven.prescribed_key import run_prescribed
+from model.motion_driven.spline_fit import KeyFit, fit_key_motion
+from validation.conventions import BODIES, HAMMER, KEY, WHIPPEN, Array
+from validation.measurement.trial import MeasuredTrial
+
+TOLERANCE_RAD = 2e-4
+"""Largest requested error of an angle that is asked for: after a release errors grow, at 1e-3 a bounce was 0.13 rad
+off, and the smoothing of a measured key leaves more than this."""
+
+
+@dataclass(frozen=True)
+class KeyErrors:
+    """Errors of the sensors of one bench in standard uncertainties: of a key encoder, or of position sensors (10,)."""
+
+    scale: float = 0.0
+    zero: float = 0.0
+    positions: Array | None = None
+
+
+EXACT = KeyErrors()
+
+
+@lru_cache(maxsize=16)
+def fitted_key(m: MeasuredTrial) -> KeyFit:
+    """The motion of a trial's key by its encoder, since rest."""
+    return fit_key_motion(m.time_s, m.change_rad[:, KEY], resolution_rad=float(m.resolution_rad[0]))
+
+
+def key_motion(m: MeasuredTrial, rest_rad: float, errors: KeyErrors = EXACT) -> model.KeyMotion:
+    """Angle of the key over time, rad, with errors of its sensor taken off."""
+    if m.sensors is not None:
+        return m.sensors.key_motion(rest_rad, errors.positions)
+    fit = fitted_key(m)
+    scale = 1.0 + errors.scale * float(m.scale_relative_u[0])
+    turned = (fit.coefficients + fit.offset_rad - errors.zero * float(m.u_rad[0])) / scale - fit.offset_rad
+    return fit.motion(turned).raised(rest_rad)
+
+
+def run_key_driven(
+    action: model.Action, m: MeasuredTrial, rest_rad: Array, tolerance: float, errors: KeyErrors = EXACT
+) -> tuple[Array, Array, dict[str, float]]:
+    """Changes of angle (n, 5), rad, speeds (n, 5), rad/s, and counters of the model under a trial's key.
+
+    Raises
+    ------
+    model.errors.ModelError
+        The action cannot follow.
+    """
+    # the fit of an encoder's samples ends where they do, to rounding
+    motion = key_motion(m, float(rest_rad[KEY]), errors)
+    at = np.clip(m.time_s, motion.break_s[0], motion.break_s[-1])
+    at[1:] = np.maximum(at[1:], np.nextafter(at[:-1], np.inf))
+    run = run_prescribed(action, motion, at, tolerance=min(tolerance, TOLERANCE_RAD))
+    order = [run.bodies.index(body) for body in BODIES]
+    turn = run.angle_rad[:, order] - run.angle_rad[0, order]
+    turn[:, KEY] += run.angle_rad[0, order[KEY]] - rest_rad[KEY]
+    counters = {name: float(value) for name, value in run.counters.items()}
+    return read_by_sensors(m, turn, errors), run.speed_rad_per_s[:, order], counters
+
+
+def read_by_sensors(m: MeasuredTrial, turn_rad: Array, errors: KeyErrors = EXACT) -> Array:
+    """Changes of angle (n, 5) as the sensors of a trial read them."""
+    if m.sensors is None:
+        return turn_rad
+    read = turn_rad.copy()
+    read[:, HAMMER] = m.sensors.read_hammer(turn_rad[:, HAMMER], errors.positions)
+    return read
+
+
+STEP_S = 2.5e-4
+
+
+@dataclass(frozen=True)
+class NullAction:
+    """What the null model knows of an action."""
+
+    reduced: model.null_model.Reduced
+    weight_nm_at: tuple[float, float]
+    damping: float
+    reach_m: float
+
+    @classmethod
+    def of(cls, action: model.Action) -> NullAction:
+        """Reduce an action."""
+        weight = action["hammer.mass"] * action["gravity.g"]
+        centre = (weight * action["hammer.center_of_mass.x"], weight * action["hammer.center_of_mass.y"])
+        reach = math.hypot(action["contact12.first.x"], action["contact12.first.y"])
+        return cls(model.null_model.reduce_action(action), centre, action["contact12.normal.D"], reach)
+
+    def fall(self, phi: float) -> float:
+        """Angular acceleration of a free hammer towards the string, rad/s^2, at ``phi`` above its rest."""
+        r = self.reduced
+        angle = float(r.rest_rad[HAMMER]) + r.up * phi
+        x, y = self.weight_nm_at
+        return -r.up * (math.cos(angle) * x - math.sin(angle) * y) / r.hammer_inertia
+
+
+def run_null_key_driven(action: model.Action, m: MeasuredTrial) -> Array:
+    """Changes of angle (n, 5), rad, by the null model under a trial's key; jack and repetition lever NaN.
+
+    The rules are those of `model.null_model` with the key's motion given instead of the force: the hammer rides with
+    the joined path up to let-off or until it would have to be pulled, flies under gravity alone, rebounds from the
+    string by the restitution of its felt, is caught where the back check or the repetition lever meets it, and rides
+    again once the jack is back under it. Nothing in it is fitted to the action; sensors are tied to it as to the full
+    model.
+    """
+    null, motion = NullAction.of(action), key_motion(m, 0.0)
+    time_s = np.arange(m.time_s[0], m.time_s[-1], STEP_S)
+    state = motion.at(np.clip(time_s, motion.break_s[0], motion.break_s[-1]))
+    pressed, r = -state[:, 0], null.reduced
+    phi = _march(null, pressed, -state[:, 1])
+    whippen = np.interp(pressed, r.sigma, r.joined.angle_rad[:, WHIPPEN]) - float(r.rest_rad[WHIPPEN])
+    turn = np.full((m.time_s.size, len(BODIES)), np.nan)
+    for body, change in ((KEY, -pressed), (WHIPPEN, whippen), (HAMMER, r.up * phi)):
+        turn[:, body] = np.interp(m.time_s, time_s, change)
+    return read_by_sensors(m, turn)
+
+
+def _march(null: NullAction, s: Array, w: Array) -> Array:
+    """Turn of the hammer above its rest (m,) for places and speeds of the key (m,), even in time."""
+    r = null.reduced
+    joined = r.up * (np.interp(s, r.sigma, r.joined.angle_rad[:, HAMMER]) - float(r.rest_rad[HAMMER]))
+    speed = r.up * np.interp(s, r.sigma, r.joined.ratio[:, HAMMER]) * w
+    open_at = np.where(np.isfinite(r.check_rad), r.check_rad, -1e9)
+    caught_at = open_at[np.clip(np.searchsorted(r.sigma, s), 0, r.sigma.size - 1)]
+    out = np.empty(s.size)
+    phi, omega, riding, held, jack_out = float(joined[0]), 0.0, True, False, False
+    for k in range(s.size):
+        path, along = float(joined[k]), float(speed[k])
+        if s[k] >= r.let_off:
+            jack_out, riding = True, False
+        elif jack_out:
+            jack_out, held = False, False
+        if riding and (along - omega) / STEP_S >= null.fall(phi):
+            phi, omega = path, along
+        elif not held:
+            riding = False
+            turn, above = null.fall(phi), phi
+            phi += STEP_S * (omega + 0.5 * STEP_S * turn)
+            omega += STEP_S * turn
+            if jack_out and omega < 0.0 and phi <= caught_at[k] <= above:
+                phi, omega, held = float(caught_at[k]), 0.0, True
+        if not riding and phi <= path:
+            phi = path
+            if jack_out:
+                omega, held = max(omega, 0.0), omega <= 0.0
+            elif omega <= along:
+                omega, riding, held = along, True, False
+        if phi >= r.string_rad and omega > 0.0:
+            omega *= -model.null_model.restitution(omega * null.reach_m, null.damping)
+            phi, riding = r.string_rad, False
+        out[k] = phi
+    return out
