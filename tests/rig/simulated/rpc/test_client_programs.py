@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from nidaqmx import constants as ni
-from nidaqmx.errors import DaqError, DaqReadError
 from nidaqmx.system import Device, System
 
 from rig.simulated.rpc.messages import request_class
@@ -66,25 +65,6 @@ def test_a_finite_train_has_the_pulses_it_was_asked_for(card) -> None:
     assert count.read() == 7 + 25
 
 
-def test_an_encoder_is_read_on_the_clock_of_the_analog_input(card) -> None:
-    inputs, angle = card.inputs("Dev1/ai2"), card.task()
-    angle.ci_channels.add_ci_ang_encoder_chan(
-        "Dev1/ctr0", decoding_type=ni.EncoderType.X_4, units=ni.AngleUnits.RADIANS, pulses_per_rev=81920
-    )
-    angle.timing.cfg_samp_clk_timing(1000.0, source="/Dev1/ai/SampleClock", sample_mode=CONTINUOUS)
-    angle.start()
-    inputs.start()
-    assert len(inputs.read(100)) == len(angle.read(100)) == 100
-
-
-def test_a_trigger_that_never_comes_times_out(card) -> None:
-    task = card.inputs("Dev1/ai2", 100)
-    task.triggers.start_trigger.cfg_dig_edge_start_trig("/Dev1/PFI0")
-    task.start()
-    with pytest.raises(DaqReadError, match="-200284"):
-        task.read(100, timeout=0.5)
-
-
 def test_an_exported_clock_drives_another_task(card, refused) -> None:
     inputs, counts = card.inputs("Dev1/ai2", 40), card.task()
     inputs.export_signals.export_signal(ni.Signal.SAMPLE_CLOCK, "/Dev1/PFI4")
@@ -116,15 +96,6 @@ def test_a_client_that_reads_what_is_there_gets_what_has_come(card) -> None:
         reads += 1
     assert reads < 50 and card.device.bench.edge == got
     assert task.in_stream.avail_samp_per_chan == 10  # asking took 10 ms
-
-
-def test_more_than_a_finite_acquisition_has_is_cut_to_what_exists(card) -> None:
-    task = card.inputs("Dev1/ai0:1", 50)
-    task.start()
-    assert [len(channel) for channel in task.read(30)] == [30, 30]
-    assert [len(channel) for channel in task.read(100)] == [20, 20]
-    with pytest.raises(DaqError, match="-200278"):
-        task.read(1)
 
 
 def test_levels_go_to_the_lines_they_are_written_for(card, refused) -> None:
