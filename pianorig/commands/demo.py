@@ -24,7 +24,7 @@ import validation
 from pianorig import workflows
 from pianorig.console.failures import Interrupted, how_stopped
 from pianorig.console.options import AsJson, Profile
-from pianorig.console.output import paragraphs, tell, verdict_lines
+from pianorig.console.output import paragraphs, table_lines, tell
 from pianorig.console.progress import bar, recording_line, say, working
 
 if TYPE_CHECKING:
@@ -63,15 +63,20 @@ def command(
     """
     target = out or workflows.new_session_folder("demo")
     demo = run_demo(target, trials=trials, profile=profile, quiet=as_json)
+    from validation.side_by_side import alone  # start-up: 1 s of pandas
+
     report = demo.result.files["report.html"]
     facts = {"session": demo.session.path, "report": report, "verdict": demo.result.verdict}
     lines = [
-        *("\nVerdict", *verdict_lines(demo.result.verdict_lines)),
-        *("\nMeasured in this run", *figure_lines(demo.figures)),
-        *("\nWhat you just saw", *paragraphs(seen_in_words(demo))),
-        "\nWhat to do next",
+        *paragraphs(seen_in_words(demo)),
+        "",
+        *figure_lines(demo.figures),
+        "",
+        *workflows.comparison_lines(alone(demo.result)),
+        "",
+        "next:",
         *(f"  {line}\n      {what}" for line, what in next_commands(demo.session.path)),
-        f"\nreport: {report}",
+        f"report: {report}",
     ]
     tell(as_json, facts | demo.figures.facts(), lines)
 
@@ -273,7 +278,7 @@ def seen_in_words(demo: Demo) -> list[str]:
         f"in {len(demo.track.frame)} frames, {lost or 'none'} of them lost.",
         "The model was then driven with each blow's own force and its motion held against the measured one. The "
         "virtual action differs from the model on purpose (friction, felt damping, string, sensor errors), by about "
-        "what is uncertain of a real one. The verdict above says whether that shows; agreement means that the chain "
+        "what is uncertain of a real one. The verdict below says whether that shows; agreement means that the chain "
         "works, not that the model is right.",
         "The report shows every curve, measured and predicted, with uncertainty and the scatter from blow to blow.",
     ]
@@ -290,21 +295,21 @@ def next_commands(session: Path) -> list[tuple[str, str]]:
 
 
 def figure_lines(figures: Figures) -> list[str]:
-    """The figures as lines of text."""
+    """What the demo measured of itself, as a table."""
     mdeg = 1e3 * 180 / math.pi
-    lines = [
-        f"simulation   {figures.simulation_s * 1e3:.0f} ms for 0.7 s of trial 1 (warm), "
-        f"error {figures.simulation_error_rad:.1e} rad, {figures.simulation_steps} steps",
-        f"tracking     {figures.tracking_frames_per_s:.0f} frames/s for three bodies together",
+    rows = [
+        ("simulation of 0.7 s of trial 1, warm", f"{figures.simulation_s * 1e3:.0f} ms"),
+        ("its error, from a run at 1e-9 rad", f"{figures.simulation_error_rad:.1e} rad"),
+        ("tracking of three bodies together", f"{figures.tracking_frames_per_s:.0f} frames/s"),
     ]
     for t in figures.tracking:
-        lines.append(
-            f"             {t.body}: RMS error {t.rms_rad * mdeg:.1f} mdeg = {t.ratio:.2f} x Cramer-Rao bound "
-            f"({t.bound_rad * mdeg:.1f}), stated u {t.stated_u_rad * mdeg:.1f}, {t.lost} frames lost"
-        )
-    total = sum(figures.seconds.values())
-    parts = ", ".join(f"{name} {value:.1f}" for name, value in figures.seconds.items())
-    lines.append(f"run time     {total:.1f} s ({parts})")
+        rows += [
+            (f"{t.body}: RMS error ({t.lost} frames lost)", f"{t.rms_rad * mdeg:.1f} mdeg"),
+            (f"{t.body}: stated uncertainty; Cramer-Rao bound",
+             f"{t.stated_u_rad * mdeg:.1f}; {t.bound_rad * mdeg:.1f} mdeg"),
+        ]  # fmt: skip
+    parts = ", ".join(f"{name} {value:.0f}" for name, value in figures.seconds.items())
+    rows.append((f"run time: {parts}", f"{sum(figures.seconds.values()):.0f} s"))
     if figures.peak_memory_mib is not None:
-        lines.append(f"peak memory  {figures.peak_memory_mib:.0f} MiB")
-    return lines
+        rows.append(("largest memory", f"{figures.peak_memory_mib:.0f} MiB"))
+    return table_lines(("measured in this run", "value"), rows)

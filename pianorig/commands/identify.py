@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager, nullcontext
@@ -18,7 +17,7 @@ import validation
 from pianorig import workflows
 from pianorig.console.failures import Interrupted
 from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Scene, Settings
-from pianorig.console.output import tell
+from pianorig.console.output import table_lines, tell, wrapped
 from pianorig.console.overrides import load_model, read_settings
 from pianorig.console.progress import say
 from pianorig.errors import CommandInputError
@@ -138,13 +137,13 @@ def command(
     shrinks = [{"name": p.name, "trials": p.trials, "shrink": dict(p.shrink)} for p in ranked]
     more = {"file": out, "files": files, "next": shrinks, "no_plan": why_none or None}
     lines = [
-        *(f"note: {line}." for line in found.warnings),
-        f"end: {found.end}.",
-        *map(_line, found.estimates),
-        *(_scores(name, scores) for name, scores in found.scores.items()),
-        *reading_lines(found, ranked, refused),
+        *table_lines(ESTIMATE_HEAD, [*map(_cells, found.estimates)]),
+        *(line for text in found.warnings for line in wrapped(f"note: {text}.")),
+        *(line for name, scores in found.scores.items() for line in wrapped(_scores(name, scores))),
+        *(line for text in reading_lines(found, ranked, refused) for line in wrapped(text)),
+        *wrapped(f"end: {found.end}."),
         *(f"{name}: {path}" for name, path in files.items()),
-        *([f"plan: none is written: {why_none}."] if why_none else []),
+        *(wrapped(f"plan: none is written: {why_none}.") if why_none else []),
     ]
     tell(as_json, _as_plain(found) | more, lines)
     if found.end.by_user:
@@ -162,15 +161,12 @@ def _numbers(text: str) -> tuple[int, ...]:
     return tuple(map(int, parts))
 
 
-def _line(e: Any) -> str:
+ESTIMATE_HEAD = ("parameter", "value ± uncertainty", "95 % interval", "verdict")
+
+
+def _cells(e: Any) -> tuple[str, ...]:
     unit = "" if e.unit == "1" else f" {e.unit}"
-    interval = "" if e.interval == "two-sided" else f"; the strokes alone leave it {e.interval}"
-    jack = "" if math.isnan(e.u_jackknife) else f", trials left out one by one {e.u_jackknife:.2f}"
-    jack += "" if math.isnan(e.u_strokes) else f", kinds of stroke {e.u_strokes:.2f}"
-    return (
-        f"{e.name}: {e.value:.4g}{unit} (u {e.u:.2g}; 95 % {e.low:.4g} to {e.high:.4g}; before {e.prior:.4g}; "
-        f"of the prior u left {e.z_u:.2f}{jack}{interval}): {e.verdict}"
-    )
+    return e.name, f"{e.value:.4g} ± {e.u:.2g}{unit}", f"{e.low:.4g} to {e.high:.4g}", e.verdict
 
 
 def _scores(name: str, scores: dict[str, Any]) -> str:

@@ -13,7 +13,7 @@ import model
 import rig
 from pianorig import workflows
 from pianorig.console.options import SELFTESTS, AsJson, Backend, Operator, Profile, Rig, Selftests, Yes, refuse_beside
-from pianorig.console.output import tell
+from pianorig.console.output import table_lines, tell
 from pianorig.console.progress import bar, recording_line
 from pianorig.console.terminal import operator as operator_at_terminal
 from pianorig.errors import CommandInputError
@@ -149,10 +149,15 @@ def command(
         rows = [
             {"trial": t.number, "status": t.status, "film": t.film.name if t.film else None} for t in session.trials
         ]
-    lines = []
-    for row in rows:
-        more = f", {row['condition']}" if row.get("condition") else f", film {row['film']}" if row.get("film") else ""
-        lines.append(f"trial {row['trial']}: {row['status']}{more}")
+    shown = [
+        (f"trial {row['trial']}", str(row["status"]), str(row.get("condition") or row.get("film") or ""))
+        for row in rows
+    ]
+    complete = sum(row["status"] == "complete" for row in rows)
+    lines = [
+        *(table_lines(("recorded", "status", "condition, film"), shown) if shown else []),
+        f"{complete} of {len(rows)} complete",
+    ]
     tell(as_json, {"session": target, "trials": rows}, [*lines, f"session: {target}{count}"])
 
 

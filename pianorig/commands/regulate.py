@@ -11,7 +11,7 @@ import typer
 import model
 from pianorig.console.column_file import check_writable
 from pianorig.console.options import BUILT_IN_ACTION, AsJson, Scene, Settings, complete_file
-from pianorig.console.output import tell
+from pianorig.console.output import table_lines, tell, wrapped
 from pianorig.console.overrides import in_scene, load_changed, read_settings
 from pianorig.console.progress import working
 
@@ -67,10 +67,10 @@ def _measure(
         }
         for t in targets
     ]
-    lines = [f"{said}: {'target':<46}  wanted  measured   (mm)"]
+    cells = [(row["words"], _millimetres(row["wanted_m"]), _millimetres(row["measured_m"])) for row in rows]
+    lines = table_lines((f"{said}, mm", "wanted", "measured"), cells)
     for row in rows:
-        remark = f"   {row['remark']}" if row["remark"] else ""
-        lines.append(f"  {row['words']:<58}{_millimetres(row['wanted_m'])}  {_millimetres(row['measured_m'])}{remark}")
+        lines += wrapped(str(row["remark"]), f"{row['target']}: ") if row["remark"] else []
     tell(as_json, {"action": given.name, "targets": rows}, lines)
 
 
@@ -101,10 +101,12 @@ def _regulate(given: model.Action, said: str, wanted_m: Mapping[str, float], out
         }
         for t, s in zip(done.targets, model.regulation.SCREWS, strict=True)
     ]
-    lines = [f"{'target':<46}  wanted   before    after  {'screw':<20}  turned  (mm)"]
-    for row in rows:
-        wanted, before, after = (_millimetres(row[key]) for key in ("wanted_m", "before_m", "after_m"))
-        lines.append(f"{row['words']:<46}{wanted} {before} {after}  {row['screw']:<20} {1e3 * row['turned_m']:+7.3f}")
+    lengths = ("wanted_m", "before_m", "after_m")
+    cells = [
+        (row["words"], *(_millimetres(row[key]) for key in lengths), row["screw"], f"{1e3 * row['turned_m']:+.3f}")
+        for row in rows
+    ]
+    lines = table_lines((f"{said}, mm", "wanted", "before", "after", "screw", "turned"), cells)
     if done.rest_rail_m:
         rail = model.regulation.REST_RAIL
         lowered = f"lowered {-1e3 * done.rest_rail_m:.2f} mm"
@@ -123,4 +125,4 @@ def _turned_words(done: model.regulation.Regulation) -> str:
 
 def _millimetres(value: float) -> str:
     # + 0.0 so that a tiny negative number does not read -0.00
-    return f"{'-':>8}" if value != value else f"{round(1e3 * value, 2) + 0.0:>8.2f}"
+    return "-" if value != value else f"{round(1e3 * value, 2) + 0.0:.2f}"

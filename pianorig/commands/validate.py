@@ -8,12 +8,13 @@ from typing import Annotated
 import typer
 
 import validation
+from pianorig import workflows
 from pianorig.console.options import DEFAULT_ACTION, AsJson, Scene, Settings, Tolerance, complete_file
-from pianorig.console.output import tell, verdict_lines
+from pianorig.console.output import tell
 from pianorig.console.overrides import load_model, split_model
 from pianorig.console.progress import say
 from pianorig.errors import CommandInputError
-from validation.cache.report_cache import inputs_sha256, report_folder, store_report, stored_report
+from validation.cache.report_cache import StoredReport, inputs_sha256, report_folder, store_report, stored_report
 
 DEFAULT_TOLERANCE = 1e-5
 
@@ -96,6 +97,7 @@ def command(
     refused: tuple[str, ...] = ()
     if stored is not None:
         verdict, files, reused = stored.verdict_lines, stored.files, f"everything, as made {stored.made_utc}"
+        printed = stored.printed
     else:
         side = validation.validate_sessions(
             sessions,
@@ -108,12 +110,15 @@ def command(
             relevant=limits,
         )
         verdict, files, refused, reused = side.verdict_lines, side.files, side.refused, _reused(side)
+        printed = workflows.comparison_lines(side)
         # a report is not stored when a session could not be read, or when an input changed while it was made
         if not refused and inputs_sha256(sessions, read, options) == inputs:
-            note = store_report(folder, inputs, files, verdict, side.results[0].provenance["created_utc"])
+            made_utc = side.results[0].provenance["created_utc"]
+            note = store_report(folder, inputs, StoredReport(verdict, printed, files, made_utc))
             reused += f"; {note}" if note else ""
+            printed += [note] if note else []
     facts = {"verdict": " ".join(verdict), "files": files, "reused": reused, "refused": refused}
-    tell(as_json, facts, [*verdict_lines(verdict), f"reused: {reused}", f"report: {files['report.html']}"])
+    tell(as_json, facts, [*printed, f"report: {files['report.html']}"])
     if refused:
         raise typer.Exit(2)
 

@@ -1,4 +1,4 @@
-"""What commands print: one JSON object, the verdict of a comparison, names of written files."""
+"""What commands print: one JSON object, a table of 80 columns, names of written files."""
 
 from __future__ import annotations
 
@@ -51,14 +51,40 @@ def tell(as_json: bool, facts: Mapping[str, Any], lines: Iterable[str]) -> None:
         print(line)
 
 
-def verdict_lines(lines: Sequence[str]) -> list[str]:
-    """Headline of a comparison, then its details one below the other."""
-    return [lines[0], *(f"  - {line}" for line in lines[1:])]
+MOST_COLUMNS, MOST_ROWS = 80, 20
+
+
+def table_lines(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """A table of at most 80 columns and 20 rows: the first column to the left, numbers to the right.
+
+    Where it would be wider, the widest column is cut; of more rows the first are shown, and how many there are.
+    """
+    shown = rows[: MOST_ROWS - 2] if len(rows) > MOST_ROWS - 1 else rows
+    cells = [[str(cell) for cell in row] for row in (head, *shown)]
+    wide = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    while sum(wide) + 2 * (len(wide) - 1) > MOST_COLUMNS and max(wide) > 1:
+        wide[wide.index(max(wide))] -= 1
+    lines = []
+    for row in cells:
+        parts = [_cut(cell, n).ljust(n) if i == 0 else _cut(cell, n).rjust(n) for i, (cell, n) in
+                 enumerate(zip(row, wide, strict=True))]  # fmt: skip
+        lines.append("  ".join(parts).rstrip())
+    more = [f"and {len(rows) - len(shown)} more"] if len(shown) < len(rows) else []
+    return lines + more
+
+
+def _cut(text: str, n: int) -> str:
+    return text if len(text) <= n else text[: max(n - 1, 0)] + "…"
+
+
+def wrapped(text: str, begin: str = "") -> list[str]:
+    """A text in lines of at most 80 columns, those after the first indented by two."""
+    return textwrap.wrap(begin + text, MOST_COLUMNS, subsequent_indent="  ", break_long_words=False)
 
 
 def paragraphs(texts: Iterable[str]) -> list[str]:
-    """Sentences for people, wrapped to the terminal, at most 100 characters wide."""
-    wide = min(drawing_width(), 100)
+    """Sentences for people, wrapped to the terminal, at most 80 characters wide."""
+    wide = min(drawing_width(), MOST_COLUMNS)
     return [textwrap.fill(text, wide, initial_indent="  ", subsequent_indent="  ") for text in texts]
 
 

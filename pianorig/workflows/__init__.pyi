@@ -7,6 +7,7 @@ from .calibration import virtual_address as virtual_address
 from .calibration import weight_moment as weight_moment
 from .calibration import write_calibrated_action as write_calibrated_action
 from .calibration import write_calibration_record as write_calibration_record
+from .comparison_lines import comparison_lines as comparison_lines
 from .examples import EXAMPLES as EXAMPLES
 from .examples import write_examples as write_examples
 from .force_input import DrivingForce as DrivingForce

@@ -16,7 +16,7 @@ from pianorig import commands
 from pianorig.commands import RETIRED_COMMANDS
 from pianorig.errors import CommandInputError, InputError
 from tests.command_line import modules_after, modules_of_numba, run
-from validation.cache.report_cache import inputs_sha256, store_report
+from validation.cache.report_cache import StoredReport, inputs_sha256, store_report
 
 HEAVY = {"numpy", "numba", "pandas", "scipy", "matplotlib", "h5py", "cv2", "nidaqmx"}
 SHIPPED = Path(__file__).parents[2] / "sessions" / "example_forte"
@@ -52,7 +52,8 @@ def test_an_unchanged_validate_only_compares_hashes(tmp_path: Path) -> None:
     for path in files.values():
         path.write_text("made before")
     options = {"set": [], "tolerance": 1e-5, "by_motion": False, "condition": None}
-    store_report(session, inputs_sha256([session], ["hirschkorn2004"], options), files, ["fine"], "2026-01-01")
+    report = StoredReport(["fine"], ["verdict: fine"], files, "2026-01-01")
+    store_report(session, inputs_sha256([session], ["hirschkorn2004"], options), report)
     assert not modules_after(("validate", session)) & HEAVY
 
 

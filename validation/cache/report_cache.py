@@ -8,7 +8,7 @@ Whatever cannot be read or does not agree counts as changed, and the report is m
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,6 +28,7 @@ class StoredReport:
     """A report that can be used as it is."""
 
     verdict_lines: list[str]
+    printed: list[str]
     files: dict[str, Path]
     made_utc: str
 
@@ -76,21 +77,21 @@ def stored_report(folder: Path, inputs: str) -> StoredReport | None:
         files = {str(name): folder / str(name) for name in content["files_sha256"]}
         if any(sha256_of_file(files[name]) != sha for name, sha in content["files_sha256"].items()):
             return None
-        return StoredReport([str(line) for line in content["verdict_lines"]], files, str(content["made_utc"]))
+        said, printed = ([str(line) for line in content[name]] for name in ("verdict_lines", "printed"))
+        return StoredReport(said, printed, files, str(content["made_utc"]))
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
 
 
-def store_report(
-    folder: Path, inputs: str, files: Mapping[str, Path], verdict_lines: Iterable[str], made_utc: str
-) -> str:
+def store_report(folder: Path, inputs: str, report: StoredReport) -> str:
     """Write beside a report what it was made from; the reason why it could not be written, or an empty string."""
     content = {
         "schema": SCHEMA,
-        "made_utc": made_utc,
+        "made_utc": report.made_utc,
         "inputs_sha256": inputs,
-        "files_sha256": {name: sha256_of_file(path) for name, path in files.items()},
-        "verdict_lines": list(verdict_lines),
+        "files_sha256": {name: sha256_of_file(path) for name, path in report.files.items()},
+        "verdict_lines": report.verdict_lines,
+        "printed": report.printed,
     }
     try:
         write_text(folder / NAME, json.dumps(content, indent=1, ensure_ascii=False) + "\n")

@@ -81,7 +81,7 @@ def plot_rotation(
     draw(top, base_s, predicted, "model", **model_style(0))
     if band_rad is not None:
         reach = np.degrees(band_rad)
-        band(low, base_s, -reach, reach, "right model, 95 %")
+        band(low, base_s, -reach, reach, "95 % interval without an error of the model")
     draw(low, base_s, SIGN[channel] * np.degrees(curves["predicted_rad"] - curves["measured_rad"]), **model_style(0))
     low.axhline(0.0, color="#777777", linewidth=0.7)
     finish_axes(top, rotation_label(channel), bottom=False)

@@ -81,6 +81,10 @@ def distinct(names: Sequence[str], *details: Sequence[object]) -> list[str]:
     return out
 
 
+def _count(n: int) -> str:
+    return f"{n} recorded trial{'' if n == 1 else 's'}"
+
+
 def same_recordings(results: Sequence[ValidationResult]) -> list[str]:
     """Sessions that hold the same recordings under other names, in words: they are not independent."""
     seals: dict[str, set[str]] = {}
@@ -88,7 +92,7 @@ def same_recordings(results: Sequence[ValidationResult]) -> list[str]:
         seals.setdefault(result.session_name, set()).update(result.provenance.get("trials_sha256", {}).values())
     names = list(seals)
     return [
-        f"{a} and {b} share {len(seals[a] & seals[b])} recorded trials (same SHA-256): they are not independent."
+        f"{a} and {b} share {_count(len(seals[a] & seals[b]))} (same SHA-256): they are not independent."
         for i, a in enumerate(names)
         for b in names[i + 1 :]
         if seals[a] & seals[b]

@@ -1,7 +1,7 @@
 """The first lines of the report: what was compared, and what the stated uncertainties allow to say of the difference.
 
 Conventions: degrees for reading. The head is the outcome of `validation.verdict`; an RMSE is set against the RMSE that
-a right model would reach; no model is called valid; what is not known is left out or said to be unknown.
+a model without error would reach; no model is called valid; what is not known is left out or said to be unknown.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def prediction_lines(action: model.Action, trials: Sequence[MeasuredTrial]) -> l
     which = trials_in_words(fitted) if aside else "all of these trials"
     if aside and doubts:  # what the file says of the others may be wrong
         return [f"Not a prediction: the values of {action.name} were fitted to {which} (by hash); {'; '.join(doubts)}."]
-    kept = f"; {trials_in_words(aside)} {'was' if len(aside) == 1 else 'were'} not fitted" if aside else ""
+    kept = f"; {trials_in_words(aside)} {'was' if len(aside) == 1 else 'were'} kept aside" if aside else ""
     return [
         f"Not a prediction: the values of {action.name} were fitted to {which} (by hash){kept}; how well fitted trials "
         "are met says nothing of other strokes."
@@ -137,7 +137,7 @@ def _score(row: Any) -> str:
     parts = [f"{100 * row['rmse_over_range']:.2g} % of its range"] if math.isfinite(row["rmse_over_range"]) else []
     if math.isfinite(row["rmse_right_rad"]):
         right, most = math.degrees(row["rmse_right_rad"]), math.degrees(row["rmse_right_95_rad"])
-        parts.append(f"a right model {right:.2g}°, in 95 % below {most:.2g}°")
+        parts.append(f"expected without an error of the model {right:.2g}°, in 95 % below {most:.2g}°")
     return text + (f" ({'; '.join(parts)})" if parts else "")
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from validation.result import AGREES, ValidationResult
 from validation.tables.numbers import DASH, number
 from validation.verdict.quantities import INDEX, QUANTITIES
-from validation.verdict.verdict import format_interval, reading_of, shown_interval, title_of
+from validation.verdict.verdict import format_interval, most_important, reading_of, shown_interval, title_of
 
 WIDTH, EDGE = 240.0, 8.0
 EVENTS_SHOWN = ("let_off_distance", "hammer_speed", "string_impact", "check_height", "drop", "key_release")
@@ -68,3 +68,16 @@ def forest(results: Sequence[ValidationResult]) -> list[dict[str, Any]]:
             }
         )
     return out
+
+
+def quantity_rows(result: ValidationResult) -> list[tuple[str, str, str, str]]:
+    """The primary quantities, the most important first: name, error with its interval, limit, reading."""
+    if not len(result.quantities):
+        return []
+    rows = []
+    for row in most_important(result.quantities).itertuples():
+        q = QUANTITIES[INDEX[str(row.quantity)]]
+        limit = f"± {number(q.factor * row.limit, 2)}"
+        error = format_interval(*shown_interval(row), "")
+        rows.append((f"{title_of(row)} ({q.unit_shown})", error, limit, reading_of(row)))
+    return rows

@@ -24,7 +24,7 @@ FEWEST = 4
 LEAST = 1e-12
 CALLED = {
     "null": "the null model",
-    "unfitted": "the unfitted set",
+    "unfitted": "the values before the fit",
     "polynomial": "the polynomial",
     "fir": "the FIR filter",
     "fir_lags": "the FIR filter of six lags",
@@ -83,7 +83,7 @@ def describe_skills(skill: Mapping[str, Skill], fitted: str) -> tuple[str, ...]:
     for channel, one in skill.items():
         n = "" if one.interval else f"; {one.strokes} trial{'s' if one.strokes > 1 else ''}: no interval"
         of.append(f"{channel} {one.skill:.2f}{one.interval} ({CALLED[one.rival].removeprefix('the ')}{n})")
-    rivals = f"null model, unfitted set, black boxes fitted to {fitted}"
+    rivals = f"null model, values before the fit, black boxes fitted to {fitted}"
     return (f"Skill, 1 − RMSE over that of the best rival ({rivals}): {', '.join(of)}.",)
 
 

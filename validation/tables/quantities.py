@@ -75,7 +75,7 @@ COLUMNS = (
     Column("high_90", "SI", "Upper end"),
     Column("limit", "SI", "Limit of relevance; null where it is not in the claim", head="limit", text=_size("limit")),
     Column("ratio", "1", "|difference| in units of the scale of the draws on its side"),
-    Column("ratio_limit", "1", "What the largest ratio of a right model exceeds in 5 % of sessions"),
+    Column("ratio_limit", "1", "What the largest ratio of a model without error exceeds in 5 % of sessions"),
     Column(
         "resolved",
         "",
@@ -93,7 +93,7 @@ COLUMNS = (
         text=_detectable,
     ),
     Column("detectable_high", "SI", "Least positive one"),
-    Column("u", "SI", "Standard uncertainty of the difference, robust", head="u", text=_size("u")),
+    Column("u", "SI", "Standard uncertainty of the difference, robust", head="standard uncertainty", text=_size("u")),
     Column("u_force", "SI", "Part of the force: gain, level, delay"),
     Column("u_sensors", "SI", "Part of encoders, film and levels of rest"),
     Column("u_parameters", "SI", "Part of the parameters as declared"),
@@ -112,8 +112,7 @@ NOTES = (
     "Model − trial after ASME V&V 20. Model error: interval with force, sensors, parameters as declared and the "
     "scatter of the trials; plain difference: without the parameters, what would be seen again. Angles are means "
     "over a phase. “differs”: shown by the test of all quantities of the claim together (5 %); “alone”: excluded by "
-    "its own interval only. Detectable: would be shown in 80 % of such sessions. u: standard uncertainty; its "
-    "parts stand in the file.",
+    "its own interval only. Detectable: would be shown in 80 % of such sessions.",
 )
 TABLE = Table(
     "quantities",

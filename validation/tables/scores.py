@@ -60,7 +60,7 @@ COLUMNS = (
     Column("n_lost", "1", "Samples left out: lost frames and marked lifts", int, head="lost"),
     Column("iso_guards", "", "What makes the ISO-style score doubtful; empty when nothing does", str),
     *(_baseline(c, name, words) for name, words in BASELINES for c in COMPARED),
-    Column("u_rms_rad", "rad", "Standard uncertainty of one measured sample", head="u of a sample"),
+    Column("u_rms_rad", "rad", "Standard uncertainty of one measured sample", head="uncertainty of a sample"),
 )
 
 
@@ -84,7 +84,7 @@ def with_repeatability(scores: pd.DataFrame, channels: pd.DataFrame, without: Le
 
 NOTES = (
     "Model − trial in degrees inside the evaluation window: root mean square (RMSE), the same before the string "
-    "impact, mean, and largest magnitude with its time; u: standard uncertainty of one measured sample; lost: "
+    "impact, mean, and largest magnitude with its time; standard uncertainty of one measured sample; lost: "
     "samples left out. ISO-style: score in the style of ISO/TS 18571, 1 is best.",
 )
 TABLE = Table(

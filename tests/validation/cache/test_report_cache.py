@@ -7,7 +7,7 @@ import json
 import pytest
 
 from validation.cache.content_hash import code_sha256
-from validation.cache.report_cache import NAME, inputs_sha256, store_report, stored_report
+from validation.cache.report_cache import NAME, StoredReport, inputs_sha256, store_report, stored_report
 
 
 @pytest.fixture
@@ -31,7 +31,7 @@ def stored(folder, inputs):
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text(f"made from {inputs}")
     files = {name: folder / name for name in ("report.html", "tables/trials.csv")}
-    store_report(folder, inputs, files, ["first", "second"], "2026-11-21T12:00:00Z")
+    store_report(folder, inputs, StoredReport(["first", "second"], ["printed"], files, "2026-11-21T12:00:00Z"))
 
 
 def test_the_same_inputs_give_the_stored_report(session):

@@ -139,7 +139,7 @@ def test_samples_of_a_fitted_recording_count_as_fitted_in_any_session(written, t
     assert result.trials.set_index("trial")["fitted"].to_dict() == {5: True, 6: False}
     assert result.provenance["action"]["fitted_to"] == ["trial_0005"]
     said = "\n".join(result.verdict_lines)
-    assert "fitted to trial 5 (by hash); trial 6 was not fitted" in said and "A prediction" not in said
+    assert "fitted to trial 5 (by hash); trial 6 was kept aside" in said and "A prediction" not in said
     assert "Domain: trial 6: inside of what was fitted" in said
 
 

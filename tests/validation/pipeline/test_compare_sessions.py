@@ -122,7 +122,7 @@ def test_conditions_stand_for_themselves_and_names_are_told_apart(strokes):
     found = compare_sessions([folder / "planned", folder / "a", folder / "b"], [truth.action], **QUICK)
     assert list(found.sessions) == ["plan, forte", "plan, piano", "same (a)", "same (b)"]
     assert [len(r.traces) for r in found.results] == [1, 1, 2, 1]
-    assert any("same (a) and same (b) share 1 recorded trials" in text for text in found.verdict_lines)
+    assert any("same (a) and same (b) share 1 recorded trial " in text for text in found.verdict_lines)
     one = compare_sessions([folder / "planned"], [truth.action], condition="piano", **QUICK)
     assert list(one.sessions) == ["plan, piano"]
     assert list(one.results[0].traces) == [2]

@@ -39,8 +39,8 @@ TRIALS = [Trial(1, "a"), Trial(2, "b"), Trial(4, "c")]
     ("seals", "said"),
     [
         (("x", "y"), "A prediction: none of these trials is among the 2"),
-        (("b", "x"), "Not a prediction: .* fitted to trial 2 .by hash.; trials 1, 4 were not fitted"),
-        (("c", "a"), "Not a prediction: .* fitted to trials 1, 4 .by hash.; trial 2 was not fitted"),
+        (("b", "x"), "Not a prediction: .* fitted to trial 2 .by hash.; trials 1, 4 were kept aside"),
+        (("c", "a"), "Not a prediction: .* fitted to trials 1, 4 .by hash.; trial 2 was kept aside"),
         (("a", "b", "c"), "Not a prediction: .* fitted to all of these trials "),
     ],
 )
@@ -94,7 +94,7 @@ def test_an_edited_list_of_trials_clears_no_other_trial() -> None:
     whole = written()
     table = {**whole.identification, "provenance": {"trials_sha256": {"some, trial 1": "b"}}}
     (line,) = prediction_lines(replace(whole, identification=table), TRIALS)  # type: ignore[arg-type]
-    assert line.startswith("Not a prediction") and "were not fitted" not in line and "edited after" in line
+    assert line.startswith("Not a prediction") and "were kept aside" not in line and "edited after" in line
 
 
 def test_strokes_of_earlier_fits_are_remembered() -> None:

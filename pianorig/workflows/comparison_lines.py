@@ -1,0 +1,46 @@
+"""What a comparison prints: its most important quantities as a table, what to do, and the verdict last."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pianorig.console.output import table_lines, wrapped
+
+if TYPE_CHECKING:
+    from validation import SideBySide, ValidationResult
+
+MOST_ROWS = 14
+HEAD = ("quantity", "model error, 95 %", "limit", "reading")
+
+
+def comparison_lines(side: SideBySide) -> list[str]:
+    """Lines of a comparison, at most 80 columns wide."""
+    # start-up: 1 s of pandas, which an unchanged report does not need
+    from validation.report.overview import quantity_rows, verdict_parts
+
+    lines: list[str] = []
+    each = max(3, MOST_ROWS // len(side.results))
+    rows: list[tuple[str, ...]] = []
+    for result in side.results:
+        own = [tuple(row) for row in quantity_rows(result)[:each]]
+        rows += own if len(side.results) == 1 else [(f"{_name(result)}:", "", "", ""), *own]
+    if rows:
+        lines += table_lines(HEAD, rows)
+    for result in side.results:
+        named = f"{_name(result)}: " if len(side.results) > 1 else ""
+        kinds = list(dict.fromkeys(result.findings["kind"]))
+        if kinds:
+            lines += wrapped(", ".join(kinds), f"{named}findings: ")
+        if result.advice:
+            lines += wrapped(" ".join(result.advice), f"{named}what to do: ")
+    for line in (*side.compared_lines, *(f"Not compared: {text}" for text in side.refused), *side.notes):
+        lines += wrapped(line)
+    for result in side.results:
+        lead, rest = verdict_parts(result)
+        begin = f"verdict, {_name(result)}: " if len(side.results) > 1 else "verdict: "
+        lines += wrapped(f"{result.outcome}. {lead} {rest}".strip(), begin)
+    return lines
+
+
+def _name(result: ValidationResult) -> str:
+    return f"{result.session_name}, {result.action_name}"
