@@ -5,7 +5,7 @@ Each contact's row has its own scale and its largest force; the second column sh
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +31,13 @@ BEFORE_S, AFTER_S = 0.012, 0.018  # of the close-up, around the strike
 WORTH_A_LABEL = 0.1  # of the largest, in the close-up; weaker ones would only cover each other
 
 
-def draw_sheet(action: Action, solution: Solution, force_n: ArrayLike, path: str | Path) -> None:
+def draw_sheet(
+    action: Action,
+    solution: Solution,
+    force_n: ArrayLike,
+    path: str | Path,
+    events_s: Mapping[str, float] | None = None,
+) -> None:
     """Write the inside view of a blow to one sheet.
 
     Parameters
@@ -39,6 +45,7 @@ def draw_sheet(action: Action, solution: Solution, force_n: ArrayLike, path: str
     action, solution : the simulated action and its solution, with an inside view
     force_n : (m,) input at the solution's times, N (with a motor arm N m, its drive V, a finger m)
     path : file to write, .svg, .pdf or .png
+    events_s : name and time of what happens in the blow, s; marked where given
 
     Raises
     ------
@@ -60,22 +67,26 @@ def draw_sheet(action: Action, solution: Solution, force_n: ArrayLike, path: str
         layout.set(hspace=0.0, h_pad=0.01, rect=(0.0, 0.0, 1.0, 0.965))  # the title stands above
         count = len(inside.contacts)
         halves = figure.add_gridspec(1, 2, width_ratios=[8.2, 3.4])
-        grid = halves[0].subgridspec(count + 5, 2, width_ratios=[5, 3.2])
+        grid = halves[0].subgridspec(count + 8, 2, width_ratios=[5, 3.2])
         right = halves[1].subgridspec(3, 1, height_ratios=[count + len(inside.bodies), 8, 6])
         near = _close_up(inside)
         top = [figure.add_subplot(grid[:3, k]) for k in (0, 1)]
         for axes, ends in zip(top, (None, near), strict=True):
             _draw_motion(axes, action, solution, force_n, ends, legend=ends is None)
+        for k in (0, 1):
+            axes = figure.add_subplot(grid[3:6, k], sharex=top[k])
+            _draw_angles(axes, solution, legend=k == 0)
+            _mark_events((top[k], axes), events_s or {}, near, closer=k == 1)
         words = f"{action.name}. Contacts: pressure blue, friction orange, each row to its own largest force"
         figure.text(0.01, 0.99, words, va="top", fontsize="large")
         top[1].set_title("the strike" if STRING in inside.contacts else "closer", loc="left")
         for c, name in enumerate(inside.contacts):
             for k in (0, 1):
-                axes = figure.add_subplot(grid[c + 3, k], sharex=top[k])
+                axes = figure.add_subplot(grid[c + 6, k], sharex=top[k])
                 _draw_contact(axes, inside, c, contact_label(action, name) if k == 0 else None)
                 axes.tick_params(labelbottom=False, bottom=False)
         for k, ends in enumerate((None, near)):
-            axes = figure.add_subplot(grid[count + 3 :, k], sharex=top[k])
+            axes = figure.add_subplot(grid[count + 6 :, k], sharex=top[k])
             _draw_rail(axes, inside, ends)
         _draw_losses(figure.add_subplot(right[0]), action, inside)
         _draw_sliding(figure.add_subplot(right[1]), action, inside)
@@ -108,6 +119,37 @@ def _draw_motion(
     axes.grid(alpha=0.3)
     if legend:
         other.legend(handles=lines, fontsize="small", ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0))
+
+
+def _draw_angles(axes: Axes, solution: Solution, legend: bool) -> None:
+    """Angle of each body since the first time, degrees, in its colour."""
+    for i, body in enumerate(solution.bodies):
+        if body in BODY_COLORS:
+            turned = np.degrees(solution.angle_rad[:, i] - solution.angle_rad[0, i])
+            axes.plot(solution.time_s, turned, color=BODY_COLORS[body], linewidth=1.0, label=body)
+    axes.set_ylabel("angle, °")
+    axes.tick_params(labelbottom=False)
+    axes.grid(alpha=0.3)
+    if legend:
+        axes.legend(fontsize="x-small", ncols=5, loc="upper right", framealpha=0.7)
+
+
+def _mark_events(
+    panels: Sequence[Axes], events_s: Mapping[str, float], near: tuple[float, float], *, closer: bool
+) -> None:
+    """A dotted line at each event, named in the lowest of the panels; those of the close-up are named there alone."""
+    for name, time in events_s.items():
+        is_near = near[0] <= time <= near[1]
+        if closer and not is_near:
+            continue
+        for axes in panels:
+            axes.axvline(time, color="#777777", linewidth=0.6, linestyle=":")
+        if is_near and not closer:
+            continue
+        panels[-1].text(
+            time, 0.02, name, rotation=90, fontsize="xx-small", va="bottom", ha="right", clip_on=True,
+            transform=panels[-1].get_xaxis_transform(),
+        )  # fmt: skip
 
 
 def _draw_contact(axes: Axes, inside: Inside, c: int, label: str | None) -> None:

@@ -12,8 +12,9 @@ import typer
 
 import rig
 from pianorig import workflows
-from pianorig.console.options import AsJson, Backend, Rig
-from pianorig.console.output import tell
+from pianorig.console.column_file import FIGURE_ENDINGS, check_writable
+from pianorig.console.options import AsJson, Backend, Figure, Rig
+from pianorig.console.output import file_lines, tell
 from pianorig.errors import CommandInputError
 from rig.atomic_write import sha256_of_bytes, write_text
 
@@ -28,6 +29,7 @@ def command(
     u_angle: Annotated[float, typer.Option("--u-angle", help="Standard uncertainty of a reference angle, rad.")] = 5e-6,
     rig_name: Rig = "virtual",
     backend: Backend = "sim://",
+    figure: Figure = None,
     as_json: AsJson = False,
 ) -> None:
     """Calibrate an encoder over its arc.
@@ -40,6 +42,7 @@ def command(
         given = [float(cell) for cell in angles.split(",") if cell.strip()]
     except ValueError:
         raise CommandInputError(f"--angles {angles}: allowed numbers in rad, separated by commas") from None
+    check_writable(figure, *FIGURE_ENDINGS)
     facts = calibrate_encoder(body, given, u_angle, rig_name, backend, out)
     lines = (
         f"{body}: angle = {facts['gain']:.6f} of the reading  u {facts['u_gain']:.2g}; readings up to "
@@ -47,7 +50,14 @@ def command(
         f"{out}: with what the rig file knew {facts['arc_gain']:.6f}  u {facts['u_arc_gain']:.2g}; readings in "
         f"{facts['record']}",
     )
-    tell(as_json, facts, lines)
+    if figure is not None:
+        at, read = facts["references_rad"], facts["readings_rad"]
+        mid, mean = sum(at) / len(at), sum(read) / len(read)
+        away = [1e6 * (r - mean - (a - mid) / facts["gain"]) for a, r in zip(at, read, strict=True)]
+        words = (f"encoder of the {body}, gain {facts['gain']:.6f}", "reference angle, mrad", "left over, urad")
+        workflows.draw_deviations([1e3 * a for a in at], away, words, figure)
+        facts["figure"] = figure
+    tell(as_json, facts, (*lines, *file_lines([figure])))
 
 
 def calibrate_encoder(

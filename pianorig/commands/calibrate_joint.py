@@ -12,8 +12,9 @@ import typer
 import model
 import rig
 from pianorig import workflows
-from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Backend, Rig
-from pianorig.console.output import tell
+from pianorig.console.column_file import FIGURE_ENDINGS, check_writable
+from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Backend, Figure, Rig
+from pianorig.console.output import file_lines, tell
 from pianorig.console.terminal import type_answer
 
 
@@ -24,6 +25,7 @@ def command(
     action: Action = DEFAULT_ACTION,
     rig_name: Rig = "virtual",
     backend: Backend = "sim://",
+    figure: Figure = None,
     as_json: AsJson = False,
 ) -> None:
     """Calibrate the friction of a joint.
@@ -32,6 +34,7 @@ def command(
 
     Example:  pianorig calibrate joint --body hammer --out my_hammer.toml
     """
+    check_writable(figure, *FIGURE_ENDINGS)
     facts = calibrate_joint(body, rig_name, backend, out, action, swings, type_answer)
     lines = (
         f"{body}: friction {facts['friction_nm']:.4g}  u {facts['u_friction_nm']:.2g}  N m, "
@@ -39,7 +42,12 @@ def command(
         f"half swings {', '.join(map(str, facts['half_swings']))}",
         f"{out}: the action with {body}.joint_friction.A; readings in {facts['record']}",
     )
-    tell(as_json, facts, lines)
+    if figure is not None:
+        torque = [1e3 * share * facts["weight_moment_nm"] for share in facts["shares"]]
+        words = (f"friction of the joint of the {body}", "swing", "friction, mN m")
+        workflows.draw_deviations(range(1, len(torque) + 1), torque, words, figure)
+        facts["figure"] = figure
+    tell(as_json, facts, (*lines, *file_lines([figure])))
 
 
 def calibrate_joint(

@@ -63,10 +63,13 @@ def command(
     """
     target = out or workflows.new_session_folder("demo")
     demo = run_demo(target, trials=trials, profile=profile, quiet=as_json)
-    from validation.side_by_side import alone  # start-up: 1 s of pandas
+    # start-up: 1 s of pandas
+    from validation.report.figures.five_angles import draw_angles
+    from validation.side_by_side import alone
 
-    report = demo.result.files["report.html"]
-    facts = {"session": demo.session.path, "report": report, "verdict": demo.result.verdict}
+    report, picture = demo.result.files["report.html"], demo.session.path / "angles.png"
+    draw_angles([demo.result], picture)
+    facts = {"session": demo.session.path, "report": report, "picture": picture, "verdict": demo.result.verdict}
     lines = [
         *paragraphs(seen_in_words(demo)),
         "",
@@ -77,6 +80,7 @@ def command(
         "next:",
         *(f"  {line}\n      {what}" for line, what in next_commands(demo.session.path)),
         f"report: {report}",
+        f"picture: {picture}",
     ]
     tell(as_json, facts | demo.figures.facts(), lines)
 

@@ -12,7 +12,8 @@ import typer
 
 import rig
 from pianorig import workflows
-from pianorig.console.options import AsJson
+from pianorig.console.column_file import FIGURE_ENDINGS, check_writable
+from pianorig.console.options import AsJson, Figure
 from pianorig.console.output import tell
 from pianorig.errors import CommandInputError
 
@@ -41,6 +42,7 @@ def command(
             help="With --backend: write a rig file for the devices found there; with a recording: a mapping.",
         ),
     ] = None,
+    figure: Figure = None,
     as_json: AsJson = False,
 ) -> None:
     """Show a session, a recording, a backend, or the versions.
@@ -52,6 +54,7 @@ def command(
     Example:  pianorig info --backend sim:// --rig pcie6363
     Example:  pianorig info --backend ni://local --propose found_rig.toml
     """
+    check_writable(figure, *FIGURE_ENDINGS)
     is_recording = backend is None and session is not None and workflows.is_recording(session)
     if is_recording and session is not None:
         facts: dict[str, Any] = workflows.recording_facts(session, propose)
@@ -63,6 +66,11 @@ def command(
         facts = backend_facts(backend, rig_name)
     else:
         facts = _versions() if session is None else session_facts(session)
+    if figure is not None:
+        if is_recording or backend is not None or session is None:
+            raise CommandInputError("--figure: draws a session; give its folder, without --backend")
+        workflows.draw_session(rig.Session.open(session), figure)
+        facts["figure"] = figure
     lines = []
     for key, value in facts.items():
         if isinstance(value, list):

@@ -12,8 +12,20 @@ import typer
 import model
 import rig
 from pianorig import workflows
-from pianorig.console.options import SELFTESTS, AsJson, Backend, Operator, Profile, Rig, Selftests, Yes, refuse_beside
-from pianorig.console.output import table_lines, tell
+from pianorig.console.column_file import FIGURE_ENDINGS, check_writable
+from pianorig.console.options import (
+    SELFTESTS,
+    AsJson,
+    Backend,
+    Figure,
+    Operator,
+    Profile,
+    Rig,
+    Selftests,
+    Yes,
+    refuse_beside,
+)
+from pianorig.console.output import file_lines, table_lines, tell
 from pianorig.console.progress import bar, recording_line
 from pianorig.console.terminal import operator as operator_at_terminal
 from pianorig.errors import CommandInputError
@@ -72,6 +84,7 @@ def command(
     ] = None,
     yes: Yes = False,
     selftest: Selftests = SELFTESTS,
+    figure: Figure = None,
     as_json: AsJson = False,
 ) -> None:
     """Play a motor profile; record force, angles, frame clock.
@@ -81,6 +94,9 @@ def command(
 
     Example:  pianorig record --profile forte --trials 5 --film 1 --out sessions/try
     """
+    check_writable(figure, *FIGURE_ENDINGS)
+    if dry_run and figure is not None:
+        raise CommandInputError("--figure: draws what was recorded; not with --dry-run")
     if dry_run and felt is not None:
         raise CommandInputError("--felt: a press is shaped from the ramp before it; not with --dry-run")
     if plan is not None:
@@ -102,7 +118,9 @@ def command(
         _press_felt(out, order, access, as_json, (operator, action), workflows.room_conditions(temperature, humidity))
         return
     if passive:
-        refuse_beside(ctx, "--passive", "plays no profile", "passive", "duration", "yes", "selftest", *RECORDED)
+        refuse_beside(
+            ctx, "--passive", "plays no profile", "passive", "duration", "yes", "selftest", "figure", *RECORDED
+        )
         target, count = out or workflows.new_session_folder("passive"), ""
         title = f"waiting for strokes on {backend}, into {target}; Ctrl-C ends"
         with workflows.interrupts_told(target), recording_line(as_json, title) as progress:
@@ -120,7 +138,7 @@ def command(
         rows = [{"trial": t.number, "status": t.status} for t in session.trials]
     elif resume is not None:
         own = "rig, profiles, plan, operator, action and room are the session's own"
-        refuse_beside(ctx, "--resume", own, "resume", "backend", "yes", "selftest")
+        refuse_beside(ctx, "--resume", own, "resume", "backend", "yes", "selftest", "figure")
         with workflows.interrupts_told(resume, resumed=True), recording_line(quiet=as_json) as progress:
             session, new = workflows.resume(resume, access, progress)
         rows = [{"trial": n, "status": (t := session.trial(n)).status, "condition": t.read().condition} for n in new]
@@ -158,7 +176,10 @@ def command(
         *(table_lines(("recorded", "status", "condition, film"), shown) if shown else []),
         f"{complete} of {len(rows)} complete",
     ]
-    tell(as_json, {"session": target, "trials": rows}, [*lines, f"session: {target}{count}"])
+    if figure is not None:
+        workflows.draw_session(rig.Session.open(target), figure)
+    facts = {"session": target, "trials": rows} | ({"figure": figure} if figure is not None else {})
+    tell(as_json, facts, [*lines, *file_lines([figure]), f"session: {target}{count}"])
 
 
 def _press_felt(

@@ -9,9 +9,10 @@ from typing import Annotated, Any
 import typer
 
 import model
-from pianorig.console.column_file import check_writable
-from pianorig.console.options import BUILT_IN_ACTION, AsJson, Scene, Settings, complete_file
-from pianorig.console.output import table_lines, tell, wrapped
+from pianorig import workflows
+from pianorig.console.column_file import FIGURE_ENDINGS, check_writable
+from pianorig.console.options import BUILT_IN_ACTION, AsJson, Figure, Scene, Settings, complete_file
+from pianorig.console.output import file_lines, table_lines, tell, wrapped
 from pianorig.console.overrides import in_scene, load_changed, read_settings
 from pianorig.console.progress import working
 
@@ -31,6 +32,7 @@ def command(
     ] = None,
     set_: Settings = None,
     scene: Scene = None,
+    figure: Figure = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure and regulate an action as a technician does.
@@ -41,18 +43,23 @@ def command(
     Example:  pianorig regulate hirschkorn2004 --target-mm let_off=1.5 --out soft.toml
     """
     check_writable(out, ".toml")
+    check_writable(figure, *FIGURE_ENDINGS)
     given = load_changed(action, set_, scene=scene)
     said = in_scene(given, scene).name
     wanted = {name: 1e-3 * length for name, length in read_settings(target_mm or [], "--target-mm").items()}
     targets = model.regulation.targets_at(wanted)
     if out is None:
-        _measure(given, said, targets, as_json)
+        _measure(given, said, targets, figure, as_json)
     else:
-        _regulate(given, said, wanted, out, as_json)
+        _regulate(given, said, wanted, (out, figure), as_json)
 
 
 def _measure(
-    given: model.Action, said: str, targets: Sequence[model.regulation.RegulationTarget], as_json: bool
+    given: model.Action,
+    said: str,
+    targets: Sequence[model.regulation.RegulationTarget],
+    figure: Path | None,
+    as_json: bool,
 ) -> None:
     """Print the seven targets as they are."""
     with working("measuring the action", quiet=as_json):
@@ -71,11 +78,17 @@ def _measure(
     lines = table_lines((f"{said}, mm", "wanted", "measured"), cells)
     for row in rows:
         lines += wrapped(str(row["remark"]), f"{row['target']}: ") if row["remark"] else []
-    tell(as_json, {"action": given.name, "targets": rows}, lines)
+    if figure is not None:
+        workflows.draw_targets(rows, "measured_m", figure)
+    more = {"figure": figure} if figure is not None else {}
+    tell(as_json, {"action": given.name, "targets": rows} | more, [*lines, *file_lines([figure])])
 
 
-def _regulate(given: model.Action, said: str, wanted_m: Mapping[str, float], out: Path, as_json: bool) -> None:
-    """Turn the seven screws, write the action, print each target before and after."""
+def _regulate(
+    given: model.Action, said: str, wanted_m: Mapping[str, float], files: tuple[Path, Path | None], as_json: bool
+) -> None:
+    """Turn the seven screws, write the action, print each target before and after; ``files``: action, figure."""
+    out, figure = files
     with working("turning seven screws until seven targets are met", quiet=as_json):
         done = model.regulation.regulate(given, wanted_m=wanted_m)
     model.write_action(
@@ -113,8 +126,12 @@ def _regulate(given: model.Action, said: str, wanted_m: Mapping[str, float], out
         lines.append(f"the hammer lay on its rest rail ({rail.path}): {lowered}, clear of it")
     if done.action is given:
         lines.append("all seven targets are met: nothing was turned")
-    facts = {"action": done.action.name, "out": out, "targets": rows, "looks": done.evaluations}
-    tell(as_json, facts | {"rest_rail_m": done.rest_rail_m}, [*lines, f"{out}: {done.action.name}"])
+    facts: dict[str, Any] = {"action": done.action.name, "out": out, "targets": rows, "looks": done.evaluations}
+    if figure is not None:
+        workflows.draw_targets(rows, "before_m", figure)
+        facts["figure"] = figure
+    facts["rest_rail_m"] = done.rest_rail_m
+    tell(as_json, facts, [*lines, *file_lines([figure]), f"{out}: {done.action.name}"])
 
 
 def _turned_words(done: model.regulation.Regulation) -> str:

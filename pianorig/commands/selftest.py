@@ -10,9 +10,11 @@ from typing import Annotated
 import typer
 
 import rig
+from pianorig import workflows
+from pianorig.console.column_file import FIGURE_ENDINGS, check_writable
 from pianorig.console.failures import Interrupted, how_stopped
-from pianorig.console.options import SELFTESTS, AsJson, Backend, Operator, Rig, Yes
-from pianorig.console.output import tell
+from pianorig.console.options import SELFTESTS, AsJson, Backend, Figure, Operator, Rig, Yes
+from pianorig.console.output import file_lines, tell
 from pianorig.console.terminal import type_answer
 
 
@@ -22,6 +24,7 @@ def command(
     out: Annotated[Path, typer.Option("--out", help="Folder for the record.")] = SELFTESTS,
     operator: Operator = "unknown",
     yes: Yes = False,
+    figure: Figure = None,
     as_json: AsJson = False,
 ) -> None:
     """Test a bench with gentle pushes before the first blow.
@@ -31,6 +34,8 @@ def command(
     Example:  pianorig selftest --backend ni://local --rig my_rig.toml --operator ana
     """
 
+    check_writable(figure, *FIGURE_ENDINGS)
+
     def show(finding: rig.SelftestFinding) -> None:
         if not as_json:
             passed = "ok  " if finding.passed else "FAIL"
@@ -39,8 +44,12 @@ def command(
                 print(f"     {finding.advice}")
 
     path, record = check_bench(backend, rig_name, out, operator=operator, yes=yes, ask=type_answer, show=show)
+    if figure is not None:
+        workflows.draw_checks(record.findings, figure)
     failed = "" if record.passed else "; it did not pass, recording on hardware will refuse it"
-    tell(as_json, {"record": path, **record.model_dump(mode="json")}, [f"record: {path}{failed}"])
+    tell(
+        as_json, {"record": path, **record.model_dump(mode="json")}, [*file_lines([figure]), f"record: {path}{failed}"]
+    )
     if not record.passed:
         raise typer.Exit(3)
 

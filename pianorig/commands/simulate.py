@@ -182,7 +182,9 @@ def command(
                 method=method,
             )
             if figure is not None:
-                model.inside.draw_sheet(chosen, moved, driving.at(fine), figure)
+                model.inside.draw_sheet(
+                    chosen, moved, driving.at(fine), figure, workflows.blow_events(chosen, moved, driving.at(fine))
+                )
             if animation is not None:
                 # start-up: the player's data need more of validation and vision than a run without animation
                 from pianorig.player.animation import write_blow_animation

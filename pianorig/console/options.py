@@ -57,6 +57,7 @@ SESSIONS = Path("sessions")
 SELFTESTS = Path("selftests")
 """Where ``pianorig selftest`` puts its records."""
 
+Figure: TypeAlias = Annotated[Path | None, typer.Option("--figure", help="Draw what was found: .svg, .pdf or .png.")]
 AsJson: TypeAlias = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Action: TypeAlias = Annotated[
     str, typer.Option("--action", help=BUILT_IN_ACTION, autocompletion=complete_file("model/actions"))

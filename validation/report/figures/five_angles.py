@@ -7,6 +7,8 @@ wholly inside its frame.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from matplotlib import rc_context
@@ -15,6 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from model.files.figure_sheet import new_sheet
 from model.inside.labels import BODY_COLORS
 from validation.conventions import BODIES, FILM_CHANNELS, Array
 from validation.curves.display_signs import SIGN, TITLE, degrees
@@ -39,6 +42,23 @@ def five_angles(view: SessionView) -> list[tuple[str, str]]:
         return [(TITLE[channel], _picture(view, channel)) for channel in BODIES]
 
 
+def draw_angles(results: Sequence[ValidationResult], path: str | Path) -> None:
+    """Draw the five angles of a session into a file.
+
+    Parameters
+    ----------
+    results : of one session, one for each model
+    path : .svg, .pdf or .png
+    """
+    view = SessionView(tuple(results))
+    with rc_context({"font.size": FONT_PT}), new_sheet(path, 2.8 * len(BODIES), 3.6) as figure:
+        grid = figure.subplots(2, len(BODIES), sharex=True, height_ratios=(1.5, 1), squeeze=False)
+        for (top, low), channel in zip(grid.T, BODIES, strict=True):
+            _draw(top, low, view, channel)
+        names = ", ".join(result.action_name for result in results)
+        figure.suptitle(f"{view.name}: measured (colour) and predicted by {names} (black dashes), 95 % band, limits")
+
+
 def band_words(view: SessionView) -> str:
     """Half width of the 95 % band of each measured angle, in degrees, at its widest; empty where none was drawn."""
     parts = []
@@ -57,10 +77,18 @@ def limit_of(result: ValidationResult, channel: str) -> float:
 
 
 def _picture(view: SessionView, channel: str) -> str:
-    first = view.first
-    base, color = first.base_s, BODY_COLORS[channel]
     figure = Figure(figsize=SIZE_IN)
     top, low = figure.subplots(2, 1, sharex=True, height_ratios=(1.5, 1))
+    _draw(top, low, view, channel)
+    figure.subplots_adjust(left=0.17, right=0.97, top=0.93, bottom=0.135, hspace=0.24)
+    key = f"{view.prefix}angle-{channel}"
+    return figure_svg(figure, key, f"{TITLE[channel]}, measured and predicted", _words(view, channel))
+
+
+def _draw(top: Axes, low: Axes, view: SessionView, channel: str) -> None:
+    """Angle above, difference below."""
+    first = view.first
+    base, color = first.base_s, BODY_COLORS[channel]
     measured = _curves(first, channel, "measured")
     counted = _counted(first, channel)
     for curve in measured[:, ~counted].T[:MOST_LINES]:
@@ -99,9 +127,6 @@ def _picture(view: SessionView, channel: str) -> str:
     low.set_xlabel("time (s)", labelpad=1)
     top.set_title(f"{TITLE[channel]} (°)", fontsize=FONT_PT, loc="left", pad=3, fontweight="bold")
     low.set_title("model − trial (°)", fontsize=FONT_PT, loc="left", pad=3)
-    figure.subplots_adjust(left=0.17, right=0.97, top=0.93, bottom=0.135, hspace=0.24)
-    key = f"{view.prefix}angle-{channel}"
-    return figure_svg(figure, key, f"{TITLE[channel]}, measured and predicted", _words(view, channel))
 
 
 def _words(view: SessionView, channel: str) -> str:

@@ -1,0 +1,120 @@
+"""Pictures of what a command found: a session's force and angles, targets of a regulation, checks, calibrations.
+
+Conventions: degrees, newtons, millimetres; one colour for each body (`model.inside.labels`); .png, .svg or .pdf.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from model.files.figure_sheet import new_sheet
+from model.inside.labels import BODY_COLORS
+
+if TYPE_CHECKING:
+    import model
+    import rig
+
+MOST_POINTS = 4000
+GOOD, BAD = "#00785A", "#B3261E"
+CHECK_IN = 0.32  # height of a row
+ONSET_SHARE = 0.01  # of the largest force: what is less is rest
+FEWEST_QUIET = 10  # samples of rest that a level is read from
+
+
+def draw_session(session: rig.Session, path: Path) -> None:
+    """Draw the force and the angles of all trials of a session that can be read, a panel each."""
+    trials = [trial.read() for trial in session.trials if not trial.problem]
+    names = list(dict.fromkeys(encoder.name for data in trials for encoder in data.encoders))
+    has_force = any(data.has_force for data in trials)
+    panels = [*(["force"] if has_force else []), *names]
+    with new_sheet(path, 9.0, 0.6 + 1.9 * max(len(panels), 1)) as figure:
+        grid = figure.subplots(max(len(panels), 1), 1, sharex=True, squeeze=False)[:, 0]
+        for data in trials:
+            step = max(1, data.time_s.size // MOST_POINTS)
+            time = data.time_s[::step]
+            angles = np.degrees(data.angle_rad())[::step]
+            own = [encoder.name for encoder in data.encoders]
+            for axes, name in zip(grid, panels, strict=False):
+                if name == "force":
+                    axes.plot(time, data.force_n[::step], color="black", linewidth=0.8, alpha=0.7)
+                elif name in own:
+                    color = BODY_COLORS.get(name, "#555555")
+                    axes.plot(time, angles[:, own.index(name)], color=color, linewidth=0.9, alpha=0.8)
+        for axes, name in zip(grid, panels, strict=False):
+            axes.set_ylabel("force, N" if name == "force" else f"{name}, °")
+            axes.grid(alpha=0.3)
+        grid[-1].set_xlabel("time, s")
+        n = f"{len(trials)} trial{'' if len(trials) == 1 else 's'}"
+        figure.suptitle(f"{session.info.name or session.path.name}: {n}, as recorded; angles since the first sample")
+
+
+def draw_targets(rows: Sequence[dict[str, Any]], before: str, path: Path) -> None:
+    """Draw each target of a regulation: how far it was from what is wanted, and is after regulating, mm."""
+    with new_sheet(path, 8.0, 1.1 + CHECK_IN * len(rows)) as figure:
+        axes = figure.subplots()
+        for name, marker, color in ((before, "o", BAD), ("after_m", "s", GOOD)):
+            if name in rows[0]:
+                away = [1e3 * (row[name] - row["wanted_m"]) for row in rows]
+                label = {"after_m": "after"}.get(name, "before" if "after_m" in rows[0] else "measured")
+                axes.plot(away, range(len(rows)), marker, color=color, label=label, markersize=6)
+        axes.axvline(0.0, color="#777777", linewidth=0.8)
+        axes.set_yticks(range(len(rows)), [f"{row['words']} ({1e3 * row['wanted_m']:.2f} mm)" for row in rows])
+        axes.invert_yaxis()
+        axes.set_xscale("symlog", linthresh=0.1)
+        axes.set_xlabel("away from what is wanted, mm (linear to 0.1 mm)")
+        axes.grid(alpha=0.3)
+        axes.legend(loc="best", fontsize="small")
+
+
+def draw_checks(findings: Sequence[Any], path: Path) -> None:
+    """Draw the checks of a self-test, a row each: passed or not, what was found, what is allowed."""
+    with new_sheet(path, 9.0, 0.8 + CHECK_IN * len(findings)) as figure:
+        axes = figure.subplots()
+        for i, one in enumerate(findings):
+            axes.plot([0.0], [i], "s" if one.passed else "X", color=GOOD if one.passed else BAD, markersize=9)
+            axes.text(0.03, i, one.check, va="center")
+            axes.text(0.33, i, one.found, va="center")
+            axes.text(0.70, i, f"allowed {one.allowed}", va="center", color="#4a4a4a")
+        axes.set(xlim=(-0.03, 1.1), ylim=(len(findings) - 0.5, -0.5))
+        axes.axis("off")
+        passed = sum(one.passed for one in findings)
+        axes.set_title(f"self-test: {passed} of {len(findings)} checks passed", loc="left")
+
+
+def draw_deviations(
+    at: Sequence[float], away: Sequence[float], words: tuple[str, str, str], path: Path, u: Sequence[float] = ()
+) -> None:
+    """Draw what a calibration left over at each reference; ``words``: title, horizontal and vertical label."""
+    title, along, up = words
+    with new_sheet(path, 7.0, 3.6) as figure:
+        axes = figure.subplots()
+        if len(u):
+            axes.errorbar(at, away, yerr=u, fmt="o", color=BODY_COLORS["whippen"], capsize=3)
+        else:
+            axes.plot(at, away, "o", color=BODY_COLORS["whippen"])
+        axes.axhline(0.0, color="#777777", linewidth=0.8)
+        axes.set(title=title, xlabel=along, ylabel=up)
+        axes.grid(alpha=0.3)
+
+
+def blow_events(action: model.Action, solution: model.Solution, force: np.ndarray) -> dict[str, float]:
+    """Title and time, s, of what happens in a blow that begins at rest; nothing where the scene lacks a body."""
+    # start-up: 0.3 s of validation, which a run without a figure does not need
+    from validation.conventions import BODIES, ENCODER_BODIES
+    from validation.events.definitions import EVENTS
+    from validation.events.detect import find_events
+    from validation.measurement.geometry import geometry_of, motion_of
+
+    away = np.abs(np.asarray(force) - force[0])
+    quiet = int(np.argmax(away > ONSET_SHARE * away.max())) if away.size and away.max() > 0 else 0
+    if tuple(solution.bodies[: len(BODIES)]) != tuple(BODIES) or quiet < FEWEST_QUIET:
+        return {}
+    rest = solution.angle_rad[0, : len(BODIES)]
+    change = (solution.angle_rad[:, : len(BODIES)] - rest)[:, ENCODER_BODIES]
+    motion = motion_of(geometry_of(action, rest), solution.time_s, change, np.full(3, 1e-5))
+    found = find_events(motion, quiet).values()
+    return {EVENTS[e.name].title: e.value for e in found if EVENTS[e.name].unit == "s" and e.status != "absent"}
