@@ -87,6 +87,7 @@ JUDGEMENT = {
 PROVENANCE = {
     "created_utc": _text("When, UTC"),
     "session": _record("The session as recorded", SESSION),
+    "driven_by": _text("What drives the model: the measured force, or the measured key", enum=["force", "key"]),
     "trials_sha256": _each("Trial file → SHA-256 of its recorded data", {"type": "string"}),
     "action": _record("Parameter values of the model", ACTION),
     "model": _text("SHA-256 of the model's source"),

@@ -63,7 +63,7 @@ def test_every_figure_of_the_thesis_is_there_with_title_and_description(page):
     for figure in ("3.9", "3.10", "3.11", "3.12", "3.13", "4.1", "4.2", "4.3", "4.4"):
         assert f"As thesis Fig. {figure}." in page
     figures = len(re.findall("<svg [^>]*data-panels", page))
-    assert figures == 9
+    assert figures == 10
     assert page.count("<desc") == figures + 5  # the five angles of the first screen
     assert len(page.encode()) < 1_200_000
 

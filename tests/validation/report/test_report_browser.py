@@ -68,7 +68,7 @@ def opened_side(browser, side_written):
 
 def test_the_report_opens_and_is_no_wider_than_the_page(folded):
     page = folded
-    assert page.locator("svg[data-panels]").count() == 9
+    assert page.locator("svg[data-panels]").count() == 10
     assert page.locator(".five svg").first.bounding_box()["height"] > 150
     assert "Model error" in page.locator("#verdict").inner_text()
     # by keyboard: the first stop is the way past the navigation, and details open without a mouse
@@ -150,7 +150,7 @@ def test_without_scripts_everything_is_readable_and_no_dead_control_is_shown(bro
     page = context.new_page()
     page.goto(written.files["report.html"].as_uri())
     assert not page.locator("#zoom").is_visible()
-    assert page.locator("svg[data-panels]").count() == 9
+    assert page.locator("svg[data-panels]").count() == 10
     page.locator("#scores > summary").click()
     assert page.locator("#table-scores-channels").is_visible()
     context.close()
