@@ -119,7 +119,8 @@ def _made_of(facts: Mapping[str, Any]) -> list[str]:
     """What the intervals are made of."""
     if not facts.get("judged", False):
         return []
-    share = f"{100 * facts['branch_share']:.3g} %"
+    least = "at least " if len(facts["drawn_trials"]) > 1 else ""  # of the conditions
+    share = f"{least}{100 * facts['branch_share']:.3g} %"
     drawn = trials_in_words(facts["drawn_trials"])
     scatter = trials_in_words(facts["trials"], MOST_TRIALS)
     return [

@@ -370,9 +370,9 @@ def _reservations(table: pd.DataFrame, errors: SessionErrors, e: Estimates) -> l
         if e.n_draws[k] < FEWEST_DRAWS or (e.share[k] < SELDOM and not e.is_branch_resolved):
             what = f"what {name or 'the trials'} do ({branch_words(one.branch)})"
             said.append(f"Only {e.n_draws[k]} of {n} draws do {what}")
-        if len(one.trials) == 2:
-            which = f"{name[0].upper()}{name[1:]}" if name else "Two trials"
-            said.append(f"{which}: their scatter is hardly known, which makes the intervals wide")
+    pairs = "; ".join(trials_in_words(one.trials) for one in errors.conditions if len(one.trials) == 2)
+    if pairs:
+        said.append(f"Of two trials ({pairs}) the scatter is hardly known, which makes the intervals wide")
     if errors.other_branch:
         numbers = trials_in_words(sorted(errors.other_branch))
         words = branch_words(next(iter(errors.other_branch.values())))
