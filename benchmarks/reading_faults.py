@@ -35,7 +35,7 @@ PLANTED, SEEN_RAD = 2, 0.5e-3
 
 def find_reading_faults(case: Case, seed: int) -> list[tuple[str, int, str]]:
     """Kind, trial and text of what is found of the readings."""
-    options: Any = {"keep_predictions": False, "rivals": (), "budget": False, "suspect": False}
+    options: Any = {"keep_predictions": False, "rivals": (), "budget": False, "explain": False}
     with tempfile.TemporaryDirectory() as folder:
         found = compare_session(make_session(case, seed, Path(folder)), model.load_action(), **options).findings
     return [(f.kind, int(f.trial), f.text) for f in found.itertuples() if f.kind in KINDS]

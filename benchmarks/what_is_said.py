@@ -1,6 +1,6 @@
 """Every sentence of a session's report beside what was planted in the session, to be read one by one.
 
-    python -m benchmarks what_is_said [--only WORD,…] [--seed 1] [--suspect] [--budget]
+    python -m benchmarks what_is_said [--only WORD,…] [--seed 1] [--explain] [--budget]
 
 Eighty sessions of the virtual bench, twenty of each kind: effects that the model lacks, glitches of one channel, odd
 sessions, and clean ones; sizes, times, trials and strokes are drawn by the seed. Each case names itself, what is true
@@ -277,15 +277,13 @@ def make_session(case: Case, seed: int, folder: Path) -> Session:
     return session
 
 
-def sentences(name: str, seed: int, suspect: bool, budget: bool) -> dict[str, list[str]]:
+def sentences(name: str, seed: int, explain: bool, budget: bool) -> dict[str, list[str]]:
     """All that the report of a case says."""
     case, printed = cases(seed)[name], model.load_action()
     with tempfile.TemporaryDirectory() as folder:
         session = make_session(case, seed, Path(folder))
         action = printed.with_values({path: printed[path] + by for path, by in case.named.items()})
-        result = compare_session(
-            session, action, keep_predictions=False, budget=budget, suspect="parts" if suspect else False
-        )
+        result = compare_session(session, action, keep_predictions=False, budget=budget, explain=explain)
     return {
         "finding": list(result.findings["text"]),
         "warning": [text for text in result.warnings if text not in set(result.findings["text"])],
@@ -301,7 +299,7 @@ def main(run: Run) -> bool:
         if not run.only or any(word in f"{case.kind} {name}" for word in run.only)
     }  # fmt: skip
     right = True
-    for (name, *_), said in run.cases([(name, run.seed, run.suspect, run.budget) for name in asked], sentences):
+    for (name, *_), said in run.cases([(name, run.seed, run.explain, run.budget) for name in asked], sentences):
         case = asked[name]
         print(f"\n=== {case.kind:6} | {name} ({case.strokes[0]}, seed {run.seed}) | planted: {case.truth}", flush=True)
         for where, lines in said.items():

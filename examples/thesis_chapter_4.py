@@ -25,7 +25,7 @@ printed = model.load_action("hirschkorn2004")
 damping = [path for path in printed.quantities if path.endswith(".normal.D")]
 softer = replace(printed.with_values({path: 4.5 * printed[path] for path in damping}), name="damping x 4.5")
 
-side = validation.validate_sessions(sessions, [printed, softer], folder / "report", budget=False, suspect=False)
+side = validation.validate_sessions(sessions, [printed, softer], folder / "report", budget=False, explain=False)
 scores = side.tables["scorecard"].query("score == 'rmse_rad'")
 print(scores.pivot_table("value", ["session", "model"], "channel").to_string())
 for line in side.verdict_lines:

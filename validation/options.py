@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from datetime import UTC, datetime
-from typing import Any, Literal, TypedDict
+from typing import Any, TypedDict
 
 import model
 from validation.conventions import Array
@@ -23,7 +23,8 @@ class CompareOptions(TypedDict, total=False):
     geometry: Callable[[model.Action, Array], ActionGeometry] | None
     rivals: tuple[str, ...]
     budget: bool
-    suspect: bool | Literal["parts"]
+    explain: bool | None
+    effects: bool
     by_motion: bool
     further: bool
     keep_predictions: bool
@@ -50,7 +51,8 @@ class ComparisonOptions:
     tolerance: float = 1e-5
     rivals: tuple[str, ...] = RIVALS
     budget: bool = True
-    suspect: bool | Literal["parts"] = True
+    explain: bool | None = None
+    effects: bool = True
     by_motion: bool = False
     further: bool = False
     keep_predictions: bool = True
@@ -72,8 +74,16 @@ class ComparisonOptions:
             A keyword that is not known.
         """
         values: dict[str, Any] = dict(keywords)
+        if "suspect" in values:
+            raise TypeError(
+                "suspect: this keyword is now explain: True always, False never, None where a difference shows"
+            )
         injected = {field.name: values.pop(field.name) for field in fields(StandIns) if field.name in values}
         return cls(stand_ins=StandIns(**injected), **values)
+
+    def wants_causes(self, is_difference_shown: bool) -> bool:
+        """Whether causes are looked for."""
+        return is_difference_shown if self.explain is None else self.explain
 
     def say(self, text: str) -> None:
         """Report progress."""

@@ -57,6 +57,13 @@ def command(
         ),
     ] = None,
     identified: Annotated[Path | None, typer.Option("--identified", hidden=True)] = None,
+    explain: Annotated[
+        bool,
+        typer.Option(
+            "--explain",
+            help="Look for the causes of a difference although the verdict resolves none; else only where it does.",
+        ),
+    ] = False,
     again: Annotated[
         bool,
         typer.Option(
@@ -72,6 +79,7 @@ def command(
     force was recorded). Several sessions and several models stand side by side in one report; they are never pooled.
 
     Example:  pianorig validate sessions/try --action hirschkorn2004
+    Example:  pianorig validate sessions/try --explain
     Example:  pianorig validate sessions/try --relevant check_height=1 --relevant travel=3
     Example:  pianorig validate sessions/kawai_kg3c --action sessions/kawai_kg3c/identified.toml --out real
     Example:  pianorig validate sessions/try --action hirschkorn2004 --action hirschkorn2004-regulated --out compared
@@ -85,6 +93,8 @@ def command(
     options = {"set": set_ or [], "tolerance": tolerance, "by_motion": by_motion, "condition": condition}
     if scene is not None:
         options["scene"] = scene
+    if explain:
+        options["explain"] = True
     limits = _limits(relevant or [])
     if limits:
         options["relevant"] = limits
@@ -108,6 +118,7 @@ def command(
             by_motion=by_motion,
             condition=condition,
             relevant=limits,
+            explain=explain or None,
         )
         verdict, files, refused, reused = side.verdict_lines, side.files, side.refused, _reused(side)
         printed = workflows.comparison_lines(side)

@@ -130,7 +130,7 @@ def test_validate_names_what_it_cannot_read_and_reports_the_rest(
     compared = compare_sessions.compare_by
 
     def quickly(session: Session, action: model.Action, options: ComparisonOptions) -> ValidationResult:
-        return compared(session, action, replace(options, rivals=(), budget=False, suspect=False))
+        return compared(session, action, replace(options, rivals=(), budget=False, explain=False))
 
     monkeypatch.setattr(compare_sessions, "compare_by", quickly)  # without what is not looked at here
     example = tmp_path / "example"

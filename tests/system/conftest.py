@@ -54,7 +54,7 @@ def closed(shared: Callable[..., Closed]) -> Closed:
 
         validate = validation.validate_session
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(validation, "validate_session", lambda *of, **how: validate(*of, **how | {"suspect": False}))
+            patch.setattr(validation, "validate_session", lambda *of, **how: validate(*of, **how | {"explain": False}))
             leave_out_figures(patch)
             patch.setattr(bench_record, "film_trial", film_blow)
             demo = run_demo(folder / "session")

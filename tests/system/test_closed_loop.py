@@ -158,7 +158,7 @@ def test_a_model_of_the_specimen_itself_predicts_within_noise(closed: Closed) ->
     session = closed.demo.session
     # without the bench's motor arm, which it carries as its scene: the measured force drives the key
     specimen = model.load_scene("whole").on(closed.truth[1].action)
-    own = validation.compare(session, specimen, keep_predictions=False, rivals=(), budget=False, suspect=False)
+    own = validation.compare(session, specimen, keep_predictions=False, rivals=(), budget=False, explain=False)
     printed = closed.demo.result
     for body in ENCODED:
         mine, theirs = (r.scores.set_index(["trial", "channel"]).loc[(1, body), "rmse_rad"] for r in (own, printed))
@@ -200,7 +200,7 @@ def test_second_validation_simulates_nothing_again(closed: Closed, monkeypatch: 
 
     monkeypatch.setattr("model.simulation.run.Simulation.advance", simulated)  # each run of the model
     monkeypatch.setattr("validation.prediction.many_runs.run_jobs", simulated)  # many side by side
-    again = validation.compare(closed.demo.session, "hirschkorn2004", suspect=False)
+    again = validation.compare(closed.demo.session, "hirschkorn2004", explain=False)
     pd.testing.assert_frame_equal(again.scores, closed.demo.result.scores)
     assert again.trials["reused"].all()
     assert replace(again, files={}).verdict == closed.demo.result.verdict

@@ -29,7 +29,7 @@ def test_the_shipped_session_reads_as_recorded() -> None:
 @pytest.mark.usefixtures("without_figures")
 def test_the_shipped_session_validates(tmp_path: Path) -> None:
     copy = shutil.copytree(SHIPPED, tmp_path / "session")
-    quick = {"rivals": (), "budget": False, "suspect": False}
+    quick = {"rivals": (), "budget": False, "explain": False}
     result = validation.validate_session(copy, "hirschkorn2004", tmp_path / "report", **quick)
     assert result.files["report.html"].is_file()
     events = result.events[(result.events["source"] == "trial") & (result.events["event"] == "hammer_speed")]

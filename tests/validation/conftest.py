@@ -178,7 +178,7 @@ def planted(shared):
     shipped = Path(__file__).parents[2] / "sessions" / "planted_faults"
     options = {"keep_predictions": False, "rivals": (), "budget": False}
     # effects that the model has not compile half a minute: slow tests of findings try them
-    return shared(lambda folder: compare_session(shipped, suspect="parts", **options))
+    return shared(lambda folder: compare_session(shipped, explain=True, effects=False, **options))
 
 
 @pytest.fixture(scope="session")

@@ -22,7 +22,6 @@ from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.infer.blocks import LOST_RAD, Block, rows
 from validation.infer.budget import Budget
-from validation.infer.causes.explain import ODDS
 from validation.infer.causes.responses import addable
 from validation.infer.estimates import IDENTIFIED, LACKING, NORMAL, Estimate, estimate_all
 from validation.infer.fit import Fitted, fit_alike, fit_conditional
@@ -34,6 +33,7 @@ from validation.infer.problem import Problem
 from validation.infer.scatter import lacking
 from validation.infer.unknowns import Parameter, parameter_of, single_names
 
+ODDS = 20.0  # of an explanation to another: with less, both are kept
 SIZE_U = 0.4
 """Relative standard uncertainty of an effect's size, of what its file states."""
 LIFTING = {RAIL, "key_pin"}

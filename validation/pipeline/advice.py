@@ -21,7 +21,6 @@ from validation.statistics.skill import CALLED, Skill
 MOST = 3
 MOST_CAUSES = 3
 NOTHING = "Nothing: no difference beyond the stated uncertainty is shown."
-LOUDER = "Record louder strokes: by strokes as soft as these no cause of the difference can be told."
 MEND = {name: kind.mend for name, kind in order_kinds().items() if kind.mend}
 """What to do about each kind of finding; of a key that lifts nothing, its samples are left out."""
 SPOIL = {name for name, kind in order_kinds().items() if kind.spoils}
@@ -70,8 +69,6 @@ def about_the_causes(explained: Explained) -> list[str]:
     sets: dict[int, list[CompatibleChange]] = {}
     for change in (c for c in explained.changes if c.profile == ALL):
         sets.setdefault(change.set, []).append(change)
-    if explained.soft:
-        return [LOUDER]
     if not sets:
         return []
     causes = list(dict.fromkeys(change.cause for one in sets.values() for change in one))

@@ -126,10 +126,12 @@ def compare(
             identification, and three black boxes (`validation.statistics.rivals`).
         budget : bool, default True
             Draw the uncertain inputs, some 220 runs of one trial; without them there is no verdict.
-        suspect : bool or "parts", default True
-            Find the causes that explain what model and trials, and the trials among themselves, differ by: some 200
-            runs of one trial, up to a thousand more where the difference is large. ``"parts"``: without effects that
-            the model lacks, each of which compiles a scene of its own once (half a minute in all).
+        explain : bool or None, default None
+            Find the causes that explain what model and trials, and the trials among themselves, differ by: always,
+            never, or (None) where the verdict resolves a difference or a trial is odd.
+        effects : bool, default True
+            Whether effects that the model lacks are among the causes; each compiles a scene of its own once, half a
+            minute in all.
         by_motion : bool, default False
             Drive the model by the key's measured motion instead of the force, in all trials; where no force was
             recorded it always does. Also compare the force that the motion needs, in the trial of median peak force.
@@ -167,7 +169,7 @@ def compare(
     Examples
     --------
     >>> import validation
-    >>> result = validation.compare("sessions/example_forte", "hirschkorn2004", budget=False, suspect=False)
+    >>> result = validation.compare("sessions/example_forte", "hirschkorn2004", budget=False, explain=False)
     >>> hammer = result.channels.set_index("channel").loc["hammer"]
     >>> bool(hammer.s_r_rad < hammer.rmse_rad < 0.01)  # beyond the scatter of the trials, but small
     True
@@ -186,21 +188,23 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
     events = find_session_events(predicted, tested)
     scored = score_session(predicted, events, tested.store)
     findings = find_faults(predicted, events, scored, tested)
-    explained = Explained()
-    by_key = any(m.driven_by_key for m in predicted.trials)
-    if chosen.suspect and not by_key:  # causes are told by the force
-        chosen.say("which causes explain the difference")
-        effects = chosen.suspect != "parts"
-        odd = ODD in (f.kind for f in findings.faults)  # such trials are left out unless what they differ by is found
-        explained = explain_difference(tested, of_one_kind(predicted.trials, findings, but=ODD), effects, between=odd)
-        if odd and not explained.findings:
-            explained = explain_difference(tested, of_one_kind(predicted.trials, findings), effects)
-        findings = replace(findings, faults=(*unexplained(findings, explained), *explained.findings))
+    limits = relevance_limits(chosen.relevant)
     found = usable_errors(predicted, scored.traces, events, tested, findings.left_out)
-    findings = with_conditions(findings, found, explained, relevance_limits(chosen.relevant))
+    observed = with_conditions(findings, found, Explained(), limits)
+    verdict = _verdict(predicted, found, observed, tested, chosen)
+    shown = bool(verdict.facts.get("rejected")) or any(f.kind in (ODD, CHANGED) for f in observed.faults)
+    by_key = any(m.driven_by_key for m in predicted.trials)  # causes are told by the force
+    asked = chosen.wants_causes(shown) and not by_key
+    explained = _explain(predicted, findings, tested, chosen) if asked else Explained()
+    if explained.findings:
+        named = replace(findings, faults=(*unexplained(findings, explained), *explained.findings))
+        found = usable_errors(predicted, scored.traces, events, tested, named.left_out)
+        observed, before = with_conditions(named, found, explained, limits), observed
+        if (observed.left_out, observed.conditions) != (before.left_out, before.conditions):
+            verdict = _verdict(predicted, found, observed, tested, chosen)
+    findings = observed
     changes = [asdict(change) for change in explained.changes]
     rivals = compare_rivals(predicted, scored, tested, findings.left_out)
-    verdict = _verdict(predicted, found, findings, tested, chosen)
     made = Comparison(predicted, events, scored, findings, verdict, rivals, tested, chosen, changes)
     tables = made.tables
     warnings = [*_warnings(predicted, findings), *scored.notes, *made.motion[2], *tested.store.save()]
@@ -252,6 +256,18 @@ def _warnings(predicted: PredictedSession, findings: SessionFindings) -> Iterato
         yield from (f"trial {m.number}: {text}" for text in notes)
     named = {number for f in findings.faults for number in f.numbers}
     yield from (f"trial {n} is not used: {reason}" for n, reason in predicted.refused.items() if n not in named)
+
+
+def _explain(
+    predicted: PredictedSession, findings: SessionFindings, tested: ModelUnderTest, chosen: ComparisonOptions
+) -> Explained:
+    """The causes of what the model and the sound trials of one kind differ by."""
+    chosen.say("which causes explain the difference")
+    every, apart = (of_one_kind(predicted.trials, findings, but) for but in (ODD, ""))
+    explained = explain_difference(tested, every, chosen.effects)
+    if len(apart) < len(every) and not explained.findings:  # odd trials count only where what they differ by is found
+        explained = explain_difference(tested, apart, chosen.effects)
+    return explained
 
 
 def _verdict(

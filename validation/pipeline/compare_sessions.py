@@ -134,7 +134,7 @@ def compare_many(
     --------
     >>> import validation
     >>> models = ["hirschkorn2004", "hirschkorn2004-regulated"]
-    >>> side = validation.compare_many(["sessions/example_forte"], models, budget=False, suspect=False)
+    >>> side = validation.compare_many(["sessions/example_forte"], models, budget=False, explain=False)
     >>> [result.action_name for result in side.results]
     ['hirschkorn2004', 'hirschkorn2004-regulated']
     """
@@ -211,7 +211,7 @@ def validate_sessions(
     Examples
     --------
     >>> import validation
-    >>> side = validation.validate_sessions(["sessions/example_forte"], out="report", budget=False, suspect=False)
+    >>> side = validation.validate_sessions(["sessions/example_forte"], out="report", budget=False, explain=False)
     >>> side.files["report.html"].name
     'report.html'
     """
@@ -255,7 +255,7 @@ def validate_session(
     Examples
     --------
     >>> import validation
-    >>> result = validation.validate_session("sessions/example_forte", out="one", budget=False, suspect=False)
+    >>> result = validation.validate_session("sessions/example_forte", out="one", budget=False, explain=False)
     >>> "report.html" in result.files
     True
     """

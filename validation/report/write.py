@@ -173,7 +173,7 @@ def write_report(result: ValidationResult | SideBySide, folder: str | Path) -> V
     Examples
     --------
     >>> import validation
-    >>> result = validation.compare("sessions/example_forte", budget=False, suspect=False)
+    >>> result = validation.compare("sessions/example_forte", budget=False, explain=False)
     >>> validation.write_report(result, "written").files["results.json"].exists()
     True
     """

@@ -75,11 +75,9 @@ NOTES = (
 )
 TABLE = Table(
     "compatible_changes",
-    "change of each set of changes of session or model that explains the difference until the key is let go: first "
-    "the sets that explain what the trials differ by among themselves, which are findings, too; then those that "
-    "explain what all share. All of the smallest size, and those with one change more that hold none of them; the "
-    "trials do not tell the sets apart. Empty where nothing need have changed, where no cause that was tried "
-    "explains it, or where nothing was looked for",
+    "change of each cause, or pair of causes, of session or model that explains what model and trials differ by until "
+    "the key is let go: at most three, the most probable first, which trials do not tell apart. Empty where nothing "
+    "need have changed, where no cause that was compared explains it, where more do, or where nothing was looked for",
     COLUMNS,
     rows,
     (Page("causes", "Sets of changes that explain the difference", NOTES),),

@@ -28,7 +28,7 @@ def test_the_motion_is_that_of_the_comparison(tmp_path: Path, monkeypatch: pytes
     assert run("simulate", "--force", session / "trial_0001.h5", "--out", out, "--figure", figure) == 0
     rows = np.loadtxt(out, delimiter=",", skiprows=1)
     assert np.abs(drawn[0].angle_rad[0] - rows[0, 1:6]).max() < 1e-9  # drawn from where the output starts: preloaded
-    quick = {"by_motion": False, "rivals": (), "budget": False, "suspect": False}
+    quick = {"by_motion": False, "rivals": (), "budget": False, "explain": False}
     trace = validation.compare(rig.Session.open(session), "hirschkorn2004", **quick).traces[1]
     known = trace.dropna(subset=["hammer_predicted_rad"])
     np.testing.assert_array_equal(rows[:, 0], trace["force_time_s"].to_numpy()[: len(rows)])

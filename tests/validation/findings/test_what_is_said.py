@@ -136,7 +136,7 @@ def test_what_is_said_of_a_session_is_so(name: str, tmp_path: Path) -> None:
         session.add_trial(data)
         if data.camera is not None:
             session.write_derived("angles", number, table)
-    result = compare_session(session, model.load_action(), keep_predictions=False, budget=False, suspect=False)
+    result = compare_session(session, model.load_action(), keep_predictions=False, budget=False, explain=False)
     findings = "\n".join(result.findings["text"])
     marked = [f"trial {row.trial}: {row.reason}" for row in result.marked.itertuples()]
     text = "\n".join([findings, *result.warnings, *result.verdict_lines, *marked])

@@ -62,7 +62,7 @@ def test_a_set_without_a_rest_state_is_refused_in_one_line() -> None:
         identify([SESSIONS / "example_forte"], ["hammer.joint_friction"], floating, fixed=("*",), phases=5)
     said = refused(error)
     with pytest.raises(ValidationInputError) as error:  # a comparison says the same
-        compare_session(Session.open(SESSIONS / "example_forte"), floating, budget=False, suspect=False)
+        compare_session(Session.open(SESSIONS / "example_forte"), floating, budget=False, explain=False)
     assert refused(error) == said
 
 

@@ -27,7 +27,7 @@ from validation.report.figures.overlays import trial_words
 from validation.report.view import SessionView
 from validation.statistics.skill import CALLED, RIVALS
 
-QUICK = {"budget": False, "suspect": False, "keep_predictions": False}
+QUICK = {"budget": False, "explain": False, "keep_predictions": False}
 EXAMPLE = Path(__file__).parents[3] / "sessions" / "example_forte"
 # the specimen of the example, but for what is asked for
 SPECIMEN = {

@@ -18,7 +18,7 @@ from validation.measurement.sample_fingerprints import sample_fingerprints
 from validation.prediction.posterior import posterior_of
 
 SET = SHIPPED / "identified.toml"
-QUICK = {"budget": False, "suspect": False, "keep_predictions": False}
+QUICK = {"budget": False, "explain": False, "keep_predictions": False}
 
 
 def some_strokes(folder: Path, *numbers: int) -> Path:

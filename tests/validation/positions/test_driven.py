@@ -84,7 +84,7 @@ def test_the_key_turns_by_its_gain_from_its_rest_and_bows_between_the_ends() -> 
 
 
 def test_by_motion_drives_the_model_by_the_key_where_a_force_was_recorded() -> None:
-    options = {"by_motion": True, "budget": False, "suspect": False, "keep_predictions": False, "rivals": ("null",)}
+    options = {"by_motion": True, "budget": False, "explain": False, "keep_predictions": False, "rivals": ("null",)}
     result = validation.compare(SHIPPED.parent / "example_forte", "hirschkorn2004", **options)
     assert set(result.scores["channel"]) == {"whippen", "hammer"}
     assert result.provenance["driven_by"] == "key" and len(result.motion_driven) == 1

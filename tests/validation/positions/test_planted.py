@@ -16,7 +16,7 @@ from validation.measurement.position_sensors import ERROR_NAMES, PRIOR_U, TABLE,
 CURVE = {0.04: 0.02, 0.1: 0.03, 0.2: 0.03, 0.4: 0.02, 0.7: 0.01}
 GAINED = Specimen(key_gain=-0.05, hammer_gain=0.06, hammer_curve=CURVE, seed=3)
 TRUE = {"key_scale": -0.05, "hammer_scale": 0.06} | {f"hammer_curve_{100 * at:02.0f}": x for at, x in CURVE.items()}
-QUICK = {"budget": False, "suspect": False, "keep_predictions": False}
+QUICK = {"budget": False, "explain": False, "keep_predictions": False}
 
 
 def with_sensors(action: model.Action, errors: dict[str, float]) -> model.Action:

@@ -50,7 +50,7 @@ def test_gain_is_part_of_the_stated_uncertainty():
 
 def test_the_force_of_a_known_specimen_is_found_again(recorded):
     session, truth = recorded
-    options = {"keep_predictions": False, "rivals": (), "budget": False, "suspect": False, "by_motion": True}
+    options = {"keep_predictions": False, "rivals": (), "budget": False, "explain": False, "by_motion": True}
     row = compare_session(session, truth.specimen, **options).motion_driven.iloc[0]
     assert row["rmse_over_peak"] < 0.02
     assert row["peak_predicted_n"] == pytest.approx(row["peak_measured_n"], rel=0.1)

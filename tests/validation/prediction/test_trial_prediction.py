@@ -15,7 +15,7 @@ from validation.cache.result_store import MOST_VERSIONS, ResultStore
 from validation.prediction.model_under_test import action_sha256
 from validation.prediction.predict_session import PredictedAngles
 
-SIMPLE = {"rivals": (), "budget": False, "suspect": False}
+SIMPLE = {"rivals": (), "budget": False, "explain": False}
 
 
 class Counting:
@@ -159,13 +159,13 @@ def test_the_hash_of_an_action_knows_values_and_structure(recorded):
 def test_rivals_are_driven_by_their_own_force_kept_and_scored_beside_the_model(small):
     session, truth = small
     predict = Counting()
-    first = compare_session(session, truth.action, predict=predict, budget=False, suspect=False)
+    first = compare_session(session, truth.action, predict=predict, budget=False, explain=False)
     assert len(predict.calls) == 4
     model_call, raw_call = predict.calls[:2]
     np.testing.assert_array_equal(raw_call.time_s, session.trials[0].read().time_s)
     np.testing.assert_array_equal(raw_call.force_n, session.trials[0].read().force_n)
     assert not np.array_equal(raw_call.force_n, model_call.force_n)
-    again = compare_session(session, truth.action, predict=predict, budget=False, suspect=False)
+    again = compare_session(session, truth.action, predict=predict, budget=False, explain=False)
     assert len(predict.calls) == 4
     card = first.scorecard.set_index(["channel", "score"])
     assert again.scorecard.equals(first.scorecard)
@@ -190,7 +190,7 @@ def test_a_rival_that_fails_is_named_and_takes_nothing_along(small, monkeypatch)
         raise StaticsError("does not balance")
 
     monkeypatch.setattr(null_model, "simulate", fails)
-    result = compare_session(session, truth.action, predict=Counting(), budget=False, suspect=False)
+    result = compare_session(session, truth.action, predict=Counting(), budget=False, explain=False)
     assert "trial 1: null not predicted: does not balance" in result.warnings
     assert result.scorecard["null"].isna().all()
     assert result.scorecard["value"].notna().any()
@@ -215,7 +215,7 @@ def test_a_trial_the_model_cannot_predict_is_named_and_the_rest_is_compared(smal
 
 def test_traces_hold_times_and_predicted_curves_once_and_less_where_that_is_enough(small):
     # compared here: a comparison that another process made was read from a file, which shares nothing
-    made = compare_session(small[0], small[1].action, budget=False, suspect=False, keep_predictions=False)
+    made = compare_session(small[0], small[1].action, budget=False, explain=False, keep_predictions=False)
     frames = list(made.traces.values())
     first, second = (frame["time_s"].to_numpy() for frame in frames[:2])
     assert np.shares_memory(first, second) == np.array_equal(first, second)

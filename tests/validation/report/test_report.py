@@ -81,7 +81,7 @@ def test_the_verdict_comes_first_and_limits_and_provenance_are_there(page, compa
     assert "5 trials: sᵣ is known only to within a factor" in page
 
 
-QUICK = {"rivals": (), "budget": False, "suspect": False}
+QUICK = {"rivals": (), "budget": False, "explain": False}
 """What these tests do not look at."""
 HOSTILE = "<script>alert('x')</script>&\"quote\""
 
@@ -93,7 +93,7 @@ def lonely(make, shared):
 
     def reported(folder):
         session, truth = make.session(folder / "s", n_trials=1, filmed=(), operator=HOSTILE, name=HOSTILE)
-        return session.path, validate_session(session, truth.action, rivals=(), suspect=False)
+        return session.path, validate_session(session, truth.action, rivals=(), explain=False)
 
     path, result = shared(reported)
     return Session.open(path), result

@@ -240,7 +240,7 @@ def test_a_session_of_one_trial_zooms_without_an_error(browser, make, tmp_path):
     from validation import write_report
 
     session, truth = make.session(tmp_path / "few", n_trials=1, filmed=())
-    result = compare_session(session, truth.action, keep_predictions=False, rivals=(), budget=False, suspect=False)
+    result = compare_session(session, truth.action, keep_predictions=False, rivals=(), budget=False, explain=False)
     file = write_report(result, tmp_path / "report").files["report.html"]
     with quietly(browser, file) as page:
         page.evaluate(UNFOLD)

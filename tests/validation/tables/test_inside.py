@@ -74,7 +74,7 @@ def test_what_the_uncertainties_come_from_is_in_the_key_of_what_is_stored(monkey
 def test_a_comparison_without_a_report_looks_at_nothing_inside(recorded, monkeypatch):
     monkeypatch.setattr(module, "inside_rows", lambda *_, **__: pytest.fail("made, though nobody asked"))
     result = compare_session(
-        recorded[0], recorded[1].action, budget=False, suspect=False, rivals=(), keep_predictions=False
+        recorded[0], recorded[1].action, budget=False, explain=False, rivals=(), keep_predictions=False
     )
     assert "inside" not in result.tables
 
@@ -84,7 +84,7 @@ def test_a_faulty_trial_stands_for_no_other(monkeypatch):
     asked = []
     monkeypatch.setattr(module, "inside_rows", lambda sound, *_, **__: asked.extend(sound.trials) or [])
     shipped = Path(__file__).parents[3] / "sessions" / "planted_faults"
-    options = {"budget": False, "suspect": False, "rivals": (), "keep_predictions": False}
+    options = {"budget": False, "explain": False, "rivals": (), "keep_predictions": False}
     compare_session(shipped, **options, further=True)
     numbers = {m.number for m in asked}
     assert 1 in numbers and not numbers & {2, 3, 4, 7}

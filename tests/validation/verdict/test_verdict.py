@@ -184,7 +184,7 @@ def play(make, folder, specimens, late_s=0.0) -> Session:  # type: ignore[no-unt
     return session
 
 
-OPTIONS: dict[str, Any] = {"keep_predictions": False, "rivals": (), "suspect": False}
+OPTIONS: dict[str, Any] = {"keep_predictions": False, "rivals": (), "explain": False}
 
 
 def test_trials_before_and_after_a_change_are_not_pooled(make, tmp_path) -> None:  # type: ignore[no-untyped-def]

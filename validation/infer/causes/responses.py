@@ -53,7 +53,7 @@ STEP_SIZE, SMALL_STEP = 0.33, 0.1  # of ``wrong``, for differences
 # from trial to trial, in units of ``wrong``: 2 % of a law, 0.3 % of the force (a bench's blows), 0.01 N, 0.05 ms,
 # 0.1 % of a scale; of lengths in m
 LAW_SCATTER, GAIN_SCATTER, LEVEL_SCATTER, DELAY_SCATTER = 0.07, 0.06, 0.1, 0.05
-SCALE_SCATTER, LENGTH_SCATTER_M = 0.02, 1e-5
+SCALE_SCATTER, LENGTH_SCATTER_M = 0.02, 3e-6
 CLOCK = "clock rate"
 ENCODER_SCALES = tuple(f"{name} encoder scale" for name in ENCODER_CHANNELS)
 SESSION_ERRORS = (FORCE_GAIN, FORCE_LEVEL, FORCE_DELAY, CLOCK, *ENCODER_SCALES)
@@ -75,7 +75,7 @@ a joint of as long a time and less stiffness."""
 MEMORIES = {"stulov": "tau", "hysteresis": "beta"}
 """Laws of felt that remembers, and the number that makes their memory larger."""
 JOINTS = f"{ADDED}giving joints' stiffness"
-FURTHEST, FURTHEST_ADDED, FURTHEST_OF_SESSION = 3.0, 10.0, 10.0
+FURTHEST, FURTHEST_ADDED, FURTHEST_OF_SESSION = 4.0, 10.0, 10.0
 """Amounts that are looked at: a part is what it is said to be to some degree, an amplifier or a clock need not be."""
 LEAST_ADDED, STEP_ADDED = 0.03, 0.05  # amounts: below the first it is as if not there; the step once it is
 
@@ -437,6 +437,13 @@ class Responses:
         moved = np.column_stack([np.zeros(base.size) if turn is None else turn - base for turn in found]) / steps
         scaled = moved * np.concatenate([[first.u_offset_n], slow_noise_n(first)])
         return np.moveaxis(scaled.reshape(3, -1, scaled.shape[1]), 0, 1)
+
+    def scattered(self, amounts: Array, here: Array) -> Array:
+        """Changes (draws, 3 m) of the first trial's curve with amounts (draws, p) of sources; zero where it fails."""
+        moved = np.flatnonzero(np.any(amounts != 0.0, axis=0))
+        places = [_Place(tuple((int(j), float(z[j])) for j in moved)) for z in amounts]
+        base = self.measured[0] - here[0]
+        return np.array([0 * base if turn is None else turn - base for turn in self._turns([(p, 0) for p in places])])
 
     def _place(self, point: Point, t: int) -> _Place:
         amounts: dict[int, float] = {}

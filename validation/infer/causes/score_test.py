@@ -1,0 +1,216 @@
+"""Score test of all causes in the linear model, and its threshold by Monte Carlo under the fitted null hypothesis.
+
+Residuals of n trials, r = X z + e with z ~ N(0, I), are turned into their mean and n - 1 orthonormal contrasts. A
+contrast has covariance B = noise of sensors and force + scatter of laws between trials + s² G, where G is a smooth
+process as large as the response and s its unknown size; the mean has B / n + S, where S holds what is declared of
+parameters and sensors, and the model discrepancy. s is profiled over a grid with a log-normal prior, with and without a
+cause. Sources: Rao (1948); Searle, Casella and McCulloch (1992); Kennedy and O'Hagan (2001).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+
+from validation.conventions import Array
+from validation.infer.blocks import Block
+from validation.infer.causes.responses import Candidate
+from validation.infer.noise import smooth
+from validation.infer.observations import ENCODERS
+
+CORRELATION_S = (3e-3, 1e-2, 3e-2)
+"""Correlation times of the smooth process, s: an impact, the escapement, a stroke; a third of its variance each."""
+DEVIATIONS = (1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
+"""Grid of s, relative to the response."""
+MEDIAN, SPREAD = 3e-3, 1.0
+"""Prior of s: median, and standard deviation of its natural logarithm."""
+DISCREPANCY = 5e-3  # relative to the response: no model of an action is taken to be closer
+DRAWS = 1999
+LEVEL = 0.01  # probability that any cause is named where the null hypothesis holds
+PAIRED = 8  # causes, the best alone, that are paired with all others
+CHUNK = 250  # draws at a time, for memory
+
+
+def helmert(n: int) -> Array:
+    """Rows (n, n): the mean, then orthonormal contrasts."""
+    out = np.zeros((n, n))
+    out[0] = 1.0 / n
+    for k in range(1, n):
+        out[k, :k], out[k, k] = 1.0, -k
+        out[k] /= np.sqrt(k * (k + 1.0))
+    return out
+
+
+class NoiseModel:
+    """Covariances of the mean and of a contrast, for every size of the between-trial deviation.
+
+    Parameters
+    ----------
+    block : linear model of the representative trial
+    scatter : (p,) standard deviations of its columns' amounts between trials
+    known : (p, k) root of the declared covariance of its columns' amounts
+    trials : how many
+    runs : (draws, n) changes of the predicted curve at drawn amounts
+    linear : (draws, n) the same by the linear model
+    """
+
+    def __init__(self, block: Block, scatter: Array, known: Array, trials: int, runs: Array, linear: Array) -> None:
+        self.trials, self.runs = trials, runs
+        scattered, declared = block.moved * scatter, block.moved @ known
+        roots = [smooth(block, c, time_s) for c in ENCODERS for time_s in CORRELATION_S]
+        process = np.asarray(sum(root @ root.T for root in roots)) / len(CORRELATION_S)
+        sensors = np.diag(block.white) + block.own @ block.own.T
+        shared = declared @ declared.T + block.instrument @ block.instrument.T + DISCREPANCY**2 * process
+        own = [sensors + s**2 * process for s in DEVIATIONS]
+        curved = runs - linear
+        scatters = scattered @ scattered.T + curved.T @ curved / len(curved)
+        total = [c + scatters for c in own]
+        self._inverse: dict[int, list[Array]] = {}
+        self._own = [cholesky(c, lower=True) for c in own]
+        self._shared = cholesky(shared, lower=True)
+        self.between = [cholesky(b, lower=True) for b in total]
+        self.mean = [cholesky(b / trials + shared, lower=True) for b in total]
+        away = np.log(np.array(DEVIATIONS) / MEDIAN) / SPREAD
+        log_det = [
+            (trials - 1) * np.log(np.diag(b)).sum() + np.log(np.diag(m)).sum()
+            for b, m in zip(self.between, self.mean, strict=True)
+        ]
+        self.log_prior = -0.5 * away**2 - np.array(log_det)
+
+    def draw(self, k: int, count: int, rng: np.random.Generator) -> Array:
+        """Mean and contrasts (count, trials, n) of sessions of the null hypothesis."""
+        n = len(self._shared)
+        each = rng.standard_normal((count, self.trials, n)) @ self._own[k].T
+        each += self.runs[rng.integers(len(self.runs), size=(count, self.trials))]
+        out = np.einsum("jt,dtn->djn", helmert(self.trials), each)
+        out[:, 0] += rng.standard_normal((count, n)) @ self._shared.T
+        return np.asarray(out)
+
+    def whiten(self, k: int, turned: Array) -> Array:
+        """Mean and contrasts (trials, n, …) in standard uncertainties, at the k-th size."""
+        if k not in self._inverse:
+            roots = self.mean[k], self.between[k]
+            self._inverse[k] = [solve_triangular(root, np.eye(len(root)), lower=True) for root in roots]
+        mean, between = self._inverse[k]
+        out = np.empty_like(turned)
+        out[0], out[1:] = np.tensordot(mean, turned[0], 1), np.moveaxis(np.tensordot(between, turned[1:], (1, 1)), 0, 1)
+        return out
+
+    def log_likelihoods(self, turned: Array) -> Array:
+        """Log posterior (sizes,) of residuals (trials, n), but for a constant."""
+        squares = [np.sum(self.whiten(k, turned) ** 2) for k in range(len(DEVIATIONS))]
+        return self.log_prior - 0.5 * np.array(squares)
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """Points of the null distribution that the search exceeds with probability `LEVEL`, half of it for each."""
+
+    single: float
+    pair: float
+
+
+class ScoreTest:
+    """Twice the gain of log likelihood of causes, alone and in pairs, around one point.
+
+    Parameters
+    ----------
+    noise : NoiseModel
+    columns : (n, p) derivatives of the predicted curve with respect to each source
+    candidates : causes: a source with the share of it that each trial has
+    """
+
+    def __init__(self, noise: NoiseModel, columns: Array, candidates: Sequence[Candidate]) -> None:
+        self.noise, self.columns = noise, columns
+        self.source = np.array([c.source for c in candidates])
+        self.weights = helmert(noise.trials) @ np.array([c.weights for c in candidates]).T
+        self._mean = [solve_triangular(root, columns, lower=True) for root in noise.mean]
+        self._between = [solve_triangular(root, columns, lower=True) for root in noise.between]
+
+    def gram(self, k: int) -> Array:
+        """Products (P, P) of all candidates in standard uncertainties."""
+        at = np.ix_(self.source, self.source)
+        w, mean, between = self.weights, self._mean[k], self._between[k]
+        return np.asarray(np.outer(w[0], w[0]) * (mean.T @ mean)[at] + (w[1:].T @ w[1:]) * (between.T @ between)[at])
+
+    def products(self, k: int, white: Array) -> Array:
+        """Products (draws, P) of candidates with whitened residuals (draws, trials, n)."""
+        mean = white[:, 0] @ self._mean[k]
+        out = self.weights[0] * mean[:, self.source]
+        if self.noise.trials > 1:
+            between = white[:, 1:] @ self._between[k]
+            out = out + np.einsum("jc,djc->dc", self.weights[1:], between[:, :, self.source])
+        return np.asarray(out)
+
+    def gains(self, turned: Array, held: Sequence[int] = ()) -> tuple[Array, int]:
+        """Gain (P,) of one more cause beside those held, and the likeliest size of the deviation beside the best."""
+        best, size, found = -np.inf, 0, np.zeros(self.source.size)
+        likelihoods = self.noise.log_likelihoods(turned)
+        for k, likelihood in enumerate(likelihoods):
+            gram, b = self.gram(k), self.products(k, self.noise.whiten(k, turned)[None])[0]
+            gram, b, at = _beside(gram, b, held)
+            gain = b**2 / (1.0 + np.maximum(np.diag(gram), 0.0))
+            if likelihood + 0.5 * (at + gain.max()) > best:
+                best, size, found = likelihood + 0.5 * (at + gain.max()), k, gain
+        return found, size
+
+    def threshold(self, turned: Array, seed: int = 0) -> Threshold:
+        """Monte Carlo: the whole search repeated in `DRAWS` sessions of the fitted null hypothesis."""
+        noise, rng = self.noise, np.random.default_rng(seed)
+        posterior = noise.log_likelihoods(turned)
+        posterior = np.exp(posterior - posterior.max())
+        true = rng.choice(len(DEVIATIONS), DRAWS, p=posterior / posterior.sum())
+        sizes = [int(k) for k in np.flatnonzero(posterior > 1e-6)]
+        grams = {k: self.gram(k) for k in sizes}
+        singles, pairs = [], []
+        for k in np.unique(true):
+            for count in _chunks(int(np.sum(true == k))):
+                one, two = self._search(noise.draw(int(k), count, rng), sizes, grams)
+                singles.append(one)
+                pairs.append(two)
+        share = 1.0 - 0.5 * LEVEL
+        return Threshold(
+            float(np.quantile(np.concatenate(singles), share)), float(np.quantile(np.concatenate(pairs), share))
+        )
+
+    def _search(self, drawn: Array, sizes: Sequence[int], grams: dict[int, Array]) -> tuple[Array, Array]:
+        """Largest gains (draws,) of one cause and of two, in sessions drawn (draws, trials, n)."""
+        noise, ends = self.noise, []
+        for k in sizes:
+            again = np.moveaxis(noise.whiten(k, np.moveaxis(drawn, 0, -1)), -1, 0)
+            null = noise.log_prior[k] - 0.5 * np.sum(again**2, axis=(1, 2))
+            b, gram = self.products(k, again), grams[k]
+            gain = b**2 / (1.0 + np.diag(gram))
+            ends.append((null, gain.max(axis=1), pair_gains(gram, b)))
+        base = np.max([null for null, _, _ in ends], axis=0)
+        one = np.max([null + 0.5 * single for null, single, _ in ends], axis=0)
+        two = np.max([null + 0.5 * pair for null, _, pair in ends], axis=0)
+        return 2.0 * (one - base), 2.0 * (two - base)
+
+
+def pair_gains(gram: Array, b: Array) -> Array:
+    """Largest gain (draws,) of two causes, one of them among the `PAIRED` best, with products b (draws, P)."""
+    own = 1.0 + np.diag(gram)
+    gain = b**2 / own
+    first = np.argsort(-gain, axis=1)[:, :PAIRED]
+    lead, across = np.take_along_axis(b, first, axis=1), gram[first]  # (draws, M), (draws, M, P)
+    left = own - across**2 / own[first][:, :, None]
+    more = (b[:, None, :] - across * (lead / own[first])[:, :, None]) ** 2 / np.maximum(left, 1.0)
+    np.put_along_axis(more, first[:, :, None], 0.0, axis=2)  # a cause beside itself
+    return np.asarray((np.take_along_axis(gain, first, axis=1) + more.max(axis=2)).max(axis=1))
+
+
+def _chunks(count: int) -> list[int]:
+    return [CHUNK] * (count // CHUNK) + [count % CHUNK] * bool(count % CHUNK)
+
+
+def _beside(gram: Array, b: Array, held: Sequence[int]) -> tuple[Array, Array, float]:
+    """Products with what the causes held explain taken out, and twice the log likelihood that those gain."""
+    if not held:
+        return gram, b, 0.0
+    inner = gram[np.ix_(held, held)] + np.eye(len(held))
+    solved = np.linalg.solve(inner, np.column_stack([gram[held], b[list(held)]]))
+    return gram - gram[:, held] @ solved[:, :-1], b - gram[:, held] @ solved[:, -1], float(b[held] @ solved[:, -1])
