@@ -101,6 +101,8 @@ def test_overrides_and_off_switches(action: model.Action) -> None:
         ("hammer.mass", -1, "hammer.mass: found -1, allowed above 0"),
         ("contact14.friction", 0, "unknown path"),
         ("hammer.mass", float("inf"), "found inf"),
+        ("motor_arm.spring_stiffness", 2e3, r"allowed from 0 to 1000;"),
+        ("motor_drive.limit_softness", 0.6, r"allowed from 0\.001 to 0\.5;"),
     ],
 )
 def test_bad_overrides_are_refused(action: model.Action, path: str, value: float, words: str) -> None:
