@@ -46,7 +46,6 @@ CAUSES = (
 """Words of a cause: no finding says why."""
 FORCE = len(CHANNELS)
 """Number of the force among the channels."""
-UNITS = {"rad": 1e3, "N": 1.0}
 
 
 def no_change(data: TrialData, _: Stroke) -> TrialData:
@@ -55,28 +54,17 @@ def no_change(data: TrialData, _: Stroke) -> TrialData:
 
 @dataclass(frozen=True)
 class Case:
-    """A session: what is true of it, and how a trial is played and misread.
+    """A session: what is true of it, and how a trial is played and misread."""
 
-    Attributes
-    ----------
-    kind : effect, glitch, odd or clean
-    truth : what was planted, for the reader
-    strokes : kind of stroke of each trial
-    play : trial number → options of the stroke (`bench_strokes.StrokeOptions`)
-    misread : trial number → what is wrong with its record
-    named : what is added to the printed action to have the model that is compared
-    never : words that no sentence may hold, beside `CAUSES`
-    """
-
-    kind: str
-    truth: str
-    strokes: Sequence[str]
-    play: Callable[[int], dict[str, Any]] = lambda number: {}
-    misread: Callable[[int], Change] = lambda number: no_change
+    kind: str  # effect, glitch, odd or clean
+    truth: str  # what was planted, for the reader
+    strokes: Sequence[str]  # kind of stroke of each trial
+    play: Callable[[int], dict[str, Any]] = lambda number: {}  # trial number → `bench_strokes.StrokeOptions`
+    misread: Callable[[int], Change] = lambda number: no_change  # trial number → what is wrong with its record
     filmed: bool = False
     specimen: str = "printed"
-    named: dict[str, float] = field(default_factory=dict)
-    never: tuple[str, ...] = ()
+    named: dict[str, float] = field(default_factory=dict)  # what the compared model has beside the printed action
+    never: tuple[str, ...] = ()  # words that no sentence may hold, beside `CAUSES`
 
 
 def in_trials(numbers: Sequence[int], change: Change) -> Callable[[int], Change]:
@@ -182,10 +170,8 @@ def glitches(rng: np.random.Generator) -> dict[str, Case]:
                 "drift": (drifting(i, by), f"{size} linearly over the record"),
             }[name]
             truth = f"{channel} {words} in trials {list(numbers)} of 6"
-            never = ("rail",) if i < FORCE else ()
-            out[f"{name} {channel}"] = Case(
-                "glitch", truth, 6 * [rng.choice(LOUD)], misread=in_trials(numbers, change), never=never
-            )
+            misread, never = in_trials(numbers, change), ("rail",) if name == "freeze" else ()
+            out[f"{name} {channel}"] = Case("glitch", truth, 6 * [rng.choice(LOUD)], misread=misread, never=never)
     for i, j in ((0, 1), (1, 2), (0, 2)):
         k, both = int(rng.integers(2, 6)), f"{CHANNELS[i]} {CHANNELS[j]}"
         truth, misread = f"encoders {both} swapped from trial {k} of 6 on", in_trials(range(k, 7), swapped(i, j))
@@ -205,7 +191,7 @@ def odd(rng: np.random.Generator) -> dict[str, Case]:
     late, mm = range(k, 7), 1e-3 * rng.uniform(0.5, 1.0)
     in_k, six = f"in trial {k} of 6", 6 * [one]
     down_s, end_s = rng.uniform(0.38, 0.42), BEFORE_S + rng.uniform(0.12, 0.2)
-    cases = {
+    return {
         "two kinds": Case("odd", f"three {one}, three {other}", 3 * [one] + 3 * [other]),
         "one of another kind": Case("odd", f"piano {in_k}, else {one}", [*(k - 1) * [one], "piano", *(6 - k) * [one]]),
         "four kinds": Case("odd", "four kinds, twice each", [*2 * ["forte"], *2 * ["piano"], *2 * ["double"],
@@ -218,7 +204,7 @@ def odd(rng: np.random.Generator) -> dict[str, Case]:
         "double strikes": Case("odd", "nothing; each trial strikes twice", 5 * ["double"]),
         "let-off from k": Case("odd", f"{LET_OFF} {1e3 * mm:+.2f} mm from trial {k} of 6 on", six,
                                changed({LET_OFF: mm}, late)),
-        "check from k": Case("odd", f"{CHECK} +3 mm from trial {k} of 6 on", six, changed({CHECK: 3e-3}, late)),
+        "check from k": Case("odd", f"{CHECK} -3 mm from trial {k} of 6 on", six, changed({CHECK: -3e-3}, late)),
         "ends before release": Case("odd", f"all trials end at {end_s:.3f} s, before the release", six,
                                     misread=lambda n: part_of_record(0.0, end_s)),
         "ends before let-off": Case("odd", "all trials end 35 ms after the onset", six,
@@ -236,7 +222,6 @@ def odd(rng: np.random.Generator) -> dict[str, Case]:
         "force reversed": Case("odd", "the force's sign is wrong in all", six, misread=lambda n: louder(-1.0)),
         "another rate": Case("odd", f"sampled at 4 kHz {in_k}", six, lambda n: {"rate_hz": 4000.0} if n == k else {}),
     }  # fmt: skip
-    return cases
 
 
 def clean(rng: np.random.Generator) -> dict[str, Case]:

@@ -49,7 +49,6 @@ from validation.findings.readings import NO_REST, find_encoder_faults, find_forc
 from validation.findings.stroke_kinds import find_mixed_strokes, find_single_strokes, group_strokes
 from validation.findings.trial_records import find_short_records, find_unused_trials
 from validation.findings.unusable import UnusableData, list_unusable_data, list_unusable_pairs
-from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession
 from validation.scores.score_session import ScoredSession
@@ -86,11 +85,29 @@ class SessionFindings:
         return list_unusable_pairs(self.unusable) | self.not_compared
 
 
+@dataclass(frozen=True)
+class _Stage:
+    """What the checks of several trials are given."""
+
+    predicted: PredictedSession
+    events: SessionEvents
+    scored: ScoredSession
+    tested: ModelUnderTest
+
+    def select_trials(self, numbers: Sequence[int]) -> _Stage:
+        """The same of some trials."""
+        traces = self.scored.traces
+        encoder = {n: f for n, f in traces.encoder.items() if n in numbers}
+        return replace(
+            self,
+            predicted=replace(self.predicted, trials=tuple(m for m in self.predicted.trials if m.number in numbers)),
+            events=replace(self.events, trial={n: e for n, e in self.events.trial.items() if n in numbers}),
+            scored=replace(self.scored, traces=replace(traces, encoder=encoder)),
+        )
+
+
 def find_faults(
-    predicted: PredictedSession,
-    events: SessionEvents,
-    scored: ScoredSession,
-    tested: ModelUnderTest,
+    predicted: PredictedSession, events: SessionEvents, scored: ScoredSession, tested: ModelUnderTest
 ) -> SessionFindings:
     """Faults of the session, wiring first.
 
@@ -107,9 +124,9 @@ def find_faults(
     found += [f for m in trials for f in find_missing_rest(m, tested.geometry_at(m.force.preload_n))]
     begun = {f.trial for f in found if f.kind == NO_REST}
     if begun:  # nothing that follows holds of them
-        kept = tuple(m.number for m in trials if m.number not in begun)
-        predicted, events, scored = _select_trials(kept, predicted, events, scored)
-        trials = predicted.trials
+        kept = [m.number for m in trials if m.number not in begun]
+        stage = _Stage(predicted, events, scored, tested).select_trials(kept)
+        predicted, events, scored, trials = stage.predicted, stage.events, stage.scored, stage.predicted.trials
     if not trials:
         return SessionFindings(tuple(found))
     found += _check_single_trials(predicted, events, tested)
@@ -123,9 +140,9 @@ def find_faults(
     found += _check_capstan(events, found)
     conditions: list[tuple[int, ...]] = []
     for numbers in kinds:
-        of_kind = _select_trials(numbers, predicted, events, scored)
-        found += find_short_records(of_kind[0].trials)
-        unlike, parts = _split_conditions(*of_kind, tested, found)
+        stage = _Stage(predicted, events, scored, tested).select_trials(numbers)
+        found += find_short_records(stage.predicted.trials)
+        unlike, parts = _split_conditions(stage, found)
         found += unlike
         conditions += parts
     return SessionFindings(tuple(found), _select_several(kinds), _select_several(conditions))
@@ -202,58 +219,37 @@ def _check_let_off_and_check(
     return find_let_off_and_check(let_off, check)
 
 
-def _select_trials(
-    numbers: Sequence[int], predicted: PredictedSession, events: SessionEvents, scored: ScoredSession
-) -> tuple[PredictedSession, SessionEvents, ScoredSession]:
-    """The same of some trials."""
-    traces = scored.traces
-    return (
-        replace(predicted, trials=tuple(m for m in predicted.trials if m.number in numbers)),
-        replace(events, trial={n: e for n, e in events.trial.items() if n in numbers}),
-        replace(scored, traces=replace(traces, encoder={n: f for n, f in traces.encoder.items() if n in numbers})),
-    )
-
-
 def _list_explained(found: Sequence[SessionFinding]) -> set[tuple[int, str]]:
     """Trials and channels of which something is said that spoils them, or that is said of one trial alone."""
     return {(n, f.channel) for f in found if KINDS[f.kind].spoils or len(f.numbers) == 1 for n in f.numbers}
 
 
 def _split_conditions(
-    predicted: PredictedSession,
-    events: SessionEvents,
-    scored: ScoredSession,
-    tested: ModelUnderTest,
-    found: Sequence[SessionFinding],
+    stage: _Stage, found: Sequence[SessionFinding]
 ) -> tuple[list[SessionFinding], list[tuple[int, ...]]]:
     """Trials that stand out from those of their condition, the trials from which another one holds; all conditions.
 
     A change is looked for before single trials are, which would else be those of the shorter part, and again without
     the trials that stand out.
     """
-    numbers = tuple(m.number for m in predicted.trials)
-    change, odd = _find_change(predicted, events, tested, found), []
+    numbers = tuple(m.number for m in stage.predicted.trials)
+    change, odd = _find_change(stage, found), []
     if not change:
-        odd = _find_outlying(predicted, events, scored, tested, found)
-        change = _find_change(predicted, events, tested, [*found, *odd]) if odd else []
+        odd = _find_outlying(stage, found)
+        change = _find_change(stage, [*found, *odd]) if odd else []
     if not change:
         return odd, [numbers]
     first, out, parts = int(change[0].trial), list(change), []
     for part in (tuple(n for n in numbers if n < first), tuple(n for n in numbers if n >= first)):
-        unlike, own = _split_conditions(*_select_trials(part, predicted, events, scored), tested, found)
+        unlike, own = _split_conditions(stage.select_trials(part), found)
         out += unlike
         parts += own
     return out, parts
 
 
-def _find_outlying(
-    predicted: PredictedSession,
-    events: SessionEvents,
-    scored: ScoredSession,
-    tested: ModelUnderTest,
-    found: Sequence[SessionFinding],
-) -> list[SessionFinding]:
+def _find_outlying(stage: _Stage, found: Sequence[SessionFinding]) -> list[SessionFinding]:
     """Trials that stand out from the others in channels nothing else explains, or that only the model finds odd."""
+    predicted, events, tested, traces = stage.predicted, stage.events, stage.tested, stage.scored.traces
     by_number = {m.number: m for m in predicted.trials}
     release = [e["key_release"].value for e in events.trial.values() if e["key_release"].status != "absent"]
     until = min(release, default=events.window.end_s)
@@ -261,23 +257,20 @@ def _find_outlying(
     def reach(number: int) -> float:
         return estimate_force_effect(tested, by_number[number], events.window.start_s, until)
 
-    traces = scored.traces
     odd = find_outlying_trials(
         traces.base_s, traces.encoder, predicted.trials, events.trial, _list_explained(found), reach, until
     )
-    sound: list[MeasuredTrial] = select_sound_trials(predicted.trials, [*found, *odd])
+    sound = select_sound_trials(predicted.trials, [*found, *odd])
     by_model = find_outlying_residuals(tested, {m.number: m for m in sound}, make_residuals(predicted, events, sound))
     lifted = {f.trial for f in found if f.kind == "capstan gap"}  # which explains it
     return odd + [f for f in by_model if f.trial not in lifted]
 
 
-def _find_change(
-    predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest, found: Sequence[SessionFinding]
-) -> list[SessionFinding]:
+def _find_change(stage: _Stage, found: Sequence[SessionFinding]) -> list[SessionFinding]:
     """The trial from which the difference from the model is another one, if there is one."""
-    sound = select_sound_trials(predicted.trials, found)
-    by_number = {m.number: m for m in sound}
-    return find_changed_condition(tested, by_number, make_residuals(predicted, events, sound))
+    sound = select_sound_trials(stage.predicted.trials, found)
+    residuals = make_residuals(stage.predicted, stage.events, sound)
+    return find_changed_condition(stage.tested, {m.number: m for m in sound}, residuals)
 
 
 def _check_capstan(events: SessionEvents, found: Sequence[SessionFinding]) -> list[SessionFinding]:
