@@ -82,4 +82,14 @@ def main(run: Run) -> bool:
         named = ("key", "whippen", "hammer")[int(size)] if what == "frozen" else f"{size:+g} N"
         shown = f"{what} {named}, {1e3 * length_s:g} ms"
         table.row(shown, len(told), sum(row[0] for row in told), sum(row[1] for row in own))
+    counts = {}
+    for what in ("spike", "rings", "frozen"):
+        told = [row for key, row in outcomes if key[3] == what and (what != "frozen" or row[2] > SEEN_RAD)]
+        counts[what] = f"{sum(row[0] for row in told)} of {len(told)}"
+    run.figure(
+        "reading-faults",
+        f"found: {counts['spike']} spikes of the force, 2 to 6 N for 1 to 15 ms, {counts['rings']} others while the "
+        f"key rings on its bed, {counts['frozen']} standstills that misread by 0.5 mrad or more; "
+        f"{len(alarms)} false alarms in {len(keys) * run.trials} sound trials",
+    )
     return not alarms

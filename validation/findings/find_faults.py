@@ -117,7 +117,8 @@ def find_faults(
     by_force = tuple(m.number for m in predicted.trials if not m.driven_by_key)
     if len(by_force) < len(predicted.trials):
         unused = SessionFindings(tuple(find_unused_trials(predicted.refused)))
-        sound = find_faults(*_select_trials(by_force, predicted, events, scored), tested) if by_force else unused
+        stage = _Stage(predicted, events, scored, tested).select_trials(by_force)
+        sound = find_faults(stage.predicted, stage.events, stage.scored, tested) if by_force else unused
         return replace(sound, not_compared=aside)
     trials = predicted.trials
     found = find_unused_trials(predicted.refused) + [f for check in OF_TRIALS for f in check(trials)]

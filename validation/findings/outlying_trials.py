@@ -59,7 +59,7 @@ def make_residuals(predicted: PredictedSession, events: SessionEvents, trials: S
             for m in trials:
                 change = predicted.predictions[m.number].model.change_rad(name)
                 curves.append(np.interp(base, m.time_s, change - m.change_rad[:, i], right=np.nan))
-            extent = float(np.median([np.ptp(m.change_rad[:, i]) for m in trials]))
+            extent = float(max(np.ptp(m.change_rad[:, i]) for m in trials))
             values = np.column_stack(curves)
             values = values[np.isfinite(values).all(axis=1)]
             if extent > 0 and len(values) > 1:

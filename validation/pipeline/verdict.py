@@ -169,7 +169,7 @@ def _events(events: pd.DataFrame) -> list[str]:
     labels = {
         "Events in one but not in the other": differ,
         "Neither in the records nor in the model": missing,
-        "Not counted (encoder left out)": uncounted,
+        "Not counted (left out in all trials)": uncounted,
         "Ambiguous": doubtful,
     }
     return [f"{label}: {', '.join(names)}." for label, names in labels.items() if names]

@@ -21,7 +21,7 @@ from validation.tables.table import OF_ROW, UNIT, Column, Page, Row, Table
 def _found(column: str) -> Callable[[Row], str]:
     def cell(row: Row) -> str:
         if not row["n_trials"]:
-            return "not counted (encoder left out)"
+            return "not counted (left out in all trials)"
         doubt = f", {row['ambiguous']} ambiguous" if row["ambiguous"] and column == "found_model" else ""
         return f"{row[column]} of {row['n_trials']}{doubt}"
 

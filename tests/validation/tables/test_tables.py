@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from validation.cache.result_store import ResultStore
+from validation.conventions import ENCODER_CHANNELS
 from validation.errors import InputError
 from validation.events.definitions import EVENTS, Event
 from validation.events.detect import make_absent_event
@@ -49,7 +50,8 @@ def frames(time, scatter, model_offset=0.01, rate_of_last=None):
 def tables(traces, u=1e-4):
     session = SessionTraces(traces, {}, WINDOW, {1: 0.25})
     channels, spread = channel_tables(session, {"key": u, "whippen": u, "hammer": u})
-    scores = with_repeatability(score_curves(session, {n: np.full(3, u) for n in traces}, ResultStore()), channels)
+    u_encoder, compared = {n: np.full(3, u) for n in traces}, dict.fromkeys(traces, ENCODER_CHANNELS)
+    scores = with_repeatability(score_curves(session, u_encoder, compared, ResultStore()), channels)
     card = pd.DataFrame(scorecard(scores, session))
     return with_scores(channels, scores, card).set_index("channel"), scores, spread
 
@@ -198,16 +200,17 @@ def test_events_that_no_trial_counts_are_neither_absent_nor_in_agreement():
     summary = event_summary(counting, trials)
     channels, _, _ = tables(frames(np.arange(0, 1, 2e-4), 0.05))
     text = " ".join(lines_of(channels.reset_index(), summary, 3))
-    assert "Not counted (encoder left out): let-off, " in text and "Neither in the records" not in text
+    assert "Not counted (left out in all trials): let-off, " in text and "Neither in the records" not in text
     (page,) = SUMMARY.pages
     shown = {row[0]: row for row in made_table(SUMMARY, page, [("m", row) for row in summary.to_dict("records")]).rows}
-    assert shown[EVENTS["let_off"].label][1] == "not counted (encoder left out)"
+    assert shown[EVENTS["let_off"].label][1] == "not counted (left out in all trials)"
     assert shown[EVENTS["key_bottom"].label][1] == "2 of 2"
 
 
 def measured(number, onset, start=0.0, end=1.2):
     return SimpleNamespace(
         number=number,
+        has_force=True,
         time_s=np.array([start, end]),
         force=SimpleNamespace(time_s=np.array([start - 0.002, end - 0.002])),
         quiet=SimpleNamespace(onset_s=onset),
