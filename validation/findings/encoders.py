@@ -259,6 +259,7 @@ def _format_mean(values: Mapping[int, float]) -> str:
 END_S = 0.05
 STILL_RAD = 0.3e-3
 DRIFTS = 0.5  # of the rate that leads from the first reading to the last
+MOVED_BY = (1, 0, 1)  # the encoder whose body moves with each: where both end elsewhere, it is the motion that does
 RETURNS_RAD = (3e-3, 5e-3, 1.5e-3)  # key, whippen, hammer: friction lets a soft stroke rest up to half of it away
 
 
@@ -285,7 +286,8 @@ def find_encoder_returns(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFi
     """Encoders that do not read at the end of the record what they read before the stroke, though the stroke is over.
 
     Conventions: rad, changes since rest; the last 50 ms of the record. Named is an encoder that reads something else
-    and stands still, or goes on at the rate that led there, while the model or the two others are back at rest.
+    and stands still, or goes on at the rate that led there, while the body that moves it is back at rest, and so is the
+    model or the third one.
     Stated from 3, 5 and 1.5 mrad.
     """
     end = m.change_rad[select_last_samples(m)].mean(axis=0)
@@ -301,7 +303,7 @@ def find_encoder_returns(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFi
     rate = np.polyfit(m.time_s[select_last_samples(m)], m.change_rad[select_last_samples(m)], 1)[0]
     out = []
     for i, name in enumerate(ENCODER_CHANNELS):
-        if not over or back[i] or abs(end[i]) < RETURNS_RAD[i]:
+        if not (over and back[MOVED_BY[i]]) or back[i] or abs(end[i]) < RETURNS_RAD[i]:
             continue
         others = int(np.delete(back, i).sum()) == 2
         drifts = others and abs(rate[i] * (m.time_s[-1] - m.time_s[0]) / end[i] - 1) < DRIFTS

@@ -30,7 +30,8 @@ class SessionFinding:
         return self.trials or ((int(self.trial),) if np.isfinite(self.trial) else ())
 
 
-CONDITIONS = ("mixed strokes", "changed condition")
+CHANGED_CONDITION = "changed condition"
+CONDITIONS = ("mixed strokes", CHANGED_CONDITION)
 """Findings of a session that is several: said before all that spoil nothing, since the others are of one part."""
 CHANNEL, CURVES, BLOW, PREDICTION = "channel", "curves", "blow", "prediction"
 """What a finding may spoil: its channel is no measurement of what it is named after; its trial's curves are not what
@@ -116,6 +117,7 @@ def summary_line(findings: Sequence[SessionFinding]) -> str:
     parts = []
     for kind, trials in kinds.items():
         where = trials_in_words(sorted(trials)) if trials else "session"
+        where = f"from {where} on" if kind == CHANGED_CONDITION and trials else where
         parts.append(f"{kind} ({where})")
     return f"Findings: {', '.join(parts)}; read the warnings before the scores."
 

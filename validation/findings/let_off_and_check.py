@@ -23,6 +23,7 @@ from validation.prediction.predict_session import PredictedAngles
 LET_OFF_M = 0.6e-3
 LET_OFF_SPEED = 1.0  # softer blows follow friction as well
 CHECK_M = 2e-3
+COVERAGE = 2.0  # standard uncertainties of a trial's difference that it must exceed as well
 CHECK_SPEED = 1.5
 CHECKED_WITHIN_M = 0.025  # a hammer held lower was not caught by the back check
 
@@ -91,8 +92,8 @@ def find_let_off_and_check(
         ("let-off", "let_off", let_off_m, LET_OFF_M, "let-off: the hammer's free flight begins"),
         ("check height", "check_height", check_m, CHECK_M, "check: the hammer is caught"),
     ):
-        further = {n: d for n, (d, _) in differences.items() if d > limit}
-        closer = {n: d for n, (d, _) in differences.items() if d < -limit}
+        further = {n: d for n, (d, u) in differences.items() if d > max(limit, COVERAGE * u)}
+        closer = {n: d for n, (d, u) in differences.items() if d < -max(limit, COVERAGE * u)}
         for away, side in ((further, "further from"), (closer, "closer to")):
             if away:
                 size = _format_size(away, float(np.mean([differences[n][1] for n in away])))

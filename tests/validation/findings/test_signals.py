@@ -125,6 +125,13 @@ def test_counts_that_do_not_return_are_found(stage, column, name):
     assert find_encoder_returns(with_change(m, m.change_rad + 5e-4 * late), stage.predictions(1)) == []
 
 
+def test_a_motion_that_ends_elsewhere_in_all_encoders_is_no_slip(stage):
+    m = stage.trials[0]
+    late = (m.time_s > m.time_s[-1] - 0.2)[:, None]
+    elsewhere = m.change_rad + late * [4e-3, -8.5e-3, -3.6e-3]
+    assert find_encoder_returns(with_change(m, elsewhere), stage.predictions(1)) == []
+
+
 def test_a_key_that_is_still_held_at_the_end_is_no_slip(stage):
     m = stage.trials[0]
     held = int(np.searchsorted(m.time_s, stage.events.trial[1]["check_time"].value + 0.03))

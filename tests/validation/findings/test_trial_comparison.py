@@ -189,6 +189,7 @@ def test_let_off_and_check_are_said_of_exactly_the_trials_that_have_them():
     further, closer = find_let_off_and_check(both, differences(none))
     assert (further.trials, closer.trials) == ((1, 3, 6), (2, 4))
     assert "further from the string than in the model in trials 1, 3, 6 (3 of 6 trials)" in further.text
+    assert find_let_off_and_check(differences({1: 4e-3, 2: 5e-3}, u=3e-3), differences(none)) == []
     (found,) = find_let_off_and_check(differences(none), differences(dict.fromkeys(none, -3e-3) | {2: 0.0}))
     assert found.kind == "check height"
     assert "in trials 1, 3, 4, 5, 6 (5 of 6 trials)" in found.text and "model" in found.text
