@@ -7,6 +7,7 @@ import os
 # before NumPy is loaded: with more threads than free processors, those of OpenBLAS spin while they wait for each other
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import gc
 import hashlib
 import pickle
 import re
@@ -82,6 +83,18 @@ def pytest_configure(config: pytest.Config) -> None:
         _copies_can_be_written()
     if "OPENCV_CPU_DISABLE" in os.environ and not hasattr(config, "workerinput"):
         _name_only_what_opencv_knows()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection() -> None:
+    """What is imported and collected stays to the end: no search for garbage goes through it again and again."""
+    gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    """Leave what was collected out of later searches."""
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:

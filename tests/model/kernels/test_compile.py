@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import model
-from model.kernels.compile import cache_key, kernel_sources, numba_config
+from model.kernels.compile import cache_key, cache_root, kernel_sources, numba_config
 from model.kernels.lanes import has_wide_vectors
 
 
@@ -21,6 +21,22 @@ def test_every_compiled_module_of_the_step_loop_is_among_the_hashed_sources() ->
     for path in [*package.glob("kernels/**/*.py"), *package.glob("integrators/**/*.py")]:
         if any(word in path.read_text(encoding="utf-8") for word in compiled):
             assert path.relative_to(package).as_posix() in hashed
+
+
+@pytest.mark.parametrize(
+    ("platform", "named", "where"),
+    [("win32", "LOCALAPPDATA", "local"), ("linux", "XDG_CACHE_HOME", "cache"), ("win32", "PIANORIG_CACHE_DIR", "own")],
+)
+def test_kernels_lie_where_each_system_keeps_such_files(
+    platform: str, named: str, where: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for place, variable in (("local", "LOCALAPPDATA"), ("cache", "XDG_CACHE_HOME")):
+        monkeypatch.setenv(variable, str(tmp_path / place))
+    monkeypatch.delenv("PIANORIG_CACHE_DIR", raising=False)
+    monkeypatch.setenv(named, str(tmp_path / where))
+    monkeypatch.setattr("model.kernels.compile.sys.platform", platform)
+    expected = tmp_path / where
+    assert cache_root() == (expected if where == "own" else expected / "piano-action-rig" / "kernels")
 
 
 AVX2 = "+avx2,+fma,+sse4.2"

@@ -43,10 +43,8 @@ def read(path: Path) -> tuple[Any, list[str]]:
 
 
 CASES: dict[str, tuple[str, np.ndarray, dict[str, Any], float]] = {
-    "MKV, 2400/s": ("f.mkv", ALL, {"rate": 2400}, 2400.0),
     "MKV, 5000/s": ("f.mkv", ALL, {"rate": 5000}, 5000.0),
     "MKV, 10000/s": ("f.mkv", ALL, {"rate": 10_000, **LOSSLESS}, 10_000.0),
-    "MOV with a gap": ("f.mov", GAP, {"codec": "png", "pixels": "rgb24", "stamps": GAP}, 2000.0),
     "MOV with a gap, play-back scale": ("f.mov", GAP, {"stamps": GAP, "rate": 25, **LOSSLESS}, 2000.0),
     "MP4, half of the frames left out at random": (
         "f.mp4",
@@ -55,7 +53,6 @@ CASES: dict[str, tuple[str, np.ndarray, dict[str, Any], float]] = {
         1000.0,
     ),
     "AVI with a gap": ("f.avi", GAP, {"codec": "ffv1", "stamps": GAP, "rate": 500}, 500.0),
-    "AVI, every frame alone": ("f.avi", ALL, {"codec": "huffyuv", "pixels": "rgb24", "rate": 500}, 500.0),
 }
 
 
