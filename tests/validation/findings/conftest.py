@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import model
-from rig.session import Session
+from rig import Session
 from tests.validation.bench_strokes import film, stroke_of
 from validation.events.session_events import SessionEvents, find_session_events
 from validation.measurement.measure_session import measure_session

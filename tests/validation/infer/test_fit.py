@@ -9,8 +9,8 @@ import pytest
 from scipy.optimize import minimize
 
 from tests.validation.infer import toy
+from validation import ValidationInputError
 from validation.conventions import Array
-from validation.errors import ValidationInputError
 from validation.infer.blocks import residuals
 from validation.infer.estimates import IDENTIFIED, NOT_IDENTIFIABLE, estimate_all, profiles
 from validation.infer.fit import fit, starts

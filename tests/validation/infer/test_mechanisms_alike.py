@@ -10,8 +10,8 @@ import pytest
 
 import model
 from tests.validation.infer import toy
+from validation import ValidationInputError
 from validation.conventions import Array
-from validation.errors import ValidationInputError
 from validation.infer.identifiability import HALF, directions
 from validation.infer.identify import look_before
 from validation.infer.noise import Marginal, Sizes

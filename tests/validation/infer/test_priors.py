@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 import model
-from validation.errors import ValidationInputError
+from validation import ValidationInputError
 from validation.infer.unknowns import LAW_U, expand, group_members, parameter_of, single_names, unknowns
 
 ACTION = model.load_action()

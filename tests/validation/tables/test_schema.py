@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from validation import results_schema
+from validation import SideBySide, results_schema
 from validation.report.write import results_json
-from validation.side_by_side import SideBySide, alone
+from validation.side_by_side import alone
 from validation.tables.schema import SCHEMA, SCHEMA_VERSION
 
 ROOT = Path(__file__).parents[3]
