@@ -23,7 +23,11 @@ def verdict_parts(result: ValidationResult) -> tuple[str, str]:
     lead = next((part for part in parts if part.startswith(ERROR)), parts[0])
     if result.outcome == AGREES:
         lead = parts[0]
-    rest = [part for part in parts if part is not lead and part.rstrip(".") != result.outcome.split(",")[0]]
+    rest = [
+        part.removeprefix(f"{result.outcome}: ")
+        for part in parts
+        if part is not lead and part.rstrip(".") != result.outcome.split(",")[0]
+    ]
     return lead[:1].upper() + lead[1:], " ".join(part[:1].upper() + part[1:] for part in rest)
 
 

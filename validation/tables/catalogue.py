@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import cache
 from importlib import import_module
-from pathlib import Path
 from pkgutil import iter_modules
 
 from validation.tables.table import SECTIONS, Page, Table
@@ -13,7 +12,8 @@ from validation.tables.table import SECTIONS, Page, Table
 @cache
 def all_tables() -> dict[str, Table]:
     """Every table by its name, in the order of the alphabet."""
-    names = sorted(found.name for found in iter_modules([str(Path(__file__).parent)]))
+    package = import_module("validation.tables")
+    names = sorted(found.name for found in iter_modules(package.__path__))
     modules = (import_module(f"validation.tables.{name}") for name in names)
     tables = (getattr(module, "TABLE", None) for module in modules)
     return {table.name: table for table in tables if isinstance(table, Table)}

@@ -49,66 +49,36 @@ COLUMNS = (
     Column("rmse_over_range", "1", "rmse_rad / range_rad", head="RMSE of range", shown=("%", 100.0), digits=2),
     Column("s_r_rad", "rad", "Repeatability standard deviation, pooled over the window", head="sᵣ"),
     Column("rmse_over_s_r", "1", "rmse_rad / s_r_rad"),
-    Column(
-        "s_r_low_rad",
-        "rad",
-        "Lower end of the 95 % interval of s_r at one instant",
-        head="95 % interval of sᵣ",
-        text=_interval,
-    ),
+    Column("s_r_low_rad", "rad", "Lower end of the 95 % interval of s_r at one instant", head="95 % interval of sᵣ",
+           text=_interval),
     Column("s_r_high_rad", "rad", "Upper end of it"),
     Column("s_r_largest_rad", "rad", "Largest s_r(t) in the window", head="largest sᵣ"),
-    Column(
-        "limit_rad",
-        "rad",
-        "Repeatability limit: two trials differ by less in 95 % of cases (ISO 5725, with the factor for few trials)",
-        head="limit",
-    ),
+    Column("limit_rad", "rad", "Repeatability limit: two trials differ by less in 95 % of cases (ISO 5725, with the "
+           "factor for few trials)", head="limit"),
     Column("band_factor", "1", "Critical value of the simultaneous 95 % band of the mean"),
     Column("trial_to_trial_rmse_rad", "rad", "RMSE of one trial against another", head="trial to trial"),
     Column("pairs", "1", "Pairs of trials behind it", int, optional=True),
-    Column(
-        "mean_difference_rad",
-        "rad",
-        "Root mean square of the mean paired difference model − trial (of the judged trials, at most five)",
-    ),
-    Column(
-        "u_difference_rad",
-        "rad",
-        "Standard uncertainty of the mean paired difference, root mean square over the window",
-    ),
-    Column(
-        "resolved_share",
-        "1",
-        "Share of the window in which the mean difference is larger than 1.96 u of that instant",
-        head="beyond 95 %",
-        shown=("%", 100.0),
-        digits=2,
-    ),
-    Column(
-        "rmse_right_rad",
-        "rad",
-        "RMSE of a model that is right within the declared uncertainties, median over draws",
-        head="expected",
-    ),
+    Column("mean_difference_rad", "rad", "Root mean square of the mean paired difference model − trial (of the judged "
+           "trials, at most five)"),
+    Column("u_difference_rad", "rad", "Standard uncertainty of the mean paired difference, root mean square over the "
+           "window"),
+    Column("resolved_share", "1", "Share of the window in which the mean difference is larger than 1.96 u of that "
+           "instant", head="beyond 95 %", shown=("%", 100.0), digits=2),
+    Column("rmse_right_rad", "rad", "RMSE of a model that is right within the declared uncertainties, median over "
+           "draws", head="expected"),
     Column("rmse_right_95_rad", "rad", "What 95 % of such models stay below", head="95 % below"),
     Column("state", "", "Why there is no repeatability (one trial, not filmed …); empty when there is", str),
     Column("null_rmse_rad", "rad", "RMSE of the null model"),
     Column("iso_overall", "1", "ISO-style overall score, mean over trials", head="ISO-style", digits=2),
     Column("iso_ceiling", "1", "The same of a perfect model, median over draws", head="of a perfect model", digits=2),
     Column("iso_null", "1", "The same of the null model"),
-    Column(
-        "best_rival",
-        "",
-        "Rival with the least error: null, unfitted, polynomial, fir or fir_lags; empty where there is none",
-        str,
-        head="best rival",
-        text=lambda row: CALLED.get(row["best_rival"], DASH).removeprefix("the "),
-    ),
+    Column("best_rival", "", "Rival with the least error: null, unfitted, polynomial, fir or fir_lags; empty where "
+           "there is none", str, head="best rival",
+           text=lambda row: CALLED.get(row["best_rival"], DASH).removeprefix("the ")),
     Column("skill", "ratio", "1 − error over that of the best rival, trials paired", head="skill", text=_skill),
     Column("skill_low", "ratio", "Lower end of its 95 % interval; null with fewer than four trials"),
     Column("skill_high", "ratio", "Upper end"),
-)
+)  # fmt: skip
 NAMES = (
     "range_rad", "s_r_rad", "s_r_low_rad", "s_r_high_rad", "s_r_largest_rad", "limit_rad", "band_factor",
     "trial_to_trial_rmse_rad", "pairs", "mean_difference_rad", "u_difference_rad", "resolved_share", "rmse_right_rad",

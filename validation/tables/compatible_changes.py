@@ -17,51 +17,24 @@ def _change(row: Row) -> str:
 
 
 COLUMNS = (
-    Column(
-        "set",
-        "",
-        "Number of the set, smaller sets first, then by evidence; each set by itself explains the difference",
-        int,
-        head="set",
-    ),
+    Column("set", "", "Number of the set, smaller sets first, then by evidence; each set by itself explains the "
+           "difference", int, head="set"),
     Column("changes", "", "How many changes the set has", int),
-    Column(
-        "cause",
-        "",
-        "What is changed: a parameter path, a felt, or an error of the session: gain, level or delay of the force, the "
-        "clock's rate, an encoder's scale (0.9 of a gain reads 0.9 of what acted)",
-        str,
-        head="cause",
-    ),
-    Column(
-        "change",
-        "factor or unit of the row",
-        "Factor, or what is added, in the row's unit",
-        head="change",
-        text=_change,
-    ),
+    Column("cause", "", "What is changed: a parameter path, a felt, or an error of the session: gain, level or delay "
+           "of the force, the clock's rate, an encoder's scale (0.9 of a gain reads 0.9 of what acted)", str,
+           head="cause"),
+    Column("change", "factor or unit of the row", "Factor, or what is added, in the row's unit", head="change",
+           text=_change),
     Column("u", "1 or unit of the row", "Standard uncertainty of the change; relative where it is a factor"),
     Column("unit", "", "Unit of the change; 1 means a factor", str),
     Column("log_odds", "1", "Natural logarithm of the set's evidence over that of the best of the smallest sets"),
-    Column(
-        "left",
-        "1",
-        "Share of the squared difference that is left with the set: of the trials' mean, or of what they differ by "
-        "among themselves where not all have the change",
-        head="difference left",
-        shown=("%", 100.0),
-    ),
-    Column(
-        "profile",
-        "",
-        "Which trials have the change: all, one, a trend that grows evenly from the first to the last, all from one on",
-        str,
-        values=("all", "one", "trend", "step"),
-        head="trials",
-    ),
+    Column("left", "1", "Share of the squared difference that is left with the set: of the trials' mean, or of what "
+           "they differ by among themselves where not all have the change", head="difference left", shown=("%", 100.0)),
+    Column("profile", "", "Which trials have the change: all, one, a trend that grows evenly from the first to the "
+           "last, all from one on", str, values=("all", "one", "trend", "step"), head="trials"),
     Column("first", "", "Number of the first trial that has the change; of a trend the last one before it", int),
     Column("last", "", "Number of the last trial that has the change", int),
-)
+)  # fmt: skip
 
 
 def rows(comparison: Comparison) -> Sequence[Mapping[str, Any]]:

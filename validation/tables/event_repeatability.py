@@ -32,7 +32,7 @@ COLUMNS = (
     Column("s_high", OF_ROW, "Upper end of it"),
     Column("limit", OF_ROW, "Repeatability limit (ISO 5725, with the factor for few trials)", head="limit"),
     Column("range", OF_ROW, "Largest − smallest", head="range"),
-)
+)  # fmt: skip
 
 
 def rows(comparison: Comparison) -> pd.DataFrame:

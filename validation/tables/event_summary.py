@@ -33,14 +33,8 @@ COLUMNS = (
     UNIT,
     Column("n_trials", "1", "Trials compared", int),
     Column("found_trial", "1", "Trials in which it happened", int, head="trials with it", text=_found("found_trial")),
-    Column(
-        "found_model",
-        "1",
-        "Predictions in which it happened",
-        int,
-        head="predictions with it",
-        text=_found("found_model"),
-    ),
+    Column("found_model", "1", "Predictions in which it happened", int, head="predictions with it",
+           text=_found("found_model")),
     Column("agree", "", "Whether it happened in the same trials and predictions", bool),
     Column("ambiguous", "1", "Ambiguous cases, trials and predictions together", int),
     Column("trial_mean", OF_ROW, "Mean over trials", head="trials: mean ± s", u="trial_s"),
@@ -48,17 +42,14 @@ COLUMNS = (
     Column("model_mean", OF_ROW, "Mean over predictions", head="model: mean", digits=4),
     Column("difference", OF_ROW, "Mean of model − trial, paired by trial", head="model − trial", u="u_difference"),
     Column("difference_s", OF_ROW, "Standard deviation of that difference"),
-    Column(
-        "u_difference",
-        OF_ROW,
-        "Standard uncertainty of the mean difference (stated uncertainty of the events, scatter over trials)",
-    ),
+    Column("u_difference", OF_ROW, "Standard uncertainty of the mean difference (stated uncertainty of the events, "
+           "scatter over trials)"),
     Column("n_both", "1", "Trials with the event in both", int),
     Column("u_trial", OF_ROW, "Stated standard uncertainty of the event in one trial"),
     Column("area", OF_ROW, "Area metric between the distributions of predictions and trials", head="area metric"),
     Column("area_floor", OF_ROW, "Mean of it for a perfect model and so many trials"),
     Column("area_floor_95", OF_ROW, "95th percentile of that", head="by chance below"),
-)
+)  # fmt: skip
 
 
 def rows(comparison: Comparison) -> list[dict[str, Any]]:

@@ -24,7 +24,7 @@ COLUMNS = (
     UNIT,
     Column("status", "", "found, absent or ambiguous", str, head="status"),
     Column("note", "", "Why it is absent or ambiguous", str, head="note"),
-)
+)  # fmt: skip
 
 
 def rows(comparison: Comparison) -> list[dict[str, Any]]:

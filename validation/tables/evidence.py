@@ -19,20 +19,15 @@ COLUMNS = (
     Column("against", "", "The session's first model", str),
     Column("log_evidence", "1", "Natural logarithm of the model's evidence"),
     Column("u_log_evidence", "1", "Its standard uncertainty, from the number of draws"),
-    Column(
-        "log_bayes_factor",
-        "1",
-        "ln evidence less that of the first model",
-        head="ln Bayes factor",
-        u="u_log_bayes_factor",
-    ),
+    Column("log_bayes_factor", "1", "ln evidence less that of the first model", head="ln Bayes factor",
+           u="u_log_bayes_factor"),
     Column("u_log_bayes_factor", "1", "Its standard uncertainty"),
     Column("p", "1", "p of the simultaneous test", head="p of the test", digits=2),
     Column("reading", "", "What can be said, after Kass and Raftery (1995)", str, head="evidence"),
     Column("right_hand_sides", "1", "Mean of a blow", head="right-hand sides", digits=4),
     Column("seconds", "s", "Least processor time of a blow", head="processor time of a blow"),
     Column("cost_ratio", "1", "Right-hand sides over those of the first model", head="times the first"),
-)
+)  # fmt: skip
 
 
 def rows(results: Sequence[ValidationResult]) -> pd.DataFrame:

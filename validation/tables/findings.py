@@ -11,18 +11,13 @@ from validation.tables.table import Column, Page, Table
 
 COLUMNS = (
     Column("kind", "", "Kind of fault, see validation.findings.finding.KINDS", str, head="finding"),
-    Column(
-        "trial",
-        "",
-        "Trial; null for the whole session",
-        head="trial",
-        text=lambda row: DASH if row["trial"] != row["trial"] else str(int(row["trial"])),
-    ),
+    Column("trial", "", "Trial; null for the whole session", head="trial",
+           text=lambda row: DASH if row["trial"] != row["trial"] else str(int(row["trial"]))),
     Column("channel", "", "Channel or parameter; may be empty", str, head="channel"),
     Column("value", "", "What was found, in the unit the text gives"),
     Column("limit", "", "Limit of the rule, same unit"),
     Column("text", "", "The fault in words, and what to do", str, head="what was seen"),
-)
+)  # fmt: skip
 
 
 def rows(comparison: Comparison) -> list[dict[str, Any]]:

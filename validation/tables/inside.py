@@ -26,34 +26,20 @@ COLUMNS = (
     Column("part", "", "Contact, joint, or what an energy or a way is of", str, head="part"),
     Column("kind", "", "energy, contact, joint or way", str),
     Column("trial", "", "Trial whose force drives the model", int),
-    Column(
-        "largest_n",
-        "N",
-        "Largest force: of a contact along its normal, of a joint on its body",
-        head="largest force",
-        u="u_largest_n",
-    ),
+    Column("largest_n", "N", "Largest force: of a contact along its normal, of a joint on its body",
+           head="largest force", u="u_largest_n"),
     Column("u_largest_n", "N", "Its standard uncertainty, from the draws; of contacts only"),
     Column("at_s", "s", "When the force, or the way, is largest", head="at", digits=4),
-    Column(
-        "largest_m",
-        "m",
-        "Largest depth of a contact's felt, way of a joint that gives, of the string, of the key above its rail",
-        head="depth, way",
-    ),
+    Column("largest_m", "m", "Largest depth of a contact's felt, way of a joint that gives, of the string, of the key "
+           "above its rail", head="depth, way"),
     Column("slid_m", "m", "Way rubbed in a contact, both directions added", head="rubbed"),
-    Column(
-        "energy_j",
-        "J",
-        "Energy: of its name, or lost in a contact, or in a joint by its friction and bushing",
-        head="energy",
-        u="u_energy_j",
-    ),
+    Column("energy_j", "J", "Energy: of its name, or lost in a contact, or in a joint by its friction and bushing",
+           head="energy", u="u_energy_j"),
     Column("u_energy_j", "J", "Its standard uncertainty, from the draws; of whole energies only"),
     Column("friction_j", "J", "Part of it lost by friction; of contacts only", head="by friction"),
     Column("felt_j", "J", "Part of it lost in the felt; of contacts only", head="in felt"),
     Column("draws", "", "Draws of force and parameters that could be run; 0 without a budget", int),
-)
+)  # fmt: skip
 DRAWS = 20
 ENERGIES = {
     "work_in": "work of the force on the key",

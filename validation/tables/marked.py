@@ -15,13 +15,12 @@ COLUMNS = (
     Column("start_s", "s", "Begin", head="from"),
     Column("end_s", "s", "End", head="to"),
     Column("largest_at_s", "s", "Time of the largest disagreement of the encoders"),
-    Column(
-        "gap_m", "m", "Largest excess of the gap between key and whippen at the capstan, by their encoders", head="gap"
-    ),
+    Column("gap_m", "m", "Largest excess of the gap between key and whippen at the capstan, by their encoders",
+           head="gap"),
     Column("lift_m", "m", "Lift of the key that would explain it", head="lift"),
     Column("rail_pull_n", "N", "Pull of the balance rail that the model would need at that time; null when not asked"),
     Column("reason", "", "Why it was marked", str, head="why"),
-)
+)  # fmt: skip
 
 
 def rows(comparison: Comparison) -> Iterator[dict[str, Any]]:

@@ -37,14 +37,8 @@ COLUMNS = (
     UNIT,
     Column("better", "", "Which is better: lower or higher", str),
     Column("first", "", "Name of the first model", str),
-    Column(
-        "second",
-        "",
-        "Name of the second model",
-        str,
-        head="difference",
-        text=lambda row: f"{row['second']} − {row['first']}",
-    ),
+    Column("second", "", "Name of the second model", str, head="difference",
+           text=lambda row: f"{row['second']} − {row['first']}"),
     Column("n_trials", "1", "Trials that both models have", int),
     Column("first_mean", OF_ROW, "Mean score of the first model over these trials"),
     Column("second_mean", OF_ROW, "Mean score of the second"),
@@ -53,28 +47,16 @@ COLUMNS = (
     Column("u_nuisance", OF_ROW, "Part of it from errors of force and sensors common to the trials"),
     Column("low", OF_ROW, "Lower end of its 95 % interval (Student's t)", head="95 % interval", text=_interval),
     Column("high", OF_ROW, "Upper end of it"),
-    Column(
-        "first_closer",
-        "1",
-        "Trials in which the first model scores better",
-        int,
-        head="closer",
-        text=lambda row: f"{row['first_closer']} : {row['second_closer']} of {row['n_trials']}",
-    ),
+    Column("first_closer", "1", "Trials in which the first model scores better", int, head="closer",
+           text=lambda row: f"{row['first_closer']} : {row['second_closer']} of {row['n_trials']}"),
     Column("second_closer", "1", "Trials in which the second does", int),
     Column("p", "1", "Two-sided sign-flip test; 1 with one trial", head="p", text=_of_several("p")),
-    Column(
-        "p_least", "1", "Smallest p that so many trials allow, 2^(1−n)", head="least p", text=_of_several("p_least")
-    ),
-    Column(
-        "p_joint",
-        "1",
-        "p with the signs of all channels flipped together, for all channels at once",
-        head="p, all channels",
-        text=_of_several("p_joint"),
-    ),
+    Column("p_least", "1", "Smallest p that so many trials allow, 2^(1−n)", head="least p",
+           text=_of_several("p_least")),
+    Column("p_joint", "1", "p with the signs of all channels flipped together, for all channels at once",
+           head="p, all channels", text=_of_several("p_joint")),
     Column("claim", "", "What may be said, in words", str, head="what can be said"),
-)
+)  # fmt: skip
 
 
 def rows(results: Sequence[ValidationResult]) -> pd.DataFrame:

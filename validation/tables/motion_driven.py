@@ -15,16 +15,11 @@ COLUMNS = (
     Column("rmse_over_peak", "1", "RMSE divided by the measured peak", head="of the peak", shown=("%", 100.0)),
     Column("bias_n", "N", "Mean of predicted − measured"),
     Column("u_rms_n", "N", "Root mean square of the stated standard uncertainty of the prediction"),
-    Column(
-        "within_95_share",
-        "1",
-        "Share of samples whose difference lies inside its stated 95 % interval",
-        head="inside 95 %",
-        shown=("%", 100.0),
-    ),
+    Column("within_95_share", "1", "Share of samples whose difference lies inside its stated 95 % interval",
+           head="inside 95 %", shown=("%", 100.0)),
     Column("left_out_share", "1", "Share of the window left out (key may lift)", head="left out", shown=("%", 100.0)),
     Column("n", "1", "Samples compared", int),
-)
+)  # fmt: skip
 
 
 def rows(comparison: Comparison) -> list[dict[str, Any]]:

@@ -15,14 +15,10 @@ COLUMNS = (
     Column("unfitted_rmse_rad", "rad", "RMSE with the values before the identification", head="unfitted values"),
     Column("polynomial_rmse_rad", "rad", "RMSE of the black box: polynomial of the force", head="polynomial"),
     Column("fir_rmse_rad", "rad", "RMSE of the black box: nonlinear FIR filter of the force", head="FIR filter"),
-    Column(
-        "fir_lags_rmse_rad",
-        "rad",
-        "RMSE of the black box: nonlinear FIR filter of six lags of the force",
-        head="FIR, six lags",
-    ),
+    Column("fir_lags_rmse_rad", "rad", "RMSE of the black box: nonlinear FIR filter of six lags of the force",
+           head="FIR, six lags"),
     Column("nearest", "", "model, null, unfitted, polynomial, fir or fir_lags", str, head="nearest"),
-)
+)  # fmt: skip
 
 
 def rows(comparison: Comparison) -> pd.DataFrame:

@@ -34,31 +34,18 @@ COLUMNS = (
     Column("title", "", "The score in words", str, head="score", text=_title),
     UNIT,
     Column("better", "", "Which is better: lower or higher", str),
-    Column(
-        "value",
-        OF_ROW,
-        "The model's score over all trials: root mean square of errors in rad, mean of the magnitudes of the others",
-        head="model",
-    ),
-    Column(
-        "ceiling",
-        OF_ROW,
-        "What a perfect model would score that knows each trial's force as it was measured: median over draws",
-        head="perfect model",
-    ),
+    Column("value", OF_ROW, "The model's score over all trials: root mean square of errors in rad, mean of the "
+           "magnitudes of the others", head="model"),
+    Column("ceiling", OF_ROW, "What a perfect model would score that knows each trial's force as it was measured: "
+           "median over draws", head="perfect model"),
     Column("ceiling_low", OF_ROW, "Smallest of the draws", head="its range", text=_range),
     Column("ceiling_high", OF_ROW, "Largest of the draws"),
     Column("ceiling_draws", "1", "Draws the ceiling is made from; 0 without budget", int),
-    Column(
-        "reading",
-        "",
-        "Whether the model, in the trials the ceiling is made from, scores worse than all perfect models drawn",
-        str,
-        head="reading",
-    ),
+    Column("reading", "", "Whether the model, in the trials the ceiling is made from, scores worse than all perfect "
+           "models drawn", str, head="reading"),
     Column("null", OF_ROW, "The same score of the null model", head="null model"),
     Column("raw_force", OF_ROW, "The same score of the model driven by the force as recorded", head="raw force"),
-)
+)  # fmt: skip
 NO_CEILING = Ceiling()
 
 

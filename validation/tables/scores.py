@@ -26,12 +26,8 @@ def _baseline(column: Column, name: str, words: str) -> Column:
 BASELINES = (("null", "of the null model"), ("raw_force", "of the model driven by the force as recorded"))
 COMPARED = (
     Column("rmse_rad", "rad", "Root mean square of model − trial inside the window", head="RMSE"),
-    Column(
-        "before_impact_rmse_rad",
-        "rad",
-        "The same over the samples before the string impact of the trial",
-        head="before impact",
-    ),
+    Column("before_impact_rmse_rad", "rad", "The same over the samples before the string impact of the trial",
+           head="before impact"),
     Column("rmse_over_range", "1", "RMSE divided by the range of the trial's angle"),
     Column("iso_overall", "1", "Overall score in the style of ISO/TS 18571, from 0 to 1 (1 is best)", head="ISO-style"),
     Column("iso_corridor", "1", "Its corridor part"),
@@ -41,14 +37,13 @@ COMPARED = (
     Column("sg_magnitude", "1", "Sprague–Geers magnitude error, signed; 0 is best"),
     Column("sg_phase", "1", "Sprague–Geers phase error, from 0 to 1; 0 is best"),
     Column("sg_combined", "1", "Sprague–Geers combined error; 0 is best"),
-)
+)  # fmt: skip
 COLUMNS = (
     TRIAL,
     CHANNEL,
     Column("source", "", "Sensor: encoder or film", str),
-    Column(
-        "pooled", "", "Whether figures of several trials count this row; not where the encoder is wired wrong", bool
-    ),
+    Column("pooled", "", "Whether figures of several trials count this row; not where the encoder is wired wrong",
+           bool),
     Column("rmse_over_s_r", "1", "RMSE divided by the repeatability standard deviation"),
     *COMPARED,
     Column("iso_shift_s", "s", "Shift at which the ISO-style phase part found the best correlation"),
@@ -61,7 +56,7 @@ COLUMNS = (
     Column("iso_guards", "", "What makes the ISO-style score doubtful; empty when nothing does", str),
     *(_baseline(c, name, words) for name, words in BASELINES for c in COMPARED),
     Column("u_rms_rad", "rad", "Standard uncertainty of one measured sample", head="uncertainty of a sample"),
-)
+)  # fmt: skip
 
 
 def rows(comparison: Comparison) -> pd.DataFrame:

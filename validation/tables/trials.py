@@ -43,13 +43,8 @@ COLUMNS = (
     Column("hum_1_phase_rad", "rad", "Phase of the fitted hum at 1 times the mains frequency"),
     Column("hum_2_phase_rad", "rad", "Phase of the fitted hum at 2 times the mains frequency"),
     Column("hum_3_phase_rad", "rad", "Phase of the fitted hum at 3 times the mains frequency"),
-    Column(
-        "noise_n",
-        "N",
-        "Standard deviation of the force in the quiet stretch after correction",
-        head="noise",
-        shown=("mN", 1e3),
-    ),
+    Column("noise_n", "N", "Standard deviation of the force in the quiet stretch after correction", head="noise",
+           shown=("mN", 1e3)),
     Column("preload_n", "N", "Declared force on the key at rest"),
     Column("u_preload_n", "N", "Its standard uncertainty"),
     Column("group_delay_s", "s", "Delay of the force channel, taken off its times", head="delay"),
@@ -58,23 +53,14 @@ COLUMNS = (
     Column("reused", "", "Whether the kept prediction was used, not simulated again", bool, optional=True),
     Column("seal", "", "SHA-256 of the recorded trial", str, optional=True),
     Column("notes", "", "Notes on the trial, separated by semicolons", str, optional=True),
-    Column(
-        "fitted",
-        "",
-        "Whether the action was fitted to it (by hash); null for one that is not used",
-        bool,
-        optional=True,
-    ),
-    Column(
-        "distance",
-        "widenings",
-        "How far it lies from what was fitted, 1 is the limit; null where it is not known, or a phase was never fitted",
-    ),
-    Column(
-        "outside", "", "Whether it lies outside of what was fitted; null where it is not known", bool, optional=True
-    ),
+    Column("fitted", "", "Whether the action was fitted to it (by hash); null for one that is not used", bool,
+           optional=True),
+    Column("distance", "widenings", "How far it lies from what was fitted, 1 is the limit; null where it is not known, "
+           "or a phase was never fitted"),
+    Column("outside", "", "Whether it lies outside of what was fitted; null where it is not known", bool,
+           optional=True),
     Column("why_outside", "", "What sets it outside", str, optional=True),
-)
+)  # fmt: skip
 
 
 def rows(comparison: Comparison) -> pd.DataFrame:

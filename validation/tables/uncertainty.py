@@ -19,15 +19,9 @@ COLUMNS = (
     Column("source", "", "Sensor: encoder or film", str, head="sensor"),
     Column("quantisation_rad", "rad", "Standard uncertainty by the sensor's step; null for film", head="by its step"),
     Column("u_rad", "rad", "Standard uncertainty of one sample", head="of a sample"),
-    Column(
-        "scale_relative_u",
-        "1",
-        "Relative standard uncertainty of the scale; null for film",
-        head="of the scale",
-        shown=("%", 100.0),
-        digits=2,
-    ),
-)
+    Column("scale_relative_u", "1", "Relative standard uncertainty of the scale; null for film", head="of the scale",
+           shown=("%", 100.0), digits=2),
+)  # fmt: skip
 
 
 def rows(comparison: Comparison) -> list[dict[str, Any]]:
