@@ -204,7 +204,7 @@ def find_travel_differences(
         elif reached and (t.held or abs(t.ratio[0] - 1) > SCALE_ONLY):
             ratios["key and whippen"][number] = float(t.ratio[0])
     hammer_goes = {n for n, t in travels.items() if abs(t.hammer_lever - t.ratio[2]) < abs(t.hammer_lever - 1)}
-    key_goes = {n for n, t in travels.items() if t.apart < SCALE_ONLY}
+    key_goes = {n for n, t in travels.items() if t.apart < SCALE_ONLY and not _has_another_key_stop(t)}
     out = []
     for name, found in ratios.items():
         out += _describe_travel(name, found, travels, hammer_goes if name == "hammer" else key_goes)
@@ -218,9 +218,9 @@ def find_travel_differences(
 
 
 def _has_another_key_stop(t: Travel) -> bool:
-    """Whether key and whippen travel alike, and by far not as far as in the model."""
+    """Whether neither key nor whippen goes by far as far as in the model, or both go further: it is their motion."""
     away = t.ratio[:2] - 1
-    return not abs(t.lever - 1) > STOPS_MAY and bool(np.all(np.abs(away) > SCALE_ONLY)) and away[0] * away[1] > 0
+    return bool(np.all(np.abs(away) > SCALE_ONLY)) and away[0] * away[1] > 0
 
 
 def _name_wrong_encoder(t: Travel) -> str:

@@ -98,6 +98,11 @@ def test_a_key_that_does_not_go_with_the_whippen_is_no_gross_difference():
     for apart, kind in ((0.3, "travel difference"), (0.05, "gross travel difference")):
         given = Travel(np.array([0.42, 1.0, np.nan]), 1 / 0.42, True, apart=apart)
         assert kinds(find_travel_differences({n: given for n in (1, 2, 3)})) == [(kind, "key")]
+    stuck = Travel(np.array([0.248, 0.275, 0.036]), 1.11, True, hammer_lever=0.1)
+    assert kinds(find_travel_differences({n: stuck for n in (1, 2, 3)})) == [
+        ("travel difference", "key"),
+        ("travel difference", "whippen"),
+    ]
     both = Travel(np.array([0.05, 0.11, np.nan]), 2.2, True, apart=0.3)
     said = find_travel_differences({n: both for n in (1, 2, 3)})
     assert [(f.channel, f.value) for f in said] == [("key", pytest.approx(0.05)), ("whippen", pytest.approx(0.11))]
