@@ -44,8 +44,7 @@ CAUSES = (
     "zero drifts", "is wired", "its friction is not",
 )  # fmt: skip
 """Words of a cause: no finding says why."""
-FORCE = len(CHANNELS)
-"""Number of the force among the channels."""
+FORCE = len(CHANNELS)  # number of the force among the channels
 
 
 def no_change(data: TrialData, _: Stroke) -> TrialData:
@@ -97,16 +96,6 @@ def spiked(i: int, at_s: float, length_s: float, by: float) -> Change:
     return remade(i, lambda x, t: x + by * ((t >= at_s) & (t < at_s + length_s)))
 
 
-def slipped(i: int, at_s: float, by: float) -> Change:
-    """A reading that leaps and stays."""
-    return spiked(i, at_s, np.inf, by)
-
-
-def drifting(i: int, by: float) -> Change:
-    """A reading that drifts linearly over the record."""
-    return remade(i, lambda x, t: x + by * t / t[-1])
-
-
 def part_of_record(start_s: float, end_s: float) -> Change:
     """A record of a part of the stroke, times from zero."""
 
@@ -128,12 +117,9 @@ def changed(by: dict[str, float], numbers: Sequence[int] | None = None) -> Calla
 LET_OFF, CHECK, STRING = "contact08.second.y", "contact04.second.x", "contact12.second.y"
 MOVED_M = {LET_OFF: 1e-3, CHECK: 3e-3, "contact11.first.y": 1e-3, STRING: 3e-3, "contact02.second.y": 0.8e-3}
 SCALED = {"key.joint_friction.A": 1.0, "contact07.friction.A": 0.6, "contact10.friction.A": 0.5, "hammer.mass": 0.08,
-          "repetition_spring.stiffness": 0.2}  # fmt: skip
-"""Parameters of a specimen, and the largest change: m, or a share of the value."""
-LACKING = (
-    *("shank", "string", "balance_rail", "key_pin", "whippen_pin", "jack_pin", "repetition_pin", "hammer_pin"),
-    *("shank string", "balance_rail hammer_pin"),
-)
+          "repetition_spring.stiffness": 0.2}  # fmt: skip  # largest change: m above, here a share of the value
+LACKING = ("shank", "string", "balance_rail", "key_pin", "whippen_pin", "jack_pin", "repetition_pin", "hammer_pin",
+           "shank string", "balance_rail hammer_pin")  # fmt: skip
 LOUD = ("mf", "rebound", "ff2", "forte", "double", "staccato", "fortissimo")
 SOFT = ("piano", "slow")
 
@@ -166,8 +152,8 @@ def glitches(rng: np.random.Generator) -> dict[str, Case]:
             change, words = {
                 "freeze": (frozen(i, at_s, length_s), f"constant for {1e3 * length_s:.0f} ms from {at_s:.3f} s"),
                 "spike": (spiked(i, at_s, length_s, by), f"{size} for {1e3 * length_s:.0f} ms from {at_s:.3f} s"),
-                "slip": (slipped(i, at_s, by), f"{size} from {at_s:.3f} s on"),
-                "drift": (drifting(i, by), f"{size} linearly over the record"),
+                "slip": (spiked(i, at_s, np.inf, by), f"{size} from {at_s:.3f} s on"),
+                "drift": (remade(i, lambda x, t, by=by: x + by * t / t[-1]), f"{size} linearly over the record"),
             }[name]
             truth = f"{channel} {words} in trials {list(numbers)} of 6"
             misread, never = in_trials(numbers, change), ("rail",) if name == "freeze" else ()
