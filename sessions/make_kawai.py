@@ -32,10 +32,11 @@ import model
 import rig
 import validation
 from model.errors import ModelError
-from rig.session import Session
 from model.motion_driven.prescribed_key import run_prescribed
+from rig.session import Session
 from validation.conventions import HAMMER
 from validation.events.strikes import find_key_phases, find_key_strikes
+from validation.infer.budget import OUT_OF_BUDGET, End
 from validation.infer.result import Identification, calibrated
 from validation.measurement.position_sensors import (
     ERROR_NAMES,
@@ -111,9 +112,12 @@ LIMIT = 4.0
 STEPS = (0.25, 0.12, 0.06)
 """Steps of the differences in u: contacts make the misfit rough."""
 COARSE, FINE = 4, 10
-"""Most evaluations of a fit that is begun, and of the last."""
-SEED, HOPS, HOP, MOVED = 1, 40, 0.3, 0.4
-"""How often the search begins again, how far away in u, and which share of the parameters it moves."""
+"""Most evaluations of a fit after a hop, and of the last."""
+SEED, DRAWS, STARTS, CARRIED_ON, HOPS = 1, 40, 6, 2, 80
+WIDTH, HOP, MOVED = 0.7, 0.3, 0.4
+"""Standard deviation of the draws and of a hop, u, and the share of the parameters that a hop moves."""
+WIDEST = 3.9
+LEAST_GAIN = 0.05
 TOLERANCE = 2e-4
 SLOW_SHARE_PER_S = 5.0
 """Speed in rulers a second below which a stroke is a slow press: some 0.25 m/s of the head."""
@@ -175,7 +179,9 @@ def _strikes(m: MeasuredTrial) -> list[tuple[int, int]]:
     key, step = m.sensors.key_m, float(m.time_s[1] - m.time_s[0])  # type: ignore[union-attr]
     every = find_key_strikes(key, find_key_phases(key, step))
     nexts = [*(start for start, _ in every[1:]), m.time_s.size]
-    return [(first, min(end + round(FLIES_ON_S / step), before)) for (first, end), before in zip(every, nexts, strict=True)]
+    return [
+        (first, min(end + round(FLIES_ON_S / step), before)) for (first, end), before in zip(every, nexts, strict=True)
+    ]
 
 
 def _speeds(m: MeasuredTrial, hammer: Array) -> Array:
@@ -221,7 +227,6 @@ def fit(trials: Sequence[MeasuredTrial], start: Array, step: float, runs: int) -
         for i in range(z.size):
             by = step if z[i] < LIMIT - step else -step
             out[:, i] = (misfit(z + by * (np.arange(z.size) == i), trials) - here) / by
-        print(f"  misfit {0.5 * float(here @ here):.1f}", flush=True)
         return out
 
     found = least_squares(
@@ -230,21 +235,35 @@ def fit(trials: Sequence[MeasuredTrial], start: Array, step: float, runs: int) -
     return found.x, np.linalg.inv(found.jac.T @ found.jac), float(found.cost)  # the priors' rows keep it regular
 
 
-def search(trials: Sequence[MeasuredTrial], start: Array, hops: int) -> tuple[Array, Array, float]:
-    """The fit carried on: the misfit has many local minima, so that it is begun again beside the best one found.
+def search(trials: Sequence[MeasuredTrial], start: Array | None, hops: int) -> tuple[Array, Array, float]:
+    """The best of many fits: the misfit has many local minima. Seeded.
 
-    Seeded; each hop moves some of the parameters by a draw of `HOP` u and stays where the misfit is less.
+    Without a start, the best of `DRAWS` draws from the priors and the priors' middle are begun, and the best two of
+    them carried on. Then the search hops: it moves some parameters by a draw, fits, and stays where the misfit is less.
     """
     random = np.random.default_rng(SEED)
-    best = fit(trials, start, STEPS[0], COARSE)
+    size = N_SENSORS + len(FREE)
+    if start is None:
+        draws = [np.zeros(size), *(WIDTH * random.standard_normal(size) for _ in range(DRAWS))]
+        begun = sorted(draws, key=lambda z: _cost(z, trials))[:STARTS]
+        found = sorted((fit(trials, np.clip(z, -WIDEST, WIDEST), STEPS[0], 5) for z in begun), key=_misfit_of)
+        carried = [fit(trials, fit(trials, one[0], 0.15, 8)[0], STEPS[-1], 6) for one in found[:CARRIED_ON]]
+        best = min(carried, key=_misfit_of)
+    else:
+        best = fit(trials, start, STEPS[-1], FINE)
+    print(f"misfit {best[2]:.1f} before {hops} hops", flush=True)
     for k in range(hops):
-        away = HOP * random.standard_normal(start.size) * (random.random(start.size) < MOVED)
-        begun = np.clip(best[0] + away, -LIMIT, LIMIT)
-        found = fit(trials, begun, float(random.choice(STEPS)), COARSE)
-        if found[2] < best[2]:
-            best = found
+        moved = random.random(size) < MOVED
+        begun_at = np.clip(best[0] + HOP * random.standard_normal(size) * moved, -WIDEST, WIDEST)
+        one = fit(trials, begun_at, float(random.choice(STEPS)), COARSE)
+        if one[2] < best[2] - LEAST_GAIN:
+            best = one
             print(f"hop {k + 1}: misfit {best[2]:.1f}", flush=True)
-    return min((best, fit(trials, best[0], STEPS[-1], FINE)), key=lambda one: one[2])
+    return min((best, fit(trials, best[0], STEPS[-1], FINE)), key=_misfit_of)
+
+
+def _misfit_of(found: tuple[Array, Array, float]) -> float:
+    return found[2]
 
 
 def z_of(action: model.Action) -> Array:
@@ -279,9 +298,22 @@ def identified(session: Session, trials: Sequence[MeasuredTrial], best: tuple[Ar
     )
     when = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     provenance = {"created_utc": when, "start": ACTION.name, TRIALS: seals, "made_by": "sessions/make_kawai.py"}
-    none: tuple[()] = ()
     return Identification(
-        action_of(z), none, np.zeros((0, 0)), none, none, said, none, {}, {}, {}, provenance, posterior, sensors, None
+        action=action_of(z),
+        estimates=(),
+        correlation=np.zeros((0, 0)),
+        undetermined=(),
+        determined=(),
+        warnings=said,
+        starts=(cost,),
+        scatter={},
+        scores={},
+        events={},
+        provenance=provenance,
+        posterior=posterior,
+        sensors=sensors,
+        end=End(OUT_OF_BUDGET, "the best of a seeded search"),
+        details=None,
     )
 
 
@@ -296,8 +328,7 @@ def identify(folder: Path, numbers: Sequence[int], without: str, start: Path | N
     data = {trial.number: trial.read() for trial in session.trials if trial.rejected is None}
     every = {n: measure_positions(one, SensorCalibration(), session.trial(n).sha256) for n, one in data.items()}
     chosen = [every[n] for n in numbers if data[n].condition != without]
-    begun = np.zeros(N_SENSORS + len(FREE)) if start is None else z_of(model.load_action(start))
-    best = search(chosen, begun, hops)
+    best = search(chosen, None if start is None else z_of(model.load_action(start)), hops)
     for n, m in every.items():
         error = predict(best[0], m) - m.change_rad[:, HAMMER_COLUMN] / _ruler(m)
         fitted = "" if m in chosen else ", not fitted"
