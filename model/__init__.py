@@ -10,4 +10,8 @@ so that ``import model`` costs neither NumPy nor a compiler.
 
 import lazy_loader as _lazy
 
-__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
+_get, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str) -> object:
+    return _get("scale_parameters" if name == "scaled" else name)  # its former name, for one release

@@ -37,7 +37,7 @@ from .parameters.action import load_action as load_action
 from .parameters.effects import EFFECTS as EFFECTS
 from .parameters.effects import KEY_LIFT as KEY_LIFT
 from .parameters.effects import MOTOR as MOTOR
-from .parameters.scaling import scaled as scaled
+from .parameters.scaling import scale_parameters as scale_parameters
 from .parameters.write_toml import write_action as write_action
 from .scene.build import Scene as Scene
 from .scene.build import build_scene as build_scene

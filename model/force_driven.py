@@ -130,7 +130,7 @@ def simulate(
     options = ForceDrivenOptions(**keywords)
     times, forces = check_force_table(time_s, force_n)
     outputs = check_output_times(options.output_time_s, times)
-    action, choice = options.of(action)
+    action, choice = options.resolve(action)
     scene, fewer = resolve_string_modes(action, choice, options)
     if isinstance(initial, State):
         state = initial.copy()

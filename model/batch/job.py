@@ -187,7 +187,7 @@ def make_jobs(
     for label, overrides in parameter_sets.items():
         scene, fewer, start, failure, choice = None, None, None, None, SceneChoice()
         try:
-            changed, choice = options.of(action.with_values(overrides) if overrides else action)
+            changed, choice = options.resolve(action.with_values(overrides) if overrides else action)
             scene, fewer = resolve_string_modes(changed, choice, options)
             start = solve_rest(scene) if initial is None else np.array(initial.angle_rad, dtype=float)
         except ModelError as problem:

@@ -107,9 +107,11 @@ class FeltFit(ArrayRecord):
         return misfit_n > max(EXPLAINED * self.u_mid_n, NEGLIGIBLE * float(self.mid_n[-1]))
 
     @property
-    def widened(self) -> float:
+    def inflation_factor(self) -> float:
         """Factor by which the errors are widened: misfit over the mid-line's uncertainty where the law does not fit."""
         return 1.0 if self.law_fits else self.misfit_n / max(self.u_mid_n, 1e-300)
+
+    widened = inflation_factor  # former names, for one release
 
     @property
     def u_abc(self) -> Array:
@@ -126,7 +128,7 @@ class FeltFit(ArrayRecord):
         by_force = -load / fit**2 * (_cubic_columns([x_m])[0] @ self.gain)
         by_force[: self.loading.solve.shape[1]] += (self.loading.basis([x_m])[0] @ self.loading.solve) / fit
         variance = np.concatenate([self.loading.variance, self.unloading.variance])
-        u = self.widened * float(np.sqrt(by_force**2 @ variance))
+        u = self.inflation_factor * float(np.sqrt(by_force**2 @ variance))
         # where the share depends on the depth, which depth it is read at is arbitrary
         other = 0.0 if self.loop_fits else self.loop_misfit_n / float(np.sqrt(np.mean(self.force_n(self.mid_m) ** 2)))
         shared = [other_fit._share(x_m) - load / fit for other_fit in self.off.values()]
@@ -189,7 +191,7 @@ def fit_felt(curve: LoadingCurve) -> FeltFit:
     """
     fit = _fit(curve)
     off = {name: _fit(curve.with_common_error(name)) for name in curve.common}
-    covariance = fit.widened**2 * fit.covariance
+    covariance = fit.inflation_factor**2 * fit.covariance
     for other in off.values():
         # of the free fits: on a bound, an error that pushes against it would count for nothing
         moved = other.free_abc - fit.free_abc

@@ -45,7 +45,7 @@ class MeanSpeeds(ArrayRecord):
     pressed_s: Array
     counted_s: Array
 
-    def of(self, contact: str) -> float:
+    def mean_speed(self, contact: str) -> float:
         """Mean speed of one contact; ``InputError`` where it was never pressed or does not exist."""
         if contact not in self.contacts:
             raise InputError(f"contact {contact}: not found; allowed {', '.join(self.contacts)}")
@@ -53,6 +53,8 @@ class MeanSpeeds(ArrayRecord):
         if not speed > 0.0:
             raise InputError(f"contact {contact}: never pressed in this motion, so it has no mean speed; take another")
         return speed
+
+    of = mean_speed  # former names, for one release
 
 
 def mean_normal_speeds(

@@ -602,7 +602,7 @@ class StepPrograms:
         for contact in e.strings:
             out.append(Assign(variable("given"), ZERO))
             awake, share = read("w", W.S_AWAKE) > 0.0, read("w", W.S_SHARE)
-            out.append(If(awake, contact.known(gh)))
+            out.append(If(awake, contact.known_sides(gh)))
             chain = list(contact.ways)
             turned = gh * total(read("w", W.S_ANGLES + at_row) * b[j] for at_row, j in enumerate(chain) if j in b)
             less = where(awake, share * value_of("given") + (1.0 - share) * turned, 0.0)

@@ -68,9 +68,11 @@ class Estimate:
     why: str = ""
 
     @property
-    def determined(self) -> bool:
+    def is_determined(self) -> bool:
         """Whether the log, with what is known beside it, fixes the number."""
         return not self.why
+
+    determined = is_determined  # former names, for one release
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,7 @@ class DriveIdentified:
         for title, items in (("drive", self.drive), ("combinations", self.combinations), ("arm", self.arm)):
             out.append(f"{title}:")
             for e in items:
-                words = f"{e.value:.4g}  u {e.u:.2g} {e.unit}" if e.determined else f"not determined: {e.why}"
+                words = f"{e.value:.4g}  u {e.u:.2g} {e.unit}" if e.is_determined else f"not determined: {e.why}"
                 out.append(f"  {e.name:24s} {words}")
         return [*out, f"torques balance to {1e3 * self.rms_nm:.2g} mN m (root mean square)"]
 

@@ -278,7 +278,7 @@ def _lump_fit(problem: _Problem, x: Array) -> LumpFit:
             cross = part[lag:].T @ part[:-lag]
             scatter = scatter + (1.0 - lag / (LAG + 1.0)) * (cross + cross.T)
     covariance = inverse @ scatter @ inverse
-    for wrong in _common_errors(problem, x):
+    for wrong in _common_error_columns(problem, x):
         shift = inverse @ (jacobian.T @ wrong)
         covariance = covariance + np.outer(shift, shift)
     whole = np.zeros((len(x), len(x)))
@@ -295,7 +295,7 @@ def _lump_fit(problem: _Problem, x: Array) -> LumpFit:
     return LumpFit(names, np.exp(x[:p]), whole[:p, :p], determined, arm, asked, rms)
 
 
-def _common_errors(problem: _Problem, x: Array) -> list[Array]:
+def _common_error_columns(problem: _Problem, x: Array) -> list[Array]:
     """Errors of the residuals by one standard uncertainty of each thing that all samples share."""
     o, p = problem.options, len(problem.free)
     torque = problem.torque(x[None, :p])[0]

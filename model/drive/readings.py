@@ -115,7 +115,7 @@ def drive_readings(
 def driven_scene(action: Action, scene: SceneChoice | str) -> Scene:
     """A scene of an action in which a drive turns the motor; ``InputError`` where none does."""
     choice = load_scene(scene)
-    built = build_scene(choice.on(action), choice)
+    built = build_scene(choice.apply_to(action), choice)
     if not built.wound:
         raise InputError("drive: found a scene without the effect motor_drive, allowed a scene with it")
     return built

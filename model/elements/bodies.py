@@ -36,11 +36,11 @@ class Bodies:
     def _place(self, i: int) -> None:
         s, k = self._s, self._k
         mass, inertia = s.body(i, L.MASS), s.body(i, L.INERTIA)
-        arm = k.along(i, s.body(i, L.COM_X), s.body(i, L.COM_Y))
+        arm = k.to_world_vector(i, s.body(i, L.COM_X), s.body(i, L.COM_Y))
         w = s.parent[i]
         bias = (ZERO, ZERO)  # acceleration of the pivot while no speed changes
         if w >= 0 and w not in s.guided:
-            turned, about = k.along(w, s.body(i, L.PIVOT_X), s.body(i, L.PIVOT_Y)), k.pose[w].turning
+            turned, about = k.to_world_vector(w, s.body(i, L.PIVOT_X), s.body(i, L.PIVOT_Y)), k.pose[w].turning
             bias = tuple(b - about * about * d for b, d in zip(self._bias[w], turned, strict=True))  # type: ignore[assignment]
         self._bias[i] = bias
         ways = k.ways(i, *self.centre(i))
@@ -58,7 +58,7 @@ class Bodies:
 
     def centre(self, i: int) -> Vector:
         """World position of a body's centre of mass, m."""
-        return self._k.at(i, self._s.body(i, L.COM_X), self._s.body(i, L.COM_Y))
+        return self._k.to_world_point(i, self._s.body(i, L.COM_X), self._s.body(i, L.COM_Y))
 
     def velocity(self, i: int) -> Vector:
         """Velocity of the centre of mass, m/s."""
@@ -113,7 +113,7 @@ class Bodies:
         heights = total(
             s.body(i, L.MASS)
             * self._gravity
-            * (k.pose[i].pivot[1] + k.along(i, s.body(i, L.COM_X), s.body(i, L.COM_Y))[1])
+            * (k.pose[i].pivot[1] + k.to_world_vector(i, s.body(i, L.COM_X), s.body(i, L.COM_Y))[1])
             for i in s.bodies
             if i not in s.guided
         )

@@ -45,7 +45,7 @@ def circle_gap(given: Arguments, reach: Expression) -> tuple[Expression, ...]:
     return reach - distance, ux * inverse, uy * inverse
 
 
-def _nearest_tangent(given: Arguments) -> tuple[Expression, ...]:
+def _find_nearest_tangent(given: Arguments) -> tuple[Expression, ...]:
     """Whether the tangent at an arc's start, or at its end, is the nearest; the distances from both."""
     ux, uy, sx, sy, ex, ey = given
     before, behind = ux * sy - uy * sx > 0.0, ex * uy - ey * ux > 0.0
@@ -58,7 +58,7 @@ def _nearest_tangent(given: Arguments) -> tuple[Expression, ...]:
 def hybrid_gap(given: Arguments, reach: Expression) -> tuple[Expression, ...]:
     """The same against an arc from direction s to e whose tangents run on at both ends."""
     ux, uy, sx, sy, ex, ey = given
-    on_start, on_end, from_start, from_end = _nearest_tangent(given)
+    on_start, on_end, from_start, from_end = _find_nearest_tangent(given)
     x, nx, ny = circle_gap((ux, uy), reach)
     ends = ((reach - from_start, reach - from_end, x), (sx, ex, nx), (sy, ey, ny))
     return tuple(_select_by_side(on_start, on_end, *row) for row in ends)
@@ -86,9 +86,9 @@ class Contact:
         """Centre of A; way from B's centre, then the directions of B's surface; the reach."""
         a, b, _, _ = self.s.contact[self.c]
         n = self.number
-        centre = self.k.at(a, n(L.A_X), n(L.A_Y))
-        other = self.k.at(b, n(L.B_X), n(L.B_Y))
-        start, end = self.k.along(b, n(L.N_X), n(L.N_Y)), self.k.along(b, n(L.E_X), n(L.E_Y))
+        centre = self.k.to_world_point(a, n(L.A_X), n(L.A_Y))
+        other = self.k.to_world_point(b, n(L.B_X), n(L.B_Y))
+        start, end = self.k.to_world_vector(b, n(L.N_X), n(L.N_Y)), self.k.to_world_vector(b, n(L.E_X), n(L.E_Y))
         return centre, (centre[0] - other[0], centre[1] - other[1], *start, *end), n(L.A_R) + n(L.B_R)
 
     @cached_property
@@ -112,13 +112,13 @@ class Contact:
             return self.gap[0] > 0.0
         if shape == L.CIRCLE:
             return near
-        on_start, on_end, from_start, from_end = _nearest_tangent(given)
+        on_start, on_end, from_start, from_end = _find_nearest_tangent(given)
         on_arc = ~(on_start | on_end) & near
         return (on_start & (from_start < reach)) | (on_end & (from_end < reach)) | on_arc
 
     def is_off_arc(self) -> Expression:
         """Whether a tangent of a hybrid surface is nearer than its arc."""
-        on_start, on_end, *_ = _nearest_tangent(self._relative_geometry[1])
+        on_start, on_end, *_ = _find_nearest_tangent(self._relative_geometry[1])
         return on_start | on_end
 
     def clearance(self) -> Expression:

@@ -43,7 +43,7 @@ class Drives:
     def _push(self, kind: int, i: int, numbers: list[Expression]) -> dict[int, Expression]:
         u, v = self._k.state.u, self._k.state.v
         if kind == L.FORCE_DOWN:
-            x, y = self._k.at(i, numbers[L.DRIVE_X], numbers[L.DRIVE_Y])
+            x, y = self._k.to_world_point(i, numbers[L.DRIVE_X], numbers[L.DRIVE_Y])
             return {k: -(u * way[1]) for k, way in self._k.ways(i, x, y).items()}
         if kind == L.AMPLIFIER:  # on the charge of a winding, whose rate is the current; the motor is the body before
             resistance, turn = numbers[L.WINDING_R], numbers[L.WINDING_K]
@@ -66,7 +66,7 @@ class Drives:
         out = []
         for kind, i, numbers in self._rows:
             turning = self._k.pose[i].turning
-            up = self._k.along(i, numbers[L.DRIVE_X], numbers[L.DRIVE_Y])[1]
+            up = self._k.to_world_vector(i, numbers[L.DRIVE_X], numbers[L.DRIVE_Y])[1]
             out.append(turning * turning * up if kind == L.FORCE_DOWN else ZERO)
         return out
 

@@ -76,7 +76,7 @@ class Kinematics:
         if w < 0:
             pivot, angle, speed = at, q[i], v[i]
         else:
-            up, turned = self.pose[w], self.along(w, *at)
+            up, turned = self.pose[w], self.to_world_vector(w, *at)
             pivot = (up.pivot[0] + turned[0], up.pivot[1] + turned[1])
             fixed = w in s.guided
             angle, speed = (q[i], v[i]) if fixed else (q[i] + q[w], v[i] + v[w])
@@ -113,16 +113,16 @@ class Kinematics:
         """Cosines of all bodies that turn."""
         return [pose.cosine for pose in self.pose.values() if pose.cosine is not ONE and not pose.rates]
 
-    def along(self, body: int, x: Expression, y: Expression) -> Vector:
+    def to_world_vector(self, body: int, x: Expression, y: Expression) -> Vector:
         """World components of a vector of a body's frame; of the ground's, -1, its own."""
         if body < 0:
             return x, y
         pose = self.pose[body]
         return pose.cosine * x - pose.sine * y, pose.sine * x + pose.cosine * y
 
-    def at(self, body: int, x: Expression, y: Expression) -> Vector:
+    def to_world_point(self, body: int, x: Expression, y: Expression) -> Vector:
         """World position of a point of a body's frame, m."""
-        dx, dy = self.along(body, x, y)
+        dx, dy = self.to_world_vector(body, x, y)
         return (dx, dy) if body < 0 else (self.pose[body].pivot[0] + dx, self.pose[body].pivot[1] + dy)
 
     def ways(self, body: int, x: Expression, y: Expression) -> dict[int, Vector]:

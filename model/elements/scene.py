@@ -60,7 +60,7 @@ class Elements:
     def string_seen(self) -> list[Statement]:
         """Where the string is at a single state, of scenes that have one."""
         strings = [self.contact(c) for c in self.s.string]
-        return [line for one in strings if isinstance(one, StringContact) for line in one.seen()]
+        return [line for one in strings if isinstance(one, StringContact) for line in one.string_state()]
 
     def damping_power(self, i: int) -> Expression:
         """Power that dampers and bushings of a joint take, W."""

@@ -201,7 +201,7 @@ class StringContact(Contact):
         """Whether the modes of a single state are stepped."""
         return read(self.modes.array, self.modes.row + self.modes.first + L.SINCE) < 0.5 * AWAKE
 
-    def seen(self) -> list[Statement]:
+    def string_state(self) -> list[Statement]:
         """Way and rate of the string at a single state, where it is awake: sets ``sway``, ``swing``, ``awake``."""
         sums = self.modes.sums(self.modes.row)
         return [Assign(variable("awake"), where(self.awake, 1.0, 0.0)), If(self.awake, sums)]
@@ -369,7 +369,7 @@ class StringContact(Contact):
             ]),
         ]  # fmt: skip
 
-    def known(self, gh: Expression) -> list[Statement]:
+    def known_sides(self, gh: Expression) -> list[Statement]:
         """Known sides of the modes' equations under the contact's force: sets ``given``."""
         m = self.modes
 

@@ -22,7 +22,7 @@ class Tip:
         self._s = s
         a, b = s.probe[which]
         n = [s.number(3, L.PROBE_SIZE, which, i) for i in range(L.PROBE_SIZE)]
-        above, below = k.at(a, n[0], n[1]), k.at(b, n[2], n[3])
+        above, below = k.to_world_point(a, n[0], n[1]), k.to_world_point(b, n[2], n[3])
         self.ways: dict[int, Vector] = relative_velocities(k.ways(a, *above), k.ways(b, *below))
         self.depth = below[1] - above[1]
         self._felt = Felt(self.depth, -k.velocity(self.ways)[1], (), (n[4], n[5], n[6]), n[7], ())

@@ -54,7 +54,7 @@ def side_view(inside: Inside | SeenMotion) -> SideView:
             curve = surface.curve(met)
             surfaces[body].append(Shape(curve, name))
             if body != GROUND:
-                marks[body].append(curve.mean(axis=0) if surface.closed else curve[len(curve) // 2])
+                marks[body].append(curve.mean(axis=0) if surface.is_closed else curve[len(curve) // 2])
     for i, parent in enumerate(scene.tables.parent):
         if parent >= 0:
             o = L.GLOBALS + L.BODY_SIZE * i
@@ -99,7 +99,7 @@ class _Surface:
     ends: tuple[float, float] | None = None
 
     @property
-    def closed(self) -> bool:
+    def is_closed(self) -> bool:
         """Whether it is drawn as a whole circle."""
         return self.normal is None and self.radius <= WHOLE_CIRCLE_M
 
@@ -113,7 +113,7 @@ class _Surface:
             )
             return line
         angle = np.linspace(0.0, 2.0 * np.pi, 33)
-        if not self.closed:
+        if not self.is_closed:
             direction = np.unwrap(np.arctan2(met[:, 1] - self.base[1], met[:, 0] - self.base[0]))
             angle = np.linspace(direction.min() - MARGIN_RAD, direction.max() + MARGIN_RAD, 25)
         within = angle if self.ends is None else np.clip(angle, *self.ends)  # tangents beyond an arc's ends

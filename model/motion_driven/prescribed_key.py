@@ -58,8 +58,8 @@ class PrescribedRun:
 
 def rest_angle(action: Action, choice: SceneChoice) -> float:
     """Angle (rad) of what a motion would prescribe at rest without a force."""
-    free = build_scene(choice.on(action), choice)
-    return prescribed_angle(free, choice.moved, solve_rest(free, whole=True), free.vector)
+    free = build_scene(choice.apply_to(action), choice)
+    return prescribed_angle(free, choice.prescribed_coordinate, solve_rest(free, whole=True), free.vector)
 
 
 def prescribed_angle(free: Scene, moved: str, whole: Array, p: Array) -> float:
@@ -101,7 +101,7 @@ def run_prescribed(
     energy : also account for what holds the motion
     """
     choice = choice_of(action, choice)
-    action = choice.on(action)
+    action = choice.apply_to(action)
     action = with_modes(action, tolerance)
     # from zero on: a clock that has run for days has few digits left for a step
     start = float(motion.break_s[0])
@@ -112,11 +112,15 @@ def run_prescribed(
     span = motion.break_s[[0, -1]]  # the input is the time itself
     stored = run.stored_energy() if energy else 0.0
     own = run.advance(float(times[-1]), span, span, output_time_s=times)
-    moved = motion.at(times)
+    moved = motion.evaluate(times)
     memory = run.remembered if scene.remembers else None
     angles, speeds = with_moved(scene.tables, scene.vector, own, moved, memory)
     force, rail = key_load(scene, angles, speeds, moved[:, 2], memory=memory)
-    arm = None if choice.moved == "key" else action[f"{ARM if choice.moved == MOTOR else FINGER}.length"]
+    arm = (
+        None
+        if choice.prescribed_coordinate == "key"
+        else action[f"{ARM if choice.prescribed_coordinate == MOTOR else FINGER}.length"]
+    )
     usual = [b for b in (*BODIES, SHANK, KEY_LIFT, MOTOR, FINGER) if b in scene.bodies]
     bodies = tuple(dict.fromkeys([*usual, *scene.bodies]))
     order = [scene.bodies.index(b) for b in bodies]

@@ -139,7 +139,7 @@ class MotionDriven(Moved, ArrayRecord):
         out |= {"key_joint_y_n": self.rail_n, "key_lifted": self.lifted.astype(float)}
         out |= {column(body): self.angle_rad[:, i] for i, body in enumerate(self.bodies)}
         out |= {column(body, rate=True): self.speed_rad_per_s[:, i] for i, body in enumerate(self.bodies)}
-        return out | self.remembered()
+        return out | self.string_and_joint_columns()
 
 
 def simulate_motion(
@@ -193,7 +193,7 @@ def simulate_motion(
     True
     """
     options = MotionDrivenOptions(**keywords)
-    action, choice = options.of(action)
+    action, choice = options.resolve(action)
     check_prescribed(choice)  # before the rest angle, for which the scene's kernels may have to be compiled
     rest = rest_angle(action, choice)
     if options.from_rest:
@@ -226,7 +226,7 @@ def simulate_motion(
         angle_rad=mean.angle_rad,
         speed_rad_per_s=mean.speed_rad_per_s,
         u_angle_rad=u_angle,
-        key_rad_per_s2=motion.at(outputs)[:, 2],
+        key_rad_per_s2=motion.evaluate(outputs)[:, 2],
         rest_rad=rest,
         rail_n=mean.rail_n,
         lifted=(mean.rail_n < 0.0) & (KEY_LIFT not in mean.bodies),

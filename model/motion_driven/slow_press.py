@@ -156,7 +156,7 @@ def slow_press(
     times = sample_s * np.arange(1, math.floor(motion.break_s[-1] / sample_s) + 1)
     span = motion.break_s[[0, -1]]  # the input is the time itself
     own = run.advance(float(times[-1]), span, span, output_time_s=times)
-    moved, memory = motion.at(times), run.remembered if scene.remembers else None
+    moved, memory = motion.evaluate(times), run.remembered if scene.remembers else None
     q, v = with_moved(scene.tables, scene.vector, own, moved, memory)
     force, _ = key_load(scene, q, v, moved[:, 2], memory=memory)
     normal = contacts_at(scene.tables, scene.vector, q, v, memory)[:, :, NORMAL]

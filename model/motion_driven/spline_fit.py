@@ -113,7 +113,7 @@ def read_motion_table(path: str | Path, scene: SceneChoice | str | Path = "whole
     >>> bool(key_rad.min() < -0.04)  # pressed, the key turns clockwise
     True
     """
-    angle = f"{load_scene(scene).moved}_rad"
+    angle = f"{load_scene(scene).prescribed_coordinate}_rad"
     table = read_columns(path, ("time_s", angle), ())
     return check_motion_table(table.numbers("time_s"), table.numbers(angle), table.where)
 
@@ -158,7 +158,7 @@ class KeyFit:
         away = solve_banded((0, DEGREE), self.factor, random.standard_normal(len(self.coefficients)))
         return self.motion(self.coefficients + away + u_zero_rad * random.standard_normal())
 
-    def at(self, time_s: ArrayLike) -> tuple[Array, Array]:
+    def evaluate(self, time_s: ArrayLike) -> tuple[Array, Array]:
         """Angle (rad), speed, acceleration at times (k,) and their standard uncertainties; (k, 3) each."""
         times = np.asarray(time_s, dtype=float)
         value, u = np.empty((len(times), 3)), np.empty((len(times), 3))

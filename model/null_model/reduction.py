@@ -187,7 +187,7 @@ def reduce_action(action: Action) -> Reduced:
     """
     choice = replace(choice_of(action), effects=())  # the yardstick knows no effects and one law
     choice.need_played_key(action.name)
-    action = choice.on(replace(action, changed={})).with_laws(dict.fromkeys(CONTACTS, USUAL))
+    action = choice.apply_to(replace(action, changed={})).with_laws(dict.fromkeys(CONTACTS, USUAL))
     scene, rest = build_scene(action), hand_set_rest(action)
     lever = balance(scene, rest, 1.0)[0][KEY] - balance(scene, rest, 0.0)[0][KEY]
     sense = 1.0 if lever > 0.0 else -1.0  # of the key's angle as its front goes down

@@ -65,7 +65,7 @@ def named_paths(action: Action, name: str, where: str) -> list[str]:
     return paths
 
 
-def scaled(action: Action, factors: Mapping[str, float]) -> Action:
+def scale_parameters(action: Action, factors: Mapping[str, float]) -> Action:
     """A copy of ``action`` with parameters multiplied, in the order given.
 
     Parameters
@@ -84,7 +84,7 @@ def scaled(action: Action, factors: Mapping[str, float]) -> Action:
     Examples
     --------
     >>> import model
-    >>> light = model.scaled(model.load_action("hirschkorn2004"), {"hammer.mass": 0.5})
+    >>> light = model.scale_parameters(model.load_action("hirschkorn2004"), {"hammer.mass": 0.5})
     >>> light["hammer.mass"] / model.load_action("hirschkorn2004")["hammer.mass"]
     0.5
     """

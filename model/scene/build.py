@@ -135,7 +135,9 @@ def _coordinates(choice: SceneChoice, motion: KeyMotion | None) -> list[str]:
     if motion is None:
         return out
     check_prescribed(choice)
-    return [b for b in out if b != choice.moved] + [choice.moved]  # carries no other body, so it may come last
+    return [b for b in out if b != choice.prescribed_coordinate] + [
+        choice.prescribed_coordinate
+    ]  # carries no other body, so it may come last
 
 
 def _parent(action: Action, bodies: list[str], body: str) -> int:
@@ -189,7 +191,7 @@ def _springs(action: Action, choice: SceneChoice, bodies: list[str]) -> list[tup
 
 def _front(action: Action, choice: SceneChoice) -> tuple[float, float] | None:
     """Front of a key whose pivot may rise while a motion prescribes where that is; None of other scenes."""
-    rises = choice.moved == "key" and (RAIL in choice.effects or "key_pin" in choice.effects)
+    rises = choice.prescribed_coordinate == "key" and (RAIL in choice.effects or "key_pin" in choice.effects)
     return (action["drive.point.x"], action["drive.point.y"]) if rises else None
 
 
@@ -226,7 +228,7 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
     action : parameter set
     choice : bodies, contacts and effects that take part; by default those that the action says
     key_motion : prescribed motion of the key, of its front where it lifts or its joint gives, or of the motor's arm or
-        the finger where one presses (`SceneChoice.moved`); in place of a force
+        the finger where one presses (`SceneChoice.prescribed_coordinate`); in place of a force
 
     Returns
     -------

@@ -66,7 +66,7 @@ class KeyMotion(ArrayRecord):
             if derivative < 2:
                 pieces = pieces[:, :-1] * np.arange(pieces.shape[1] - 1, 0, -1)
 
-    def raised(self, angle_rad: float) -> KeyMotion:
+    def shift_angle(self, angle_rad: float) -> KeyMotion:
         """The same motion from another angle on, so many rad higher."""
         rows = self.coefficient.copy()
         rows[:, -1] += angle_rad
@@ -88,7 +88,7 @@ class KeyMotion(ArrayRecord):
                 )
         return [float(len(self.break_s) - 1), *self.break_s.tolist(), *self.coefficient.ravel().tolist()]
 
-    def at(self, time_s: ArrayLike) -> Array:
+    def evaluate(self, time_s: ArrayLike) -> Array:
         """Angle (rad), speed and acceleration at times (k,) within the breaks; (k, 3)."""
         times = as_numbers(time_s, "times of a key motion", 1)
         k = np.clip(np.searchsorted(self.break_s, times, side="right") - 1, 0, len(self.coefficient) - 1)
@@ -100,6 +100,8 @@ class KeyMotion(ArrayRecord):
             out.append(value)
             row = row[:, :-1] * np.arange(row.shape[1] - 1, 0, -1)
         return np.stack(out, axis=1)
+
+    raised, at = shift_angle, evaluate  # former names, for one release
 
 
 def _rises(tables: Tables, states: tuple[Array, Array], memory: Array | None) -> tuple[Array, Array] | None:

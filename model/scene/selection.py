@@ -100,11 +100,11 @@ class SceneChoice:
         return next((column for effect, column in columns.items() if effect in self.effects), "force_n")
 
     @property
-    def moved(self) -> str:
+    def prescribed_coordinate(self) -> str:
         """The coordinate that a prescribed motion moves: motor arm or finger where one presses, else the key."""
         return MOTOR if ARM in self.effects else FINGER if FINGER in self.effects else "key"
 
-    def on(self, action: Action) -> Action:
+    def apply_to(self, action: Action) -> Action:
         """The action with this scene and its values; values that the user set by path take precedence."""
         chosen = action.with_laws(dict(self.laws)) if self.laws else action
         values = {path: value for path, value in self.values if path not in action.changed}
@@ -113,6 +113,8 @@ class SceneChoice:
         lists = zip(SCENE_LISTS, (bodies, self.without, self.effects), strict=True)
         scene = {key: names for key, names in lists if names}
         return chosen if chosen.scene == scene else replace(chosen, scene=scene)
+
+    moved, on = prescribed_coordinate, apply_to  # former names, for one release
 
     def need_played_key(self, name: str) -> None:
         """Refuse a choice that lacks a body or that no force on the key drives, for what needs both."""
@@ -324,5 +326,5 @@ def _felt(where: str, contact: str, law: str, table: dict[str, Any]) -> list[tup
 
 def check_prescribed(choice: SceneChoice) -> None:
     """Refuse a choice in which nothing is left to solve for when a motion is prescribed."""
-    if len(choice.bodies) == 1 and choice.moved == "key" and RAIL not in choice.effects:
+    if len(choice.bodies) == 1 and choice.prescribed_coordinate == "key" and RAIL not in choice.effects:
         raise InputError("scene: found nothing but the prescribed key, allowed scenes with another body")

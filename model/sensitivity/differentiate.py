@@ -96,7 +96,7 @@ def _differentiate(
 ) -> Sensitivities:
     times, forces = check_force_table(*blow)
     outputs = check_output_times(options.output_time_s, times)
-    action, choice = options.of(action)
+    action, choice = options.resolve(action)
     named = find_parameters(action, parameters) if len(parameters) or inputs is None else []
     slopes = directions(action, choice, named)
     if inputs is not None:

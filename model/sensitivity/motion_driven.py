@@ -78,7 +78,7 @@ def motion_sensitivities(
     """
     options = SensitivityOptions(events=False) if options is None else options
     _refuse_force_options(options)
-    action, choice = options.of(load_action(action) if isinstance(action, str) else action)
+    action, choice = options.resolve(load_action(action) if isinstance(action, str) else action)
     check_prescribed(choice)
     action = with_modes(action, options.tolerance)
     named = find_parameters(action, parameters)
@@ -90,7 +90,7 @@ def motion_sensitivities(
     carried = np.zeros(len(named))
     if from_rest:
         at_rest = solve_rest(free, options.rest_input, whole=True)
-        fitted = fitted.raised(prescribed_angle(free, choice.moved, at_rest, free.vector))
+        fitted = fitted.shift_angle(prescribed_angle(free, choice.moved, at_rest, free.vector))
         of_free = directions(action, choice, named)
         own = rest_derivatives(of_free, at_rest, options.rest_input)[None]
 
@@ -111,7 +111,7 @@ def motion_sensitivities(
     span, wanted = key.break_s[[0, -1]], outputs - begins
     recorded = RecordedMotion(slopes, simulation, float(wanted[-1]), (span, span), (whole, 0.0), carried)
     followed = recorded.follow(wanted, options.relative_tolerance, scene.remembers)
-    moved, remembered = key.at(wanted), recorded.whole_states(wanted)[:, 2 * n :]
+    moved, remembered = key.evaluate(wanted), recorded.whole_states(wanted)[:, 2 * n :]
     arm = None if choice.moved == "key" else f"{ARM if choice.moved == MOTOR else FINGER}.length"
 
     def true_states(q: Array, v: Array, z: Array, moved_rad: Array, p: Array) -> Array:

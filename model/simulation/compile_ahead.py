@@ -60,7 +60,7 @@ def compile_ahead(
     if folder is None or (os.cpu_count() or 1) < 2 or any(folder.rglob("rosenbrock.integrate-*.nbi")):
         return None
     action = load_action()
-    cold = [choice for choice in choices if not is_cached(build_scene(choice.on(action), choice).tables)]
+    cold = [choice for choice in choices if not is_cached(build_scene(choice.apply_to(action), choice).tables)]
     if not cold:
         return None
     try:
@@ -97,7 +97,7 @@ def compile_lanes(choice: SceneChoice) -> None:
     if has_wide_vectors():
         from model.integrators.lanes import compile_lane_loop  # start-up: 0.1 s, few need lanes
 
-        load_lane_kernels(build_scene(choice.on(load_action()), choice).tables, LANES)
+        load_lane_kernels(build_scene(choice.apply_to(load_action()), choice).tables, LANES)
         compile_lane_loop(LANES)
 
 

@@ -25,7 +25,7 @@ class CompliantJointMotion:
     speed_m_per_s: Array  # (m, g)
     force_n: Array  # (m, g) force of the bushing on the body
 
-    def of(self, body: str) -> tuple[Array, Array]:
+    def joint_motion(self, body: str) -> tuple[Array, Array]:
         """Way and speed (m, 2) of the joint of ``body``, m and m/s, to the right and up; zero where it is rigid."""
         way, speed = np.zeros((len(self.way_m), 2)), np.zeros((len(self.way_m), 2))
         for k, axis in enumerate("xy"):

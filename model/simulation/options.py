@@ -37,10 +37,10 @@ class SimulationOptions:
     scene: SceneChoice | str | Path | None = None
     method: str = DEFAULT_METHOD  # integration method by name (`model.integrators.methods`)
 
-    def of(self, action: Action) -> tuple[Action, SceneChoice]:
+    def resolve(self, action: Action) -> tuple[Action, SceneChoice]:
         """The action as its scene has it, and what takes part."""
         choice = choice_of(action, self.scene)
-        return choice.on(action), choice
+        return choice.apply_to(action), choice
 
 
 class ForceDrivenKeywords(SimulationKeywords, total=False):
@@ -68,9 +68,9 @@ class ForceDrivenOptions(SimulationOptions):
     # the largest error of any angle (`Solution.error_rad`), by a second run at a tenth of the tolerance
     estimate_error: bool = False
 
-    def of(self, action: Action) -> tuple[Action, SceneChoice]:
+    def resolve(self, action: Action) -> tuple[Action, SceneChoice]:
         """The action as its scene has it, and what takes part; outputs are those of the scene and those wanted."""
-        action, choice = super().of(action)
+        action, choice = super().resolve(action)
         wanted = {name for name in ("contact_forces", "energy", "inside") if getattr(self, name)}
         return action, replace(choice, outputs=tuple(sorted({*choice.outputs, *wanted})))
 

@@ -62,21 +62,21 @@ class Moved:
 
     def hammer_height_m(self, action: Action) -> NDArray[np.float64]:
         """Distance (m,) of the hammer's head from the string, m, with what its shank bends and its joint gives."""
-        names, rows, _ = self.whole()
+        names, rows, _ = self.all_coordinates()
         return head_height_m(action, names, rows)
 
     def key_dip_m(self, action: Action) -> NDArray[np.float64]:
         """How far (m,) the key's front has gone down since the first row, m, with what it lifts and its joint gives."""
-        names, rows, _ = self.whole()
+        names, rows, _ = self.all_coordinates()
         angles = np.repeat(rows[:, [names.index("key")]], len(BODIES), axis=1)
         risen = sum((rows[:, names.index(way)] for way in (KEY_LIFT, "key_pin_y") if way in names), np.zeros(len(rows)))
         return key_dip_m(action, angles) - (risen - risen[:1])
 
     def hammer_approach_m_per_s(self, action: Action) -> NDArray[np.float64]:
         """Speed (m,) of the hammer's head towards the string, m/s, with what its shank bends and its joint gives."""
-        return head_approach_m_per_s(action, *self.whole())
+        return head_approach_m_per_s(action, *self.all_coordinates())
 
-    def whole(self) -> tuple[tuple[str, ...], NDArray[np.float64], NDArray[np.float64]]:
+    def all_coordinates(self) -> tuple[tuple[str, ...], NDArray[np.float64], NDArray[np.float64]]:
         """Names, values (m, n) and rates (m, n) of all coordinates, with the directions in which joints give."""
         if self.give is None:
             return self.bodies, self.angle_rad, self.speed_rad_per_s
@@ -84,10 +84,12 @@ class Moved:
         rates = np.column_stack([self.speed_rad_per_s, self.give.speed_m_per_s])
         return (*self.bodies, *self.give.directions), rows, rates
 
-    def remembered(self) -> dict[str, NDArray[np.float64]]:
+    def string_and_joint_columns(self) -> dict[str, NDArray[np.float64]]:
         """Columns by name of what the string and joints that give do."""
         out = {} if self.string is None else {"string_m": self.string.way_m}
         return out if self.give is None else out | self.give.columns()
+
+    whole, remembered = all_coordinates, string_and_joint_columns  # former names, for one release
 
 
 @dataclass(frozen=True, repr=False)
@@ -165,7 +167,7 @@ class Solution(Moved, ArrayRecord):
             for i, name in enumerate(self.contacts):
                 out[f"{name}_normal_n"] = self.contact_normal_n[:, i]
                 out[f"{name}_friction_n"] = self.contact_friction_n[:, i]
-        out |= self.remembered()
+        out |= self.string_and_joint_columns()
         if self.inside is not None:
             out |= self.inside.columns()
         return out

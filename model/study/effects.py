@@ -205,7 +205,7 @@ def joint_sweep(
 
 def with_usual_felts(action: Action) -> Action:
     """The action by itself, without effects, with the thesis's law for every felt."""
-    return PLAIN.on(_with_inactive_values(action)).with_laws(dict.fromkeys(CONTACTS, USUAL))
+    return PLAIN.apply_to(_with_inactive_values(action)).with_laws(dict.fromkeys(CONTACTS, USUAL))
 
 
 def _with_inactive_values(action: Action) -> Action:

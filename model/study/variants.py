@@ -18,7 +18,7 @@ from model.errors import InputError, ModelError
 from model.files.force_table import check_force_table
 from model.force_driven import output_times
 from model.parameters.action import BODIES, STRING, Action
-from model.parameters.scaling import scaled
+from model.parameters.scaling import scale_parameters
 from model.scene.selection import choice_of
 from model.simulation.solution import Solution
 from model.study.blow_measures import BlowMeasures, measure_blow
@@ -37,12 +37,14 @@ class Variant:
     values: Mapping[str, float] = field(default_factory=dict)
     factors: Mapping[str, float] = field(default_factory=dict)
 
-    def of(self, action: Action) -> Action:
+    def apply_to(self, action: Action) -> Action:
         """The changed action; ``InputError`` names the variant."""
         try:
-            return scaled(action.with_values(self.values), self.factors)
+            return scale_parameters(action.with_values(self.values), self.factors)
         except InputError as problem:
             raise InputError(f"variant {self.name!r}: {problem}") from None
+
+    of = apply_to  # former names, for one release
 
 
 @dataclass(frozen=True)
@@ -149,7 +151,7 @@ def compare(
             raise InputError(f"variant {name!r}: the name is given twice; allowed once ({AS_GIVEN!r} is taken)")
     choice_of(action).need_played_key(action.name)
     times, forces = check_force_table(time_s, force_n)
-    actions = [v.of(action) for v in every]
+    actions = [v.apply_to(action) for v in every]
     rows = output_times(float(times[0]), float(times[-1]), RATE_HZ)
     members = simulate_many(
         action,

@@ -62,8 +62,8 @@ def command(
     items = (*found.drive, *found.combinations, *found.arm)
     facts = {
         "mode": found.mode,
-        "determined": {e.name: {"value": e.value, "u": e.u, "unit": e.unit} for e in items if e.determined},
-        "not_determined": {e.name: e.why for e in items if not e.determined},
+        "determined": {e.name: {"value": e.value, "u": e.u, "unit": e.unit} for e in items if e.is_determined},
+        "not_determined": {e.name: e.why for e in items if not e.is_determined},
         "rms_nm": found.rms_nm,
     }
     tell(as_json, facts, lines)
@@ -87,13 +87,13 @@ def scene_text(found: model.drive.DriveIdentified, length_m: float) -> str:
     arm, drive = ["[motor_arm]", f"length = {length_m!r}"], ["[motor_drive]"]
     for name in ("inertia", "joint_friction", "spring_stiffness"):
         e = found[name]
-        if e.determined and e.value > e.u:
+        if e.is_determined and e.value > e.u:
             arm.append(f"{name} = {e.value!r}  # u {e.u:.2g} {e.unit}")
     for e in (e for e in found.drive if e.name != SUM):
-        drive.append(f"{e.name} = {e.value!r}  # u {e.u:.2g} {e.unit}" if e.determined else f"# {e.name}: {e.why}")
+        drive.append(f"{e.name} = {e.value!r}  # u {e.u:.2g} {e.unit}" if e.is_determined else f"# {e.name}: {e.why}")
     if found.mode == "voltage":
         drive += ["current_gain = 0.0", "loop_gain = 0.0"]
-    elif found[SUM].determined and not found["loop_gain"].determined:
+    elif found[SUM].is_determined and not found["loop_gain"].is_determined:
         assumed = effect_defaults()["motor_drive.resistance"].value
         drive += [f"resistance = {assumed!r}  # assumed; of both together the log says {found[SUM].value:.4g} V/A"]
         drive += [f"loop_gain = {found[SUM].value - assumed!r}"]

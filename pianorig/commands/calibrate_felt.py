@@ -216,7 +216,7 @@ def _felt(
     curve = model.calibration.read_curve(path)
     fit = model.calibration.fit_felt(curve)
     speeds = {} if speed is None else {"--speed": read_measured(speed, "--speed")}
-    speeds |= {blow: (m.of(contact), None) for blow, m in blows.items() if contact is not None}
+    speeds |= {blow: (m.mean_speed(contact), None) for blow, m in blows.items() if contact is not None}
     dampings = {blow: model.calibration.damping_factor(fit, v, u or 0.0) for blow, (v, u) in speeds.items()}
     lines = [f"{path}: {contact or 'felt'}, {1e3 * fit.measured_m[0]:.3g} to {1e3 * fit.measured_m[1]:.3g} mm"]
     for name, unit, v, u in zip("abc", ("N/m^3", "N/m^2", "N/m"), fit.abc, fit.u_abc, strict=True):
@@ -247,7 +247,7 @@ def _felt(
         "law_fits": fit.law_fits,
         "loop_misfit_n": fit.loop_misfit_n,
         "loop_fits": fit.loop_fits,
-        "u_widened": fit.widened,
+        "u_widened": fit.inflation_factor,
         "bound": fit.bound,
         "common_errors": {name: other.free_abc - fit.free_abc for name, other in fit.off.items()},
         "D": {b: {"d": o.d, "u": o.u_d, "at_m": o.at_m, "speed_m_per_s": o.speed_m_per_s} for b, o in dampings.items()},
@@ -267,7 +267,7 @@ def _judgement(fit: model.calibration.FeltFit) -> list[str]:
     if not fit.law_fits:
         lines.append(
             f"the law does not fit: the points know their mid-line to {fit.u_mid_n:.2g} N rms, the cubic of eq. 2.5 is "
-            f"{fit.widened:.2g} x as far off; u of a, b, c widened by that factor"
+            f"{fit.inflation_factor:.2g} x as far off; u of a, b, c widened by that factor"
         )
     if not fit.loop_fits:
         lines.append(

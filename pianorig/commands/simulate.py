@@ -282,7 +282,7 @@ def _motion_lines(driven: model.MotionDriven) -> list[str]:
             f"this force is useless: its 95 % interval is +-{100.0 * share:.0f} % of it, because the key's angle is "
             f"read only to {driven.fit.resolution_rad:.2g} rad; use an encoder with finer counts or a slower motion"
         )
-    away = driven.fit.at(driven.time_s[:1])[0][0, 0] - driven.rest_rad
+    away = driven.fit.evaluate(driven.time_s[:1])[0][0, 0] - driven.rest_rad
     if abs(away) > FAR_FROM_REST_RAD:
         lines.append(
             f"the first angle is {1e3 * away:+.2f} mrad from where it is in this action at rest: if it rested there, "

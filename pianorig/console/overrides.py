@@ -73,11 +73,11 @@ def _changed(
     """Values that are set go before those of the scene; a value without its effect or law is refused at once."""
     loaded = model.load_action(action)
     if scene is not None:
-        loaded = model.load_scene(scene).on(loaded)
+        loaded = model.load_scene(scene).apply_to(loaded)
     changed = loaded.with_laws(laws).with_values(values)
     model.choice_of(changed).check(changed)
     say_idle(changed, [*values, *factors])
-    return model.scaled(changed, factors)
+    return model.scale_parameters(changed, factors)
 
 
 def say_idle(action: model.Action, names: Iterable[str]) -> None:

@@ -82,7 +82,7 @@ def scenes() -> dict[str, str]:
 def _given(name: str, scene: str) -> model.Action:
     if name not in built_in_actions():
         raise CommandInputError(f"action {name[:80]!r}: allowed {', '.join(built_in_actions())}")
-    return chosen_scene(scene).on(model.load_action(name))
+    return chosen_scene(scene).apply_to(model.load_action(name))
 
 
 def changed_action(name: str, changes: Sequence[str], scene: str = "whole") -> model.Action:

@@ -121,7 +121,7 @@ CALLS: dict[str, Callable[[], Arguments]] = {
         "hold_s": 0.002,
     },
     "model.Scene.check_whole": lambda: {"self": scene(), "angle_rad": states(), "what": "states"},
-    "model.KeyMotion.at": lambda: {"self": key_motion(), "time_s": ROWS},
+    "model.KeyMotion.evaluate": lambda: {"self": key_motion(), "time_s": ROWS},
     "model.Simulation.advance": lambda: {
         "self": simulation(), "until": 1.0 / 256.0, "input_time_s": TIME, "input_value": FORCE,
         "output_time_s": OUTPUTS,

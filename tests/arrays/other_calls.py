@@ -22,7 +22,7 @@ WORKFLOWS, BACKEND = "pianorig.workflows", "rig.simulated.SimulatedBackend"
 CAMERA = "rig.simulated.bench.camera"
 ANY_SHAPE = (
     *("vision.ccw_to_picture", "vision.picture_to_ccw", "vision.ground_to_picture", "vision.write_picture"),
-    *("vision.Projection.seen", "vision.Projection.rectified", "vision.write_avi", "vision.write_mraw"),
+    *("vision.Projection.to_picture", "vision.Projection.to_plane", "vision.write_avi", "vision.write_mraw"),
     *("rig.Profile.force_at", "rig.TrialData.angle_rad"),
 )
 HEAVY = {
@@ -92,8 +92,8 @@ CALLS: dict[str, Callable[[], Arguments]] = {
     "vision.ground_to_picture": lambda: {
         "points_m": np.ones((3, 2)), "scale_px_per_m": 2.0, "origin_px": np.array([1.0, 2.0]),
     },
-    "vision.Projection.seen": lambda: {"self": projection(), "rectified_px": np.ones((3, 2))},
-    "vision.Projection.rectified": lambda: {"self": projection(), "seen_px": np.ones((3, 2))},
+    "vision.Projection.to_picture": lambda: {"self": projection(), "rectified_px": np.ones((3, 2))},
+    "vision.Projection.to_plane": lambda: {"self": projection(), "seen_px": np.ones((3, 2))},
     "vision.ArrayFilm": lambda: {"frames": np.stack([picture()] * 3), "bit_depth": 8},
     "vision.write_avi": lambda: {
         "path": Out("film.avi"), "frames": [picture(), picture()], "frame_rate_hz": 25.0, "quality": None,

@@ -217,7 +217,9 @@ def _effects(problem: Problem, fitted: Fitted, response: ForceRuns, own: list[Se
         scene = None if LIFTING & set(source.effects) else source.scene(action, 1.0)
         if scene is None:
             continue
-        runs = ForceRuns(scene.on(action), response.parameters, problem.trials, response.tolerance, response.executor)
+        runs = ForceRuns(
+            scene.apply_to(action), response.parameters, problem.trials, response.tolerance, response.executor
+        )
         curves = runs.curves([fitted.z], own)[0]
         if curves is not None and base is not None:
             path = source.scaled[0][0]

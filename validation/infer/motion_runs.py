@@ -92,7 +92,7 @@ def driven_curve(job: tuple[model.Action, Drive, ObservedTrial, float]) -> Array
     try:
         own = action.with_values(drive.changed)
         rest = np.asarray(model.rest_state(own, force_n=trial.preload_n).angle_rad)
-        run = run_prescribed(own, drive.motion(trial).raised(float(rest[0])), when, tolerance=tolerance)
+        run = run_prescribed(own, drive.motion(trial).shift_angle(float(rest[0])), when, tolerance=tolerance)
     except ModelError:
         return None
     order = [run.bodies.index(body) for body in BODIES]

@@ -136,7 +136,7 @@ def _parts(action: model.Action, blow: model.Solution) -> Iterator[tuple[str, di
             # friction, and what its bushing takes where it gives: not told apart
             row = {"kind": "joint", "part": place, "energy_j": float(seen.joint_j[-1, i])}
             if blow.give is not None:
-                row["largest_m"] = float(np.hypot(*blow.give.of(body)[0].T).max())
+                row["largest_m"] = float(np.hypot(*blow.give.joint_motion(body)[0].T).max())
             yield body, row | {"largest_n": float(force.max()), "at_s": float(time[np.argmax(force)])}
     ways: dict[str, Array] = {} if blow.string is None else {"string where it is struck": blow.string.way_m}
     if KEY_LIFT in blow.bodies:

@@ -191,7 +191,7 @@ def angle_errors(
     for place in (low_px + (high_px - low_px) * np.array([u, v]) for u in (0.15, 0.5, 0.85) for v in (0.15, 0.5, 0.85)):
         for start in np.radians([0.0, 45.0, 90.0, 135.0]):
             before, after = (place + block @ turn_matrix(a).T for a in (start, start + turn_rad))
-            errors = [_rigid_turn(view.seen(before), view.seen(after)) - turn_rad for view in seen_by]
+            errors = [_rigid_turn(view.to_picture(before), view.to_picture(after)) - turn_rad for view in seen_by]
             worst = max(worst, abs(errors[0]))
             u_worst = max(u_worst, float(np.sqrt(np.sum((np.array(errors[1:]) - errors[0]) ** 2))))
     return worst, u_worst
@@ -217,7 +217,7 @@ def _fit_camera(
         for i, points in enumerate(seen):
             turn, tx, ty = x[6 + 3 * i : 9 + 3 * i]
             plane = centre + np.array([tx, ty]) + x[5] * (board @ turn_matrix(turn).T)
-            off.append(projection.seen(plane) - points)
+            off.append(projection.to_picture(plane) - points)
         return np.concatenate(off).ravel()
 
     step = np.concatenate([np.full(5, 1e-3), [1e-3 * start[1][0]], np.tile([1e-3, 1.0, 1.0], len(seen))])

@@ -72,7 +72,7 @@ class Projection:
         """Distance from the centre to a corner pixel."""
         return float(np.hypot(*self.centre_px))
 
-    def seen(self, rectified_px: ArrayLike) -> NDArray[np.float64]:
+    def to_picture(self, rectified_px: ArrayLike) -> NDArray[np.float64]:
         """Where points of the plane, shape (..., 2), appear in the picture."""
         flat = _project(self.homography, as_points(rectified_px) - self.centre_px)
         if self.radial:
@@ -80,7 +80,7 @@ class Projection:
         flat += self.centre_px
         return flat
 
-    def rectified(self, seen_px: ArrayLike) -> NDArray[np.float64]:
+    def to_plane(self, seen_px: ArrayLike) -> NDArray[np.float64]:
         """Points of the plane that appear at the given points; undoes `seen`."""
         bent = as_points(seen_px) - self.centre_px
         flat: NDArray[np.float64] = bent.copy()
@@ -92,6 +92,8 @@ class Projection:
                 break
         inverse = np.asarray(np.linalg.inv(self.homography), dtype=np.float64)
         return np.asarray(self.centre_px + _project(inverse, flat))
+
+    seen, rectified = to_picture, to_plane  # former names, for one release
 
 
 def project_posed_points(

@@ -17,7 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import FilmError, VisionWarning
-from vision.film.source import Compression, Film, NewestFrame, decode_picture, jpeg_ends, jpeg_steps, to_grey
+from vision.film.source import (
+    Compression,
+    Film,
+    NewestFrame,
+    decode_picture,
+    jpeg_ends,
+    jpeg_quantisation_table,
+    to_grey,
+)
 
 JPEG_SUFFIXES, TIFF_SUFFIXES = (".jpg", ".jpeg"), (".tif", ".tiff")
 PICTURE_SUFFIXES = (".png", *TIFF_SUFFIXES, ".bmp", *JPEG_SUFFIXES)
@@ -68,7 +76,7 @@ class PictureFolder(_Pictures):
         self._files = _one_series(path, sorted(found), allow_truncated)
         super().__init__(path, len(self._files), channel)
         if self._files[0].suffix.lower() in JPEG_SUFFIXES:
-            self.compression = Compression(jpeg_steps(self._files[0].read_bytes()))
+            self.compression = Compression(jpeg_quantisation_table(self._files[0].read_bytes()))
 
     def _decode_picture(self, index: int) -> tuple[str, NDArray[Any]]:
         where = self._files[index]

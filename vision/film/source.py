@@ -54,7 +54,7 @@ def jpeg_segments(data: bytes | NDArray[np.uint8]) -> Iterator[tuple[int, int]]:
         at += 1 if kind == 0xFF else 2 + int(data[at + 2]) * 256 + int(data[at + 3])
 
 
-def jpeg_steps(data: bytes) -> NDArray[np.float64] | None:
+def jpeg_quantisation_table(data: bytes) -> NDArray[np.float64] | None:
     """Luminance steps of a JPEG picture, shape (8, 8); None when it holds no table."""
     at = next((at for kind, at in jpeg_segments(data) if kind == 0xDB), len(data))
     number = np.dtype(">u2") if data[at : at + 1] > b"\x0f" else np.dtype(np.uint8)
@@ -78,7 +78,7 @@ COARSE_JPEG = 12.0
 def jpeg_compression(path: Path, data: bytes, stacklevel: int) -> Compression | None:
     """Compression of a film whose frames are JPEG pictures like ``data``, with a warning where it is strong; None when
     ``data`` holds no table."""
-    steps = jpeg_steps(data)
+    steps = jpeg_quantisation_table(data)
     if steps is None:
         return None
     if steps.mean() > COARSE_JPEG:

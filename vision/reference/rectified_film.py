@@ -75,13 +75,13 @@ class RectifiedFilm(Corrected):
     def to_film(self, rectified_px: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points of the film, shape (..., 2)."""
         points = (np.asarray(rectified_px, dtype=float) + 0.5) / self.stretch - 0.5
-        return points if self.projection is None else self.projection.seen(points)
+        return points if self.projection is None else self.projection.to_picture(points)
 
     def rectify(self, film_px: NDArray[np.float64]) -> NDArray[np.float64]:
         """Rectified points, shape (..., 2)."""
         points = np.asarray(film_px, dtype=float)
         if self.projection is not None:
-            points = self.projection.rectified(points)
+            points = self.projection.to_plane(points)
         return np.asarray((points + 0.5) * self.stretch - 0.5)
 
     def rectified_bodies(self, bodies: Sequence[Body]) -> list[Body]:

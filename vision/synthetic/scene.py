@@ -140,7 +140,7 @@ class Scene:
         """Point of the plane that each pixel shows."""
         y, x = np.indices(self.background.shape, dtype=float)
         pixel = np.stack([x, y], axis=-1)
-        point = pixel if self.lens is None else self.lens.rectified(pixel)
+        point = pixel if self.lens is None else self.lens.to_plane(pixel)
         bend = int(np.ceil(np.abs(point - pixel).max()))
         return PlanePoints(np.ascontiguousarray(point[..., 0]), np.ascontiguousarray(point[..., 1]), bend)
 

@@ -69,7 +69,7 @@ def _changes_shape(projection: Projection, bodies: Sequence[Body]) -> bool:
     """Whether a camera shows any outline by more than `LINEAR_PX` off one that is turned, scaled and shifted."""
     for body in bodies:
         plane = body.polygon_px - body.polygon_px.mean(axis=0)
-        seen = projection.seen(body.polygon_px)
+        seen = projection.to_picture(body.polygon_px)
         seen = seen - seen.mean(axis=0)
         z, w = plane @ (1.0, 1.0j), seen @ (1.0, 1.0j)
         off = w - z * np.sum(w * z.conj()) / np.sum(np.abs(z) ** 2)

@@ -136,11 +136,11 @@ def _distortion_displacement(
     """What says how far places ``offset`` (cells, 2) of a body are off a rigid motion in a camera's picture, (k, cells)
     px along each axis, at poses (k, 3) with these cosines and sines of the turn."""
     centre = np.array(template.centre_px)
-    flat, flat_centre = camera.rectified(centre + offset), camera.rectified(centre)
+    flat, flat_centre = camera.to_plane(centre + offset), camera.to_plane(centre)
 
     def displace(pose: NDArray[np.float64], c: NDArray[np.float64], s: NDArray[np.float64]) -> Both:
         moved = centre + pose[:, 1:]
-        x, y = project_posed_points(camera, flat - flat_centre, c, s, camera.rectified(moved))
+        x, y = project_posed_points(camera, flat - flat_centre, c, s, camera.to_plane(moved))
         for seen, rigid in zip((x, y), transform_points(offset, c, s, moved - camera.centre_px), strict=True):
             seen -= rigid
         return x, y

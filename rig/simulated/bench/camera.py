@@ -182,7 +182,7 @@ def film_bodies(geometry: ActionGeometry | None = None, settings: CameraSettings
         angle, x, y = place[name]
         outline = turned(polygon, float(ccw_to_picture(angle)), (x, y))
         if settings.lens is not None:
-            outline = settings.lens.seen(outline)
+            outline = settings.lens.to_picture(outline)
         bodies.append(Body(name, outline, None if name == "whippen" else "whippen", _DRAW_ORDER.index(name)))
     return bodies
 

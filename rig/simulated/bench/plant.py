@@ -231,7 +231,7 @@ def load_plant(
     torque = 1.0 if driven else bench_table(bench, "motor", path).get("torque_per_volt_nm")
     if isinstance(torque, bool) or not isinstance(torque, (int, float)) or not 0 < torque <= 100:
         raise RigInputError(f"{path}: motor.torque_per_volt_nm: found {torque!r}, allowed above 0 to 100 N m/V")
-    action = choice.on(given)
+    action = choice.apply_to(given)
     if driven:
         torque = model.drive.static_torque_nm(action, choice, 1.0)
     for key in scatter:

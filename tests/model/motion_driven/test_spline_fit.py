@@ -76,7 +76,7 @@ def test_the_motion_is_the_spline_and_draws_scatter_as_stated() -> None:
     time, truth = key_truth("forte")
     fit = fit_key_motion(time[450:750], counted(truth, 2)[450:750])
     inside = np.linspace(time[455], time[745], 97)
-    value, u = fit.at(inside)
+    value, u = fit.evaluate(inside)
     np.testing.assert_allclose(fit.motion().at(inside), value, rtol=1e-7, atol=1e-9)
     random = np.random.default_rng(5)
     draws = np.array([fit.draw(random).at(inside) for _ in range(400)])
@@ -93,7 +93,7 @@ def test_stated_uncertainty_is_the_actual_error() -> None:
         time, truth = key_truth(name)
         bump = np.abs(np.gradient(truth[:, 2], time)) > 1e5
         bump = np.convolve(bump, np.ones(21), "same") > 0.0
-        value, u = fit_key_motion(time, counted(truth, 10, 0.2, 1e-5)).at(time)
+        value, u = fit_key_motion(time, counted(truth, 10, 0.2, 1e-5)).evaluate(time)
         inside = np.abs(value - truth) < 1.96 * u
         everywhere.append(inside.mean(axis=0))
         bumps.append(inside[bump].mean(axis=0))
@@ -107,7 +107,7 @@ def test_noiseless_angles_leave_what_happens_between_the_samples() -> None:
     time, truth = key_truth("forte")
     for every in (1, 2):
         fit = fit_key_motion(time[::every], truth[::every, 0])
-        value, u = fit.at(time[: 1 + (len(time) - 1) // every * every])
+        value, u = fit.evaluate(time[: 1 + (len(time) - 1) // every * every])
         error = (value - truth[: len(value)])[:, 2]
         assert 0.8 < np.mean(np.abs(error) < 1.96 * u[:, 2]) <= 1.0
         assert 0.3 < np.sqrt(np.mean(error**2) / np.mean(u[:, 2] ** 2)) < 1.5
@@ -121,6 +121,6 @@ def test_lost_angles_widen_the_uncertainty_and_stay_inside_it() -> None:
     fit = fit_key_motion(time, angle)
     assert len(fit.time_s) == len(time) - 25
     at = time[900:925]
-    value, u = fit.at(at)
+    value, u = fit.evaluate(at)
     assert np.all(np.abs(value - truth[900:925]) < 4.0 * u)
-    assert u[12, 0] > 2.0 * whole.at(at)[1][12, 0]
+    assert u[12, 0] > 2.0 * whole.evaluate(at)[1][12, 0]

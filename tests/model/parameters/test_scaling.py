@@ -15,7 +15,7 @@ def factors(action: model.Action, changed: model.Action) -> dict[str, float]:
 
 
 def test_damping_is_every_contacts_but_the_strings(action: model.Action) -> None:
-    found = factors(action, model.scaled(action, {"damping": 0.1}))
+    found = factors(action, model.scale_parameters(action, {"damping": 0.1}))
     assert found == {f"contact{i:02d}.normal.D": pytest.approx(0.1) for i in range(1, 14) if i != 12}
 
 
@@ -35,11 +35,11 @@ def test_damping_is_every_contacts_but_the_strings(action: model.Action) -> None
     ],
 )
 def test_what_a_name_stands_for(action: model.Action, name: str, paths: set[str]) -> None:
-    assert factors(action, model.scaled(action, {name: 0.5})) == dict.fromkeys(paths, 0.5)
+    assert factors(action, model.scale_parameters(action, {name: 0.5})) == dict.fromkeys(paths, 0.5)
 
 
 def test_factors_multiply_in_turn(action: model.Action) -> None:
-    changed = model.scaled(action, {"friction": 2.0, "contact04.friction.A": 0.25})
+    changed = model.scale_parameters(action, {"friction": 2.0, "contact04.friction.A": 0.25})
     assert changed["contact04.friction.A"] == pytest.approx(0.5 * action["contact04.friction.A"])
     assert changed["contact01.friction.A"] == pytest.approx(2.0 * action["contact01.friction.A"])
     assert changed.changed["contact07.friction.A"] == changed["contact07.friction.A"]
@@ -49,13 +49,13 @@ def test_a_felt_without_damping_is_left_out_of_a_group(action: model.Action) -> 
     """A law of felt that has no D: a group that scales it says what it leaves out."""
     some, every = (action.with_laws(dict.fromkeys(names, "stulov")) for names in (["contact02"], CONTACTS))
     with pytest.warns(UserWarning, match=r"--scale damping: leaves out .* contact02.normal.D \(law stulov\)$"):
-        changed = model.scaled(some, {"damping": 0.1})
+        changed = model.scale_parameters(some, {"damping": 0.1})
     assert factors(action, changed) == {
         f"contact{i:02d}.normal.D": pytest.approx(0.1) for i in range(1, 14) if i not in (2, 12)
     }
     model.build_scene(changed)
     with pytest.raises(model.InputError, match="--scale damping: would change nothing"):
-        model.scaled(every, {"damping": 0.1})
+        model.scale_parameters(every, {"damping": 0.1})
     # an identified D of a felt that follows another law in this scene stays in the action, without effect
     kept = some.with_values({"contact02.normal.D": 5.0})
     assert np.array_equal(model.build_scene(kept).vector, model.build_scene(some).vector)
@@ -75,5 +75,5 @@ def test_a_felt_without_damping_is_left_out_of_a_group(action: model.Action) -> 
 )
 def test_bad_scales_are_refused(action: model.Action, name: str, factor: float, words: str) -> None:
     with pytest.raises(model.InputError) as caught:
-        model.scaled(action, {name: factor})
+        model.scale_parameters(action, {name: factor})
     assert words in str(caught.value) and "\n" not in str(caught.value)

@@ -50,7 +50,9 @@ def test_a_curve_changes_as_a_second_run_does(action: model.Action, found: model
     q = table.quantities.index("hammer curve")
     step = 1e-4
     ends = [
-        model.simulate(model.scaled(action, {"friction": 1.0 + s * step}), *model.force_table("forte"), tolerance=1e-9)
+        model.simulate(
+            model.scale_parameters(action, {"friction": 1.0 + s * step}), *model.force_table("forte"), tolerance=1e-9
+        )
         for s in (1.0, -1.0)
     ]
     turns = [end.angle_rad[:, 4] - end.angle_rad[0, 4] for end in ends]

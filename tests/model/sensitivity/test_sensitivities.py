@@ -88,7 +88,7 @@ def test_rest_under_a_preload(action: model.Action) -> None:
     options = model.SensitivityOptions(rest_input=1.0)
     found = model.sensitivities(action, (time, np.ones(11)), ["contact01"], options=options)
     ends = [
-        model.rest_state(model.scaled(action, {"contact01": 1.0 + s * 1e-5}), force_n=1.0).angle_rad
+        model.rest_state(model.scale_parameters(action, {"contact01": 1.0 + s * 1e-5}), force_n=1.0).angle_rad
         for s in (1.0, -1.0)
     ]
     np.testing.assert_allclose(found.d_rest[:, 0], (ends[0] - ends[1]) / 2e-5, rtol=1e-5, atol=1e-9)

@@ -526,7 +526,7 @@ class Responses:
                 scene = source.scene(action, z)
                 if scene is None:
                     return None
-                action = scene.on(action)
+                action = scene.apply_to(action)
             return action, self.tested.rest_of(action, preload_n)
         except ModelError:
             return None
@@ -539,7 +539,7 @@ def _lifts(action: model.Action) -> bool:
 
 def _lift_m(solution: model.Solution) -> Array:
     """How far the key's pivot has risen: on its rail, or in its joint; the key's scale reads it as rotation."""
-    rise = np.zeros(len(solution.time_s)) if solution.give is None else solution.give.of("key")[0][:, 1]
+    rise = np.zeros(len(solution.time_s)) if solution.give is None else solution.give.joint_motion("key")[0][:, 1]
     if KEY_LIFT in solution.bodies:
         rise = np.asarray(solution.angle_rad)[:, solution.bodies.index(KEY_LIFT)]
     return rise - rise[0]
