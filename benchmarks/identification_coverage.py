@@ -135,7 +135,7 @@ def played_on_bench(specimen: model.Action, kind: str, n: int, seed: int, rng: n
     out = []
     shipped = load_plant(BENCH, seed, FINE * RATE_HZ, EFFECTS)
     for number in range(1, n + 1):
-        own = shipped.choice.on(scattered(specimen, rng))
+        own = shipped.choice.apply_to(scattered(specimen, rng))
         plant = ActionPlant(own, shipped.choice, shipped.torque_per_volt_nm, {}, seed, FINE * RATE_HZ)
         edges = np.arange(int((BEFORE_S + 1.2 * KINDS[kind][0][-1] + AFTER_S) * RATE_HZ)) / RATE_HZ
         newton = (1 + STRENGTH * rng.uniform(-1, 1)) * command_n(kind, edges, np.random.default_rng([seed, 99]))

@@ -47,7 +47,7 @@ def random_action(seed: int) -> tuple[model.Action, float]:
 def regulated(scene: str, seed: int) -> list[str]:
     """What became of one action in a scene: the verdict, its set and how far it is off, words, seconds."""
     action, off = random_action(seed)
-    action, start = model.load_scene(scene).on(action), time.process_time()
+    action, start = model.load_scene(scene).apply_to(action), time.process_time()
     try:
         done = model.regulation.regulate(action)
         worst = max(abs(measure(done.action).value_m[t.name] - t.wanted_m) for t in TARGETS)

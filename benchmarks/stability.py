@@ -159,7 +159,7 @@ class Runner:
     def __init__(self, case: Case, what: str = NONE) -> None:
         self.action, choice = changed(case, model.load_action().with_values(case.overrides), what)
         self.times, self.forces = model.check_force_table(case.time_s, case.force_n)
-        self.scene = model.build_scene(choice.on(self.action), choice)
+        self.scene = model.build_scene(choice.apply_to(self.action), choice)
         self.at_rest, self.choice, self.what = case.angle_rad is None, choice, what
         n = len(case.speed_rad_per_s)
         angle = solve_rest(self.scene) if case.angle_rad is None else np.append(case.angle_rad, self.scene.start[n:])

@@ -89,7 +89,7 @@ def sharp_force(random: np.random.Generator) -> tuple[str, Array, Array]:
 def sharp_case(kind: str, at: Array, newton: Array, scene: str, tolerance: float) -> dict[str, Any]:
     """Error and estimate over the request of one run, whether it says that it misses, and seconds without and with."""
     action, choice = model.load_action(), model.load_scene(scene)
-    rest = model.rest_state(action, scene=model.build_scene(choice.on(action), choice))
+    rest = model.rest_state(action, scene=model.build_scene(choice.apply_to(action), choice))
     force = at, newton * (MOTOR_ARM_M if scene == "motor-arm" else 1.0)
     simulate = partial(model.simulate, action, *force, scene=scene, output_time_s=OUTPUTS, initial=rest)
     words = f"{kind}, {scene}, {tolerance:.1e}"

@@ -36,7 +36,7 @@ SECOND_COMPANION = 0.01  # of another one, where the first leaves doubt
 
 
 def output_times(start: float, end: float, rate_hz: float) -> Array:
-    """Times at which a run is to give out rows; k / rate exactly, so that no rounding adds up.
+    """Output times of a run, exactly k / rate, so that rounding does not accumulate.
 
     Parameters
     ----------
@@ -218,7 +218,7 @@ class ForceDrivenRun:
         return self.largest_difference(angles, other)
 
     def confirm_error(self, first: State, angles: Array, error: float) -> float:
-        """The error that one companion found; in doubt, above the request but no miss yet, a second one is asked.
+        """Error estimate of one companion run; where it is between request and miss, the larger of two.
 
         Where small errors grow, a companion may happen to go wrong the same way.
         """
@@ -232,7 +232,7 @@ class ForceDrivenRun:
         return float(np.max(np.abs(angles - others)[:, turning], initial=0.0))
 
     def solution(self, under_way: Simulation, angles: Array, speeds: Array) -> Solution:
-        """Solution with these angles and speeds (m, n), and contact forces where they are wanted."""
+        """Solution with these angles and speeds (m, n), and contact forces if requested."""
         contacts: tuple[str, ...] = ()
         normal, tangential = None, None
         if "contact_forces" in self.outputs:

@@ -101,7 +101,7 @@ def hammer_height_m(
 
 
 def head_height_m(action: Action, coordinates: Sequence[str], rows: ArrayLike) -> NDArray[np.float64]:
-    """Distance of the hammer's head from the string with what a scene's shank bends and its joint gives.
+    """Distance of the hammer's head from the string, with shank bending and joint compliance.
 
     Parameters
     ----------

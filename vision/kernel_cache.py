@@ -141,7 +141,7 @@ class _VerifiedCache(FunctionCache):  # type: ignore[misc]
 
 
 def cached_njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Decorator: compile with numba's ``options``, keep the machine code on disk, verified at every load.
+    """Decorator: compile with numba's ``options`` and cache the machine code on disk, verified at loading.
 
     Where no folder can be written, it is kept in memory only.
     """

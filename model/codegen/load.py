@@ -44,7 +44,7 @@ _lock = threading.RLock()  # threads that start together load or compile a struc
 
 
 def _key(tables: Kind) -> bytes:
-    """What tells a structure from others; of the tables asked for last it is kept.
+    """Bytes that identify a structure; the last tables' are kept.
 
     A search for rest asks for the same ones hundreds of times, and each time it would take as long as the kernel.
     """
@@ -75,7 +75,7 @@ def load_kernel(tables: Kind, what: str) -> Kernel:
 
 
 def memory_couplings(tables: Tables) -> list[list[int]]:
-    """Coordinates on which each memory acts, and those on which the string acts, as the workspace keeps them."""
+    """Coordinates that each internal variable acts on, then those of the string, in the order of the workspace."""
 
     def find_couplings() -> list[list[int]]:
         out = StepPrograms(Structure(tables)).links()

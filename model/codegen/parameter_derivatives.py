@@ -75,7 +75,7 @@ class ParameterDerivatives:
         self._e = Elements(s, State(q, v, z, read("u", 0)), row=W.Z, everywhere=True)
 
     def numbers(self) -> Program:
-        """Rows of ``y`` by number: of free coordinates d(f - M a)/dp, then of memories' rates and the string's force.
+        """Program of d(f - M a)/dp by each number p, with derivatives of internal rates and the string's force.
 
         The row of a mode's number holds the derivative of the mode's own rate first.
         """
@@ -140,7 +140,7 @@ class ParameterDerivatives:
         return out
 
     def normals(self) -> Program:
-        """Rows as `normal_sizes` says."""
+        """Program of the normal forces and their derivatives, in rows as `normal_sizes` says."""
         s, e = self._s, self._e
         out, start = e.string_seen(), 0
         for c, (places, size) in enumerate(zip(normal_places(s), normal_sizes(s), strict=True)):

@@ -148,7 +148,7 @@ class SingleElement:
         ]  # fmt: skip
 
     def _memory_rates(self, rate: Expression) -> tuple[list[Expression], list[Expression]]:
-        """Rates of the memories at `DEPTH`, by names of what decides; and what that is, the press of surfaces first."""
+        """Rates of the internal variables at `DEPTH`, and the conditions that select them, contact first."""
         pressed, free = (self._felt(x, rate, self._z) for x in (maximum(DEPTH, SHALLOWEST), DEPTH))
         both = [*self._law.rates(pressed), *self._law.recovery_rates(free)]
         turning = {DEPTH, *self._z}
@@ -164,7 +164,7 @@ class SingleElement:
         ], holds
 
     def _decayed_memory(self, z: Expression, moves: Expression, t: Expression, x: Expression) -> Expression:
-        """A memory at the share ``to`` of an interval that it begins at the share ``begun``, within one regime."""
+        """Internal variable at the share ``to`` of an interval from its value at ``begun``, within one regime."""
         begun, to = value_of("begun"), value_of("to")
         lasts, way = (to - begun) * (t - value_of("time")), x - value_of("depth")
         fades = -differentiator({z: ONE})(moves)

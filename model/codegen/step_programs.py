@@ -117,7 +117,7 @@ class StepPrograms:
         )
 
     def _prescribed_motion(self, moving: Expression) -> tuple[list[Statement], tuple[Row, Row, Row, Row]]:
-        """Angle, speed, acceleration of prescribed coordinates at the time ``u``, as names; still where not moving.
+        """Statements that set prescribed coordinates and their rates at the time ``u``; zero rates if not moving.
 
         Also the rate of the acceleration, where inertia couples it to what is solved for.
         """
@@ -216,7 +216,7 @@ class StepPrograms:
         chain: list[int],
         memories: list[int],
     ) -> list[Statement]:
-        """The statements, and beside each force and rate of a memory its derivatives, in the same block.
+        """The statements, each force and rate of an internal variable followed by its derivatives.
 
         ``chain`` are coordinates it depends on, ``memories`` the numbers of its memories.
         """
@@ -323,7 +323,7 @@ class StepPrograms:
         ]  # fmt: skip
 
     def _default_memories(self, contact: Contact, ease: dict[int, Expression], chain: list[int]) -> list[Statement]:
-        """What holds of a contact's memories until it is known to press."""
+        """Statements for a contact's internal variables while it does not press."""
         out: list[Statement] = []
         felt = contact.pressed_by(ZERO, contact.relative_speeds[0])
         for m, z, alone in zip(contact.memories, felt.memory, contact.law.recovery_rates(felt), strict=True):
@@ -339,7 +339,7 @@ class StepPrograms:
     def _memory_error_weights(
         self, e: Elements, contact: Contact, ease: dict[int, Expression], chain: list[int]
     ) -> list[Statement]:
-        """What an error of each memory of a contact that presses is worth as one of a speed."""
+        """Statements that set the error weight of each internal variable: the speed error that a unit of it causes."""
         out: list[Statement] = []
         for m in contact.memories:
             pushes = [abs(read("w", W.Z_PUSH + W.LINKS * m + k)) * ease[j] for k, j in enumerate(chain) if j in ease]
@@ -380,7 +380,7 @@ class StepPrograms:
         return out
 
     def _input_slopes(self, e: Elements, pv: Row, pa: Row, jerk: Row) -> list[Statement]:
-        """Change of forces and memories with the input, also where it is the time that moves prescribed coordinates."""
+        """Statements for df/du of forces and internal variables; u may be the time of a prescribed motion."""
         s = self._s
         moved = list(s.bodies)[s.own :]
         out: list[Statement] = []

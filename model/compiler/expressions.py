@@ -389,7 +389,7 @@ def _cached_partial(value: Expression, x: Expression, by: tuple[Expression, ...]
 
 
 def differentiator(along: dict[Expression, Expression]) -> Callable[[Expression], Expression]:
-    """The function that differentiates along a direction: ``along`` gives what changes, and how fast."""
+    """Return the forward-mode derivative along a direction; ``along`` maps variables to their rates."""
     known = dict(along)
 
     def slope(e: Expression) -> Expression:

@@ -83,7 +83,7 @@ class Contact:
 
     @cached_property
     def _relative_geometry(self) -> tuple[Vector, Arguments, Expression]:
-        """Centre of A; way from B's centre, then the directions of B's surface; the reach."""
+        """Centre of A; vector from B's centre and B's direction vectors; sum of the radii."""
         a, b, _, _ = self.s.contact[self.c]
         n = self.number
         centre = self.k.to_world_point(a, n(L.A_X), n(L.A_Y))
@@ -122,7 +122,7 @@ class Contact:
         return on_start | on_end
 
     def clearance(self) -> Expression:
-        """How far the surfaces can come closer before they may touch, m; 0 where they do.
+        """Distance (m) by which the surfaces can approach before they can touch; 0 in contact.
 
         Behind an arc's centre the rule that picks arc or tangent jumps across the extensions of its end radii.
         """
@@ -229,7 +229,7 @@ class Contact:
         return {k: dot(way, world) for k, way in self.ways.items() if k in self.s.solved}
 
     def contact_statements(self) -> list[Statement]:
-        """What happens where the surfaces meet: forces, and rates of memories."""
+        """Statements for surfaces in contact: forces, and rates of internal variables."""
         pressing, force = self.felt
         rubbing, smooth = (
             [Accumulate(variable(f"f{k}"), e) for k, e in self.push(force, mu).items()]

@@ -62,7 +62,7 @@ class Drives:
         return [self._push(*row) for row in self._rows]
 
     def own_rates(self) -> list[Expression]:
-        """How fast the speed of the way changes along which each input works, while no coordinate's speed does."""
+        """Rate of the speed along which each input acts while no coordinate accelerates."""
         out = []
         for kind, i, numbers in self._rows:
             turning = self._k.pose[i].turning
@@ -77,7 +77,7 @@ class Drives:
         ]
 
     def energy(self) -> list[Statement]:
-        """Power put in, W, and lost in a winding."""
+        """Statements for the input power, W, and the loss in a winding."""
         out: list[Statement] = []
         for kind, i, numbers in self._rows:
             v = self._k.state.v

@@ -49,7 +49,7 @@ def springs(s: Structure, state: State) -> list[Spring]:
 
 
 def dampers(s: Structure, state: State) -> list[Spring]:
-    """Dampers of joints, of the shank or of what drives; then bushings, along each direction in which a joint gives."""
+    """Dampers of joints, shank and drives, then bushings along each compliant direction of a joint."""
     driven = {i for _, i in s.drive}
     out = []
     for k, i in enumerate(s.damper):

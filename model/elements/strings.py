@@ -91,7 +91,7 @@ class Modes:
         return slot("w", row + self.first + k)
 
     def sums(self, row: int) -> list[Statement]:
-        """The string's way as ``sway`` and its rate as ``swing``."""
+        """Statements that sum the string's displacement as ``sway`` and its rate as ``swing``."""
         return [
             Assign(variable("sway"), ZERO), Assign(variable("swing"), ZERO),
             loop_over(f"sum {row}", self.count, lambda i: [
@@ -111,7 +111,7 @@ class Modes:
         return loop_over(f"energy {row} {sign}", self.count, one)
 
     def reach(self) -> list[Statement]:
-        """How far the free string can get in the hammer's way, m."""
+        """Largest displacement (m) of the free string towards the hammer."""
         found = variable("reach")
 
         def one(i: Expression) -> list[Statement]:
@@ -236,7 +236,7 @@ class StringContact(Contact):
         ]  # fmt: skip
 
     def energy(self, label: str = "") -> list[Statement]:
-        """What modes, felt and what gives way store, J, and lose, W; to names that end with ``label``."""
+        """Statements that add stored energy (J) and dissipated power (W) to names that end with ``label``."""
         modes, row = self.modes, self.modes.row
         pressing, force, slow = self._string_force
         x = self.depth_and_rate[0] - modes.give * slow
@@ -291,7 +291,7 @@ class StringContact(Contact):
         ]  # fmt: skip
 
     def set_error_weights(self, worth: Expression) -> list[Statement]:
-        """Note what errors of the modes are worth as errors of a speed; ``worth``: acceleration per m of the string."""
+        """Statements that set the modes' error weights; ``worth``: acceleration of a coordinate per m of the string."""
         m = self.modes
 
         def one(i: Expression) -> list[Statement]:
@@ -303,7 +303,7 @@ class StringContact(Contact):
         return [If(value_of("awake") > 0.0, [loop_over("weighed", m.count, one)])]
 
     def prepare_modes(self, inverse: Expression, gh: Expression) -> list[Statement]:
-        """What ``prepare`` does with the modes: the share of a change of force that is left after they gave way."""
+        """Statements that eliminate the modes from the stage equations: the share of a force change that remains."""
 
         def one(i: Expression) -> list[Statement]:
             k, c = (read("w", W.S_NUMBERS + W.MOST_MODES * n, i) for n in (1, 2))

@@ -12,7 +12,7 @@ from model.errors import InputError
 
 @contextmanager
 def whole_file(path: Path, advice: str = "choose another file") -> Iterator[Path]:
-    """Yield a temporary name beside ``path`` to write to; it is renamed to ``path`` when the block succeeds.
+    """Yield a temporary name in the same folder; rename it to ``path`` when the block succeeds.
 
     Raises
     ------

@@ -80,7 +80,7 @@ N_WHOLE = 9
 
 @inlined_uncounted
 def write_row(lane, width, starts, members, space):
-    """Write angles, speeds and memories, which start at these rows, to the next output of a lane's member."""
+    """Write angles, speeds and internal variables from these rows to the next output of a lane's member."""
     memory, at = space.step, space.whole[N_WHOLE * lane : N_WHOLE * lane + N_WHOLE]
     sizes = members.angle.shape[1], members.angle.shape[1], members.memory.shape[1]
     for k in range(3):
@@ -292,7 +292,7 @@ def choose_steps(bits, width, gamma, members, space):
 
 @inlined_uncounted
 def accept_or_reject(trying, sound, rejected, exponent, width, space):
-    """Steps to want next; the lanes whose error is within its limits."""
+    """Return the next step sizes and the lanes whose error norm is at most 1."""
     number, memory = space.number, space.step
     within = 0
     for lane in range(width):
@@ -379,7 +379,7 @@ def count_attempt(trying, within, prepared, shape, width, members, space):
 
 @inlined_uncounted
 def retire_finished_lanes(busy, rejected, sound, width, members, space):
-    """Take members that are done, or cannot go on, out of their lanes; which lanes stay busy."""
+    """Retire members that are finished or failed; return the lanes that stay busy."""
     number, whole = space.number, space.whole
     for lane in range(width):
         if busy >> lane & 1:

@@ -62,7 +62,7 @@ GAUSS, WEIGHT = (-0.3872983346207417, 0.0, 0.3872983346207417), (5.0 / 18.0, 4.0
 
 @inlined
 def fill_rest_outputs(until, k_out, out, w, n):
-    """Stop all motion and fill the outputs wanted up to ``until``; returns how many are filled."""
+    """Set all speeds to zero and fill the outputs up to ``until``; return how many are filled."""
     for i in range(n):
         w[V + i] = 0.0
     while k_out < out.time.shape[0] and out.time[k_out] <= until:
@@ -85,7 +85,7 @@ def count_bits(mask):
 
 @uncounted
 def record_step(w, n_dense, n, n_z, row):
-    """Copy the ends of a step and what its dense output is made of: angles, speeds, memories."""
+    """Copy a step's ends and dense output, angles, speeds and internal variables, to a row of the record."""
     size = 2 * n + n_z
     for i in range(n):
         row[i], row[n + i] = w[Q + i], w[V + i]

@@ -20,7 +20,7 @@ SMALLEST_STEP = 1e-12
 
 @inlined
 def load_start(span, out, w):
-    """Put the state into ``w`` and fill the outputs wanted up to the start; returns how many."""
+    """Copy the state to ``w`` and fill the outputs up to the start; return how many are filled."""
     for i in range(span.angle.shape[0]):
         w[Q + i] = span.angle[i]
         w[V + i] = span.speed[i]

@@ -129,7 +129,7 @@ def _compile_inner(function: Callable[..., Any], options: dict[str, Any], keep: 
 
 
 def _compile_cached(*signature: Any, inner: bool = False, **options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Decorator: compile without the GIL, keep the machine code in ``FOLDER``."""
+    """Decorator: compile without the GIL and cache the machine code in ``FOLDER``."""
 
     def decorate(function: Callable[..., Any]) -> Any:
         before = numba_config.CACHE_DIR

@@ -125,7 +125,7 @@ class _VerifiedCache(FunctionCache):  # type: ignore[misc]
 
 
 def verify_cache(dispatcher: Any) -> Any:
-    """Have a compiled function, given and returned, keep its machine code on disk, verified at every load.
+    """Return the compiled function with a disk cache that verifies each entry at loading.
 
     Where no folder can be written, it is kept in memory only.
     """

@@ -44,7 +44,7 @@ def interpolate_own_input(t, k, drive):
 
 @uncounted
 def constant_until(t, k, t_end, first, last, drive):
-    """Time up to which the input keeps exactly the value it has at ``t``; ``k`` as found by `interpolate_input`."""
+    """Time up to which the input keeps its value at ``t``; ``k`` is the interval from `interpolate_input`."""
     time, value, held = drive
     if t < time[first]:
         return min(t_end, time[first])

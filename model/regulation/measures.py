@@ -104,7 +104,7 @@ def targets_at(wanted_m: Mapping[str, float] | None = None) -> tuple[RegulationT
 
 
 def other_lengths(targets: Sequence[RegulationTarget]) -> str:
-    """The targets that are not the thesis's, in words, as ``", but let-off 1.5 mm"``; empty where there are none.
+    """The targets that differ from the thesis's, as text ``", but let-off 1.5 mm"``; empty where none.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def _vector(action: Action, path: str) -> complex:
 
 
 def pivot_displacements(action: Action, rest_rad: Array) -> dict[str, complex]:
-    """How far pivots are from their places in the set at rest, m: of joints that give, of a key that lifts."""
+    """Displacement (m) at rest of pivots that a compliant joint or a lifting key moves."""
     scene = build_scene(action)
     out = dict.fromkeys((body for body, _ in scene.pins), 0j)
     if scene.pins:

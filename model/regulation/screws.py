@@ -152,7 +152,7 @@ class Bench:
         return -contact_penetration(action, contact, rest, pivot_displacements(action, rest)).penetration_m
 
     def failure(self, name: str, error: float, why: str = "") -> RegulationError:
-        """The error that says which target stays how far off with which screw where."""
+        """Return the error that names target, its deviation and its screw's position."""
         target, screw, turn = self.target(name), SCREW[name], self.turn_m[name]
         low, high = self.limits(name)
         where = f"{1e3 * turn:+.2f} mm of {1e3 * low:+.1f} to {1e3 * high:+.1f}"

@@ -81,7 +81,7 @@ def _sample_travel(bench: Bench, name: str, errors: dict[float, float]) -> list[
 
 
 def _sample_near_best(bench: Bench, name: str, errors: dict[float, float]) -> list[float]:
-    """Between the nearest turns and their neighbours: a target may come nearer and go away again within a step.
+    """Sample between the best turns and their neighbours, since a target may cross within a step.
 
     A turn is near where its neighbours are further off, or cannot be measured: there a height may end just beyond.
     """
@@ -104,7 +104,7 @@ def _sign_changes(errors: dict[float, float]) -> list[float]:
 
 
 def _secant(bench: Bench, name: str, turn: float, error_at: Callable[[float], float]) -> None:
-    """Follow the target's slope from ``turn``; keeps what it measures in ``bench.effect``."""
+    """Secant iteration for the target from ``turn``; updates the slope in ``bench.effect``."""
     low, high = bench.limits(name)
     aim = CONVERGED[MEASURED_IN[name]]
     usual = SCREW[name].usual_effect
@@ -165,7 +165,7 @@ def set_rest(bench: Bench, report: Report) -> None:
         bench.turn_m = lowered.turn_m
         _raise_rail(bench, report)
         return
-    raise _blocking_contact(bench, lowered, report)
+    raise _rest_targets_error(bench, lowered, report)
 
 
 def _solve(bench: Bench, report: Report, starts: Iterable[tuple[float, ...]] = GRID) -> bool:
@@ -266,8 +266,8 @@ def _raise_rail(bench: Bench, report: Report) -> None:
     report(f"rest rail {1e3 * bench.turn_m[RAIL]:+.2f} mm, clear of the shank")
 
 
-def _blocking_contact(bench: Bench, lowered: Bench, report: Report) -> RegulationError:
-    """What keeps the targets at rest from being met: screws that are too short, else the worst target."""
+def _rest_targets_error(bench: Bench, lowered: Bench, report: Report) -> RegulationError:
+    """The error that explains unmet rest targets: a screw at its limit, else the worst target."""
     longer = replace(lowered, wider_m=WIDER, turn_m=lowered.turn_m | {RAIL: lowered.limits(RAIL)[0] - WIDER})
     if _solve(longer, report):
         _raise_rail(longer, report)

@@ -200,7 +200,7 @@ def _table(rows: list, width: int) -> NDArray[np.int64]:
 
 
 def _pins(action: Action, choice: SceneChoice, bodies: Sequence[str]) -> tuple[list[list[int]], list[float]]:
-    """Body and direction, 0 to the right and 1 up, of each way in which a joint gives; their numbers in p.
+    """Body and direction (0 right, 1 up) of each compliant joint direction, and their numbers in p.
 
     A key on its balance rail gives to the side only.
     """

@@ -60,7 +60,7 @@ def _numbers(action: Action, name: str) -> list[float]:
 
 
 def law_of_contact(action: Action, name: str, numbers: list[float]) -> tuple[int, list[float]]:
-    """How many states the felt of a contact remembers, and the numbers of its law; sets D to 0 where it has none."""
+    """Number of internal variables of a contact and its law's numbers; sets D to 0 for laws without it."""
     law = LAWS[action.law(name)]
     values = {k: action[f"{name}.{law.name}.{k}"] for k in law.numbers}
     if not law.damped:

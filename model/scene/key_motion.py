@@ -146,7 +146,7 @@ def with_moved(
 def acceleration_of_input(
     tables: Tables, p: Array, states: tuple[Array, Array], acceleration: Array, memory: Array | None = None
 ) -> Array:
-    """Acceleration (m,) of the way along which the input works, from that of a motion; at states of all coordinates.
+    """Acceleration (m,) along the input's line of action, from a prescribed motion and the states.
 
     It is what `model.codegen.evaluate_observables.bodies_at` takes.
     """

@@ -37,7 +37,7 @@ def string_of(action: Action) -> String:
 
 
 def modes_asked(action: Action, tolerance: float = USUAL_TOLERANCE) -> int:
-    """How many modes take part: ``string.modes``, or where that is 0 as many as the tolerance (rad) asks."""
+    """Number of string modes: ``string.modes``, or where that is 0, the number that the tolerance (rad) needs."""
     asked = round(action["string.modes"])
     if asked == 0:
         return min(MOST_MODES, max(FEWEST, math.ceil(math.sqrt(LEFT_OUT_ERROR / tolerance))))
@@ -62,7 +62,7 @@ def moved_modes(action: Action) -> Array:
 
 
 def string_numbers(action: Action) -> list[float]:
-    """How many modes, what those left out give way, then gains, stiffnesses and dampings of the modes."""
+    """Number of modes, residual compliance of the truncated ones, then gains, stiffnesses and dampings."""
     if action.law(CONTACT) != USUAL:
         raise InputError(f"string: found {CONTACT}.law {action.law(CONTACT)}, allowed {USUAL} under a string")
     if action[f"{CONTACT}.friction.A"] != 0.0:

@@ -82,7 +82,7 @@ def observable_derivatives(
     slopes: tuple[Array, ...],
     smooth: bool = False,
 ) -> Array:
-    """Derivatives (..., P) of what hangs on states, then on a scene's numbers.
+    """Derivatives (..., P) of an observable by the parameters, through the states and the scene's numbers.
 
     ``state`` are angles (m, n), speeds (m, n) and what else; ``slopes`` of each, with the parameters last. What no felt
     plays a part in is ``smooth``.

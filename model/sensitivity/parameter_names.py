@@ -261,7 +261,7 @@ def _element_numbers(scene: Scene, parameter: Parameter) -> slice | None:
 
 
 def _groups(scene: Scene, parameters: Sequence[Parameter]) -> list[list[int]]:
-    """Parameters that one build tells apart: each of another contact or body; every other by itself."""
+    """Group parameters so that one scene build separates their effects: one of each contact or body."""
     groups: dict[object, list[int]] = {}
     seen: Counter[int] = Counter()
     for j, parameter in enumerate(parameters):

@@ -198,7 +198,7 @@ def _scene_at_rest(directions: Directions) -> _Run:
 
 
 def input_kinks(time: Array, value: Array) -> Array:
-    """Strongest kinks of an input table (m, 2): a step that goes on over one may see nothing of it at its nodes.
+    """Strongest kinks (m, 2) of an input table, at which tangent steps must end.
 
     Not all: between the samples of a measured force they are all alike, and error control is enough.
     """
@@ -272,7 +272,7 @@ class RecordedMotion:
             self.run.linear = self.run.linear._replace(input_slope=filled)
 
     def _remembered_at_rest(self, plan: Plan) -> Array:
-        """Derivatives (C, P') of what felt remembers at the start: its rate stays 0."""
+        """Derivatives (C, P') of the internal variables at the start, where their rates are 0."""
         run, channels = self.run, self.run.space.channels
         out = allocate_aligned(*channels.inner.shape)
         if len(out):
@@ -338,7 +338,7 @@ class RecordedMotion:
         return max(1, round(STRIDE * (STRIDE_AT / self.simulation.tolerance) ** STRIDE_EXPONENT))
 
     def follow(self, times: Array, tolerance: float, forces: bool = False) -> TangentResult:
-        """Derivatives at times (m,) in any order, with what contacts' ``forces`` need, and what was counted.
+        """Integrate the tangents; return derivatives at times (m,) in any order, and work counters.
 
         Raises
         ------
@@ -391,7 +391,7 @@ class RecordedMotion:
         return TangentResult(angle, speed, channel, run.scene.size, acts, counters)
 
     def _check_rates(self, kinks: Array) -> None:
-        """Refuse a law that a program has added whose force or memory's rate jumps at a kink (k, 2), s.
+        """Refuse an added law whose force or internal rate is discontinuous at a kink (k, 2), s.
 
         The derivatives would jump there, too, by the jump times the derivative of the kink's own time.
         """
@@ -424,7 +424,7 @@ class RecordedMotion:
             )
 
     def remembered_slopes(self, followed: TangentResult, count: int) -> Array:
-        """Derivatives (m, z, P) of ``count`` numbers that a run remembers; of a string's they are left 0."""
+        """Derivatives (m, z, P) of the ``count`` internal variables; those of a string stay 0."""
         s, n = self.run.structure, self.run.scene.size
         rows, _, p = followed.whole_angle.shape
         out = np.zeros((rows, count, p))

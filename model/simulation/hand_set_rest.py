@@ -28,7 +28,7 @@ KEY, JACK, HAMMER = (BODIES.index(b) for b in ("key", "jack", "hammer"))
 
 
 def slip_angle(action: Action, angle_rad: Array) -> Array:
-    """How far (rad) the knuckle has gone round the jack's top edge, (m,); 0 on top, pi/2 beside the jack; (m, 5) in."""
+    """Angle (rad) of the knuckle around the jack's top edge, (m,), from angles (m, 5): 0 on top, pi/2 beside it."""
 
     def place(body: str, path: str, parent: tuple[Any, Array] | None) -> tuple[Any, Array]:
         angle = angle_rad[:, BODIES.index(body)]
@@ -49,7 +49,7 @@ def slip_angle(action: Action, angle_rad: Array) -> Array:
 
 
 def _starts(usual: Array, found: list[Array]) -> Iterator[Array]:
-    """States from which the hammer is let down; later ones use the rest states found so far."""
+    """Start states from which the hammer is let down, extended by the rest states found so far."""
     for lift, room in LIFTS:
         start = usual.copy()
         start[HAMMER] -= lift
@@ -63,7 +63,7 @@ def _starts(usual: Array, found: list[Array]) -> Iterator[Array]:
 
 
 def hand_set_rest(action: Action) -> Array:
-    """Rest state reached when the hammer is lifted by hand and let down on the jack.
+    """Rest state after the hammer is lifted by hand and let down on the jack.
 
     Parameters
     ----------

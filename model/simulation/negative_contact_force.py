@@ -37,7 +37,7 @@ def check_pushes(scene: Scene, time_s: Array, contact: Array, memory: Array | No
 
 
 def describe_force(scene: Scene, time_s: float, c: int, contact: Array, memory: Array) -> str:
-    """The sentence for contact ``c`` of a scene, from its columns (c, 11) and what felt remembers there."""
+    """One sentence about contact ``c``, from its columns (c, 11) and its internal variables."""
     law = Structure(scene.tables).law(c)
     force = law_force_n(scene, c, contact, memory)
     return (
@@ -47,7 +47,7 @@ def describe_force(scene: Scene, time_s: float, c: int, contact: Array, memory: 
 
 
 def law_force_n(scene: Scene, c: int, contact: Array, memory: Array) -> float:
-    """What the law of contact ``c`` gives as force, N, whatever its sign; 0 where it does not press."""
+    """Force (N) of the law of contact ``c``, of either sign; 0 out of contact."""
     s, p = Structure(scene.tables), scene.vector
     law, first = s.law(c), s.offset[1] + L.CONTACT_SIZE * c
     with_numbers = tuple(constant(float(p[n.args[1]])) for n in s.law_numbers(c))

@@ -103,7 +103,7 @@ class State(ArrayRecord):
 
 
 def with_memory(scene: Scene, state: State, u: float = 0.0) -> State:
-    """The state with the memories of a scene's felt: its own, or those of felt that has rested at its angles.
+    """The state with internal variables: its own, or those of felt at rest at its angles.
 
     Joints that give are in balance under the input ``u``.
 
@@ -123,7 +123,7 @@ def with_memory(scene: Scene, state: State, u: float = 0.0) -> State:
 
 
 def _rested_memories(scene: Scene, state: State, whole: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Memories (z,) of felt that has rested at the angles of the state, followed in ``whole`` by what joints give."""
+    """Internal variables (z,) of felt at rest at the state's angles; ``whole`` includes joint displacements."""
     w = np.zeros(W.WITH_MEMORY if scene.pins else W.SIZE)
     w[W.Q : W.Q + scene.size] = state.angle_rad
     w[W.Z : W.Z + len(scene.pins)] = whole[scene.size :]  # the static scene remembers nothing else
@@ -148,7 +148,7 @@ def check_input(
     values: NDArray[np.float64],
     outputs: NDArray[np.float64],
 ) -> None:
-    """Refuse input that would silently give a wrong answer, for a run over ``span_s``."""
+    """Refuse an input table that does not cover ``span_s``, is not increasing or not finite."""
     now, until = span_s
     if not until >= now - TIME_SLACK or np.isinf(until):
         raise InputError(f"end of the run: found {until:g} s, allowed a finite time from now on ({now:g} s)")
@@ -258,7 +258,7 @@ class Simulation:
         held: bool = False,
         output_time_s: ArrayLike | None = None,
     ) -> Plan:
-        """What a step loop is given to `advance` with these arguments; refuses what would give a wrong answer."""
+        """Arguments of the step loop for `advance`; refuses input that does not cover the span."""
         method = get_method(self.method)
         local = method.share * self.tolerance * min(1.0, (self.tolerance / REFERENCE_TOLERANCE) ** EXTRA)
         if np.any(self.scene.tables.prescribed):

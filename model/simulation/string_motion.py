@@ -78,7 +78,7 @@ def straight_string_state(scene: Scene) -> Array:
 
 
 def propagate_free_string(scene: Scene, time_s: Array, rows: Array) -> Array:
-    """Rows (m, z) of memories with the modes of a free string as they are at ``time_s`` (m,)."""
+    """Rows (m, z) with the modes of a free string advanced to ``time_s`` (m,)."""
     if not len(scene.tables.string):
         return rows
     at, (_, stiffness, damping), _ = _numbers(scene)

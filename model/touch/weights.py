@@ -200,7 +200,7 @@ def _find_let_off(action: Action, press: Press, dip_m: float) -> tuple[float, tu
 
 
 def weigh(action: Action) -> Weights:
-    """Press the key slowly to first touch of its felt and let it up again.
+    """Measure the weights of a key from a slow press to first touch of its felt, and its release.
 
     Parameters
     ----------

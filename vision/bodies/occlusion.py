@@ -30,8 +30,7 @@ GROUP = 64
 def relative_pose(
     here: NDArray[np.float64], centre: NDArray[np.float64], there: NDArray[np.float64], other: NDArray[np.float64]
 ) -> tuple[float, float, float]:
-    """Pose of a body, at pose ``here``, seen from another at pose ``there``: its turn, and the shift of its ``centre``
-    from that of the ``other`` in the axes of that."""
+    """Pose of a body at ``here`` relative to another at ``there``: turn, and shift of centres in the other's axes."""
     cosine, sine = math.cos(there[0]), math.sin(there[0])
     x, y = centre[0] + here[1] - other[0] - there[1], centre[1] + here[2] - other[1] - there[2]
     return here[0] - there[0], cosine * x + sine * y, cosine * y - sine * x

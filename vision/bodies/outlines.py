@@ -98,7 +98,7 @@ def check_bodies(bodies: Sequence[Body]) -> None:
 
 
 def sort_parents_first(bodies: Sequence[Body]) -> list[int]:
-    """Order of the bodies, as indices, in which every parent comes before its children."""
+    """Indices of the bodies, parents before their children."""
     check_bodies(bodies)
     parents = {body.name: body.parent for body in bodies}
 

@@ -246,7 +246,7 @@ HEADER_SUFFIXES = (".cihx", ".cih", ".CIHX", ".CIH")
 
 
 def apply_sidecar_header(film: Film) -> None:
-    """Give a film that a Photron viewer exported (AVI, TIFF, pictures) the times that the header beside it states.
+    """Set the frame times of an exported film (AVI, TIFF, pictures) from the Photron header of the same name.
 
     A header of another film, one that contradicts itself, and one without a rate are passed over, with a line.
     """

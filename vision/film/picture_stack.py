@@ -132,8 +132,7 @@ def _one_series(folder: Path, files: list[Path], allow_truncated: bool) -> list[
 
 
 def _number_pattern(folder: Path, files: list[Path]) -> re.Pattern[str]:
-    """What is a number in these names: a minus after a letter is a sign where other names lack it or a camera's
-    software writes it so, else a hyphen, which is said."""
+    """Pattern of the numbers in these names; decides whether a minus is a sign or a hyphen, and says so."""
     hyphened = [file for file in files if re.search(r"[A-Za-z]-\d+$", file.stem)]
     if not hyphened:
         return NUMBER

@@ -55,7 +55,7 @@ def jpeg_segments(data: bytes | NDArray[np.uint8]) -> Iterator[tuple[int, int]]:
 
 
 def jpeg_quantisation_table(data: bytes) -> NDArray[np.float64] | None:
-    """Luminance steps of a JPEG picture, shape (8, 8); None when it holds no table."""
+    """Luminance quantisation table of a JPEG, shape (8, 8); None where it has none."""
     at = next((at for kind, at in jpeg_segments(data) if kind == 0xDB), len(data))
     number = np.dtype(">u2") if data[at : at + 1] > b"\x0f" else np.dtype(np.uint8)
     if len(data) < at + 1 + 64 * number.itemsize:

@@ -121,7 +121,7 @@ class TiffFilm(Film):
         return self._grey(data.reshape(y1 - y0, width, self._samples)[:, x0:x1])
 
     def _orient(self) -> None:
-        """Size as shown, and what turns a stored picture."""
+        """Set the displayed size and the function that turns a stored picture upright."""
         tag = self._key.tags.get(ORIENTATION)
         matrix = MATRICES.get(tag.value) if tag is not None and isinstance(tag.value, int) else None
         turned = None if matrix is None else turn_upright(matrix)
@@ -175,7 +175,7 @@ class TiffFilm(Film):
             self.compression = Compression(None)
 
     def _count_imagej(self, allow_truncated: bool) -> None:
-        """Refuse a stack with fewer images than ImageJ's header says; count those behind a single directory."""
+        """Count frames of an ImageJ stack with a single directory; refuse one with fewer than its header states."""
         said = int((self._tiff.imagej_metadata or {}).get("images", 1)) if self._tiff.is_imagej else 1
         series = self._at[0][0]
         found = sum(one.size for one in {id(one): one for one, _ in self._at}.values())
@@ -305,7 +305,7 @@ class TiffFilm(Film):
 
 
 def one_page(key: Any, strips: list[memoryview], byteorder: str) -> bytes:
-    """A TIFF file of one page: what its keyframe says of all pages, and its own strips or tiles."""
+    """Bytes of a TIFF file of one page: the key frame's tags with the page's own strips or tiles."""
     where, how_long = (324, 325) if key.is_tiled else (273, 279)
     entries: dict[int, tuple[str, list[int]]] = {}
     for tag in key.tags:

@@ -266,7 +266,7 @@ def count_missing_frames(time_s: F64) -> dict[int, int]:
 
 
 def warn_of_uneven_times(film: FrameSource, time_s: F64) -> None:
-    """Say that frames are missing, or the pace changes, where the times to be used show it (`VisionWarning`)."""
+    """Warn (`VisionWarning`) of missing frames or a changing pace in the times that are used."""
     if time_s.size < 3:
         return
     spacing = classify_spacing(time_s, 0.0)

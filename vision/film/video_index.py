@@ -410,7 +410,7 @@ def _times(
 
 
 def _picture(frame: Any) -> dict[str, Any]:
-    """What the first frame says of all."""
+    """Size, format, range and orientation of a film from its first frame."""
     # start-up: as above
     from av.sidedata.sidedata import Type
 
@@ -429,7 +429,7 @@ def _picture(frame: Any) -> dict[str, Any]:
 
 
 def is_limited(frame: Any) -> bool:
-    """Whether luma runs from 16 to 235; where it is not said it does, unless it is grey or of the kind ``yuvj``."""
+    """Whether luma has the limited range 16 to 235; by default yes, unless grey or ``yuvj``."""
     name = frame.format.name
     if frame.format.is_rgb or name == "pal8":
         return False

@@ -127,7 +127,7 @@ class VideoFilm(Film):
         raise FilmError(f"{self.path}: frame {index} of {self.n_frames} {words}; the film is damaged or two in one")
 
     def _orient(self, index: VideoIndex) -> None:
-        """Size and pixel aspect as shown, and what turns a stored picture."""
+        """Set the displayed size, the pixel aspect and the function that turns a stored picture upright."""
         self.width, self.height, self.pixel_aspect = index.width, index.height, index.pixel_aspect
         self._turned: Callable[[Picture], Picture] | None = None
         if index.display_matrix is None:
@@ -175,7 +175,7 @@ class _Decoder:
         self._container.close()
 
     def frame(self, number: int) -> Any:
-        """Frame ``number`` as PyAV gives it; `FilmError` where it cannot be decoded."""
+        """Decode frame ``number``; `FilmError` where that fails."""
         # start-up: PyAV costs 0.1 s, films of cameras do without
         import av
 

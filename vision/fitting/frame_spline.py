@@ -147,7 +147,7 @@ class FrameSpline:
         return self._newest[1] if self._newest is not None and self._newest[0] == index else None
 
     def filtered_part(self, index: int, box: Box) -> FilteredPart:
-        """A filtered rectangle of frame ``index`` that holds ``box``, valid until the next one is asked for."""
+        """Spline coefficients of a rectangle of frame ``index`` that holds ``box``; valid until the next call."""
         if self._newest is not None and self._newest[0] == index and _is_inside(box, self._newest[1].box):
             return self._newest[1]
         expected = self._expected[1] if self._expected[0] == index else None

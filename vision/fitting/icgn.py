@@ -191,6 +191,7 @@ class IcgnFitter(Fitter):
         covered: NDArray[np.uint8] | None,
         begun: FirstFit | None = None,
     ) -> Fit:
+        """Fit from ``start`` with illumination and scale re-estimated until the residuals ask for no other."""
         template = self.template
         region = region_of(template, start, film.height, film.width)
         if region is None:
@@ -228,7 +229,7 @@ class IcgnFitter(Fitter):
         return result
 
     def _update_slow_changes(self, fit: Fit) -> bool:
-        """Whether light and scale, as the residuals of a fit show them, ask for another."""
+        """Update illumination and scale from a fit's residuals; return whether another fit is needed."""
         more = UNCHANGED
         suspected = any(one > CHANGE_SUSPECTED for one in fit.coherence.ratio[-1].tolist())
         if not suspected and self._changes == UNCHANGED:

@@ -39,7 +39,7 @@ def row_median(values: F64) -> F64:
 
 
 def drop_isolated_squares(change: F64) -> F64:
-    """Squares that are believed without most of their neighbours are flat by chance, not the body's texture."""
+    """Set squares (NaN: unknown) to NaN of whose neighbours fewer than half are known: significant by chance."""
     known = np.pad(np.isfinite(change).astype(int), 1)
     rows, columns = change.shape
     inside = np.pad(np.ones(change.shape, dtype=int), 1)
@@ -143,7 +143,7 @@ def select_median(values: F64, n: int) -> float:
 
 @cached_njit(nogil=True)
 def can_show_illumination(squares: Squares, visible: F32, residual: F32, gain: float, noise: float) -> bool:
-    """Whether enough squares may show a light, be it a shade or a glow, for `LightField.shown` to be asked.
+    """Whether enough squares have residuals beyond noise for `IlluminationField.detect` to be run.
 
     Never False where that finds one: a median beyond a bound has half of its values beyond it, and a scatter below one
     half of them below. By that most squares of a body that something hides in part are done with in one look.
@@ -309,7 +309,7 @@ class IlluminationField:
         return fill_unknown_squares(known.reshape(self.shape)) * self._unit(glows, gain), sure[np.isfinite(sure)], glows
 
     def _square_noise(self, left: F64) -> F64:
-        """Noise of each square by the differences of neighbours, along the way in which they are larger."""
+        """Noise of each square from differences of neighbouring pixels, along the noisier axis."""
         rough = np.zeros(self._members.shape[0])
         for one, other, squares in self._pairs:
             apart = np.append(np.abs(left[one] - left[other]), np.nan)[squares]
@@ -470,7 +470,7 @@ class LocalIllumination:
         return self.light is not None or self._shown is not None
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """The light, and what the newest fit showed of one that is not yet believed."""
+        """Arrays of the present illumination and of the candidate that is not yet accepted."""
         light, nothing = self.light, np.zeros((0, 0))
         return {
             "shade": nothing if light is None else light.shade,
@@ -486,8 +486,7 @@ class LocalIllumination:
         self._shown = shown if shown.size else None
 
     def update(self, fit: Fit, work: NDArray[np.float32], slow: Changes, first: bool) -> bool:
-        """Whether the light, as the residuals of a fit show it, asks for another, beyond what the fit took for one that
-        changes ``slow``; ``first`` of the frame's questions. Rows 1 and 2 of ``work`` are visible pixels, residuals."""
+        """Update the illumination from a fit's residuals; return whether another fit is needed."""
         hidden = fit.seen - fit.inlier > HIDDEN_SUSPECTED
         suspected = hidden or any(one > SUSPECTED for one in fit.coherence.ratio[-1].tolist())
         if self.light is None and not (first and suspected):

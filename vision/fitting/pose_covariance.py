@@ -95,7 +95,7 @@ def _noise_corrected_inverse(
 
 
 def predicted_u_angle(template: Template, noise_grey: float) -> float:
-    """Standard uncertainty of the angle to expect, rad, from the template and the noise of the still frames.
+    """Expected standard uncertainty of the angle, rad, from the template and the noise of the static frames.
 
     Includes the common part of the zero; assumes all pixels visible and no motion blur.
     """

@@ -144,7 +144,7 @@ class SlowChanges:
         return float(noise2 * (now[12] ** 2 - float(now @ more) ** 2) / BLURS[1])
 
     def _terms_at(self, changes: Changes) -> NDArray[np.float64]:
-        """The terms beside what the fit follows, that of the blur as it is where the body is blurred already."""
+        """Design columns of the smooth changes, that of the blur at the body's present blur."""
         if changes[8] <= 0.0:
             return self._terms
         terms, k = self._terms.copy(), _next_blur(changes)

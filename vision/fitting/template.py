@@ -130,7 +130,7 @@ def build_template(
 
 
 def thin_template(template: Template, max_pixels: int) -> Template:
-    """A template with only the pixels that tell most about the pose; its centre stays."""
+    """A template of the pixels with the largest Fisher information; its centre is unchanged."""
     design = np.vstack([template.columns, np.ones(template.n_pixels)]).T.astype(float)
     inverse = invert_normal(template.normal)
     if inverse is None or max_pixels >= template.n_pixels:

@@ -157,7 +157,7 @@ is fitted, and Python must judge it; the next is not inside the part of the fram
 
 @inner_njit(_nrt=False)
 def is_accepted(states: States, found: FitOutputs, body: int) -> bool:
-    """Whether a fit needs no second look: it is believed, near where it began, under the light it was."""
+    """Whether a fit needs no look by Python: incoherent residuals, no failure flag, usual gain, a small step."""
     for k in range(3):
         if found.ratio[body, -1, k] > CHANGE_SUSPECTED:
             return False
@@ -200,7 +200,7 @@ def mark_hidden_pixels(bodies: Bodies, states: States, found: FitOutputs, body: 
 def fit_body(
     part: Region, settings: Settings, bodies: Bodies, states: States, found: FitOutputs, body: int, step: int
 ) -> bool:
-    """Fit one body from its expected pose and say whether it is good; ``found`` is filled in either way."""
+    """Fit one body from its expected pose into ``found``; return whether it is accepted."""
     start, count = bodies.start[body], bodies.n_pixels[body]
     covered = mark_hidden_pixels(bodies, states, found, body, step)
     offset = bodies.offset[2 * start : 2 * (start + count)].reshape(2, count)
@@ -355,7 +355,7 @@ def track_rows(
     rows: Rows,
     stop: Stop,
 ) -> int:
-    """Track the rows in turn; returns how many were done and says in ``stop`` where it ended."""
+    """Track rows in order; return how many were done, and where it ended in ``stop``."""
     at, box, expected = stop.at, stop.box, stop.expected
     size = (bodies.distance.shape[1], bodies.distance.shape[2])
     for done in range(rows.frame.size):

@@ -66,7 +66,7 @@ def predict_place(history: History, body: int, step: int, place: F64) -> None:
 
 @inner_njit(_nrt=False)
 def add_place(history: History, body: int, step: int, turn: float, x: float, y: float) -> None:
-    """Record the placement of a body at a step; after a gap its history starts anew."""
+    """Record the placement of a body at a step; a gap restarts its history."""
     known = history.known[body]
     if known > 0 and step != history.step[body, known - 1] + 1:
         known = 0

@@ -229,7 +229,7 @@ FIRST_PAIRS = 5
 
 
 def skips_blocks(film: FrameSource, box: tuple[int, int, int, int], noise_grey: float) -> bool:
-    """Whether frames repeat textured squares of the frame before, inside a rectangle (y0, y1, x0, x1)."""
+    """Whether a codec repeats textured squares of the previous frame inside a rectangle (y0, y1, x0, x1)."""
     if film.compression is not None or film.n_frames < 3:
         return False
     # and the squares next to it

@@ -89,6 +89,7 @@ def find_moving_parts(ready: PreparedFilm, table: PoseTable) -> dict[str, Moving
 
 
 def _needs_test(table: PoseTable, i: int) -> bool:
+    """Whether a body's residuals are coherent enough to test its outline for moving parts."""
     good = ~table.is_lost[:, i]
     if np.count_nonzero(good) < 8:
         return False
@@ -112,7 +113,7 @@ def _sample_poses(table: PoseTable, i: int, radius_px: float) -> tuple[NDArray[n
 def _find_moving_tiles(
     ready: PreparedFilm, template: Template, frame: NDArray[np.int64], pose: F64
 ) -> MovingParts | None:
-    """What moves in the outline of one body."""
+    """Tiles of one outline that move against the rest: a bend or a part of its own; None where none do."""
     tiles = _tiles(template)
     if len(tiles) < 4:
         return None

@@ -54,7 +54,7 @@ def prepare(
     max_pixels: int | None = MAX_PIXELS,
     each: ItemMap = serial_map,
 ) -> PreparedFilm:
-    """Average the still frames and build the bodies' templates, ``each`` on its own.
+    """Average the static frames, build masks and templates of the bodies, and return the prepared film.
 
     Warns
     -----

@@ -124,7 +124,7 @@ def fit_rows_forward(
 
 
 def poses_agree(one: PoseTable, row: int, other: PoseTable, other_row: int, body: int, radius_px: float) -> bool:
-    """Whether two tables have a body at the same place; never where one of them lost it."""
+    """Whether two tables have a body at the same place in these rows; False where either lost it."""
     off = np.abs(pose_difference(one.pose[row, body], other.pose[other_row, body]))
     u = np.sqrt(np.diag(one.covariance[row, body]))
     least = np.array([AGREE_PX / radius_px, AGREE_PX, AGREE_PX])
@@ -150,7 +150,7 @@ class Segment:
 
 
 def is_thread_safe(film: FrameSource) -> bool:
-    """Whether threads may ask for frames in any order; of films that are not ours nobody knows."""
+    """Whether threads may read frames in any order; False for films of other classes."""
     return isinstance(film, Film) and not film.in_order
 
 

@@ -333,8 +333,7 @@ def pattern_is_suspected(ready: PreparedFilm, table: PoseTable) -> bool:
 def is_improvement(
     before: tuple[PreparedFilm, PoseTable], after: tuple[PreparedFilm, PoseTable], is_first: bool
 ) -> bool:
-    """Whether tracking less the pattern has lost nothing and left smaller residuals, clearly so where it ``is_first``
-    and finds no more."""
+    """Whether no row more is lost without the pattern, and the residual variance is lower, clearly so at first."""
     found = int(before[1].is_lost.sum()) - int(after[1].is_lost.sum())
     old, new = (float(residual_variance(*of).mean()) for of in (before, after))
     return found >= 0 and new <= (BETTER * old if is_first and not found else old)

@@ -74,7 +74,7 @@ def workers(threads: int) -> Iterator[Workers]:
 
 
 def wait_for_result(future: Future[T]) -> T:
-    """Wait for a result, so that Ctrl-C is heard meanwhile: without a limit of time Windows does not."""
+    """Wait for a future's result in short intervals, so that Ctrl-C is handled on Windows."""
     while True:
         try:
             return future.result(timeout=0.5)

@@ -83,7 +83,7 @@ def call_method(law: Law, method: str, *arguments: Any) -> Any:
 
 
 def _check_number(law: Law, what: str, value: Any) -> Expression:
-    """Return a number that a law gave as an expression; refuse anything else."""
+    """Return a law's value as an expression; `InputError` for anything that is no number."""
     if isinstance(value, bool) or not isinstance(value, Expression | int | float):
         raise InputError(f"{locate(law)}: {what}: found {_show(value)}, allowed an expression of felt or a number")
     found = as_expression(value)
@@ -93,7 +93,7 @@ def _check_number(law: Law, what: str, value: Any) -> Expression:
 
 
 def _check_expression(law: Law, what: str, value: Any) -> Expression:
-    """Return a number that a law gave; refuse a plain one, which no kernel can differentiate."""
+    """Return a law's value; `InputError` for a plain number, which no kernel can differentiate."""
     found = _check_number(law, what, value)
     if not isinstance(value, Expression):
         raise InputError(
@@ -109,7 +109,7 @@ def _show(value: Any) -> str:
 
 
 def check_members(law: Law) -> None:
-    """Refuse parameters and attributes of a law that are not what `Law` says.
+    """Check parameters and attributes of a law against `Law`.
 
     Raises
     ------
@@ -316,7 +316,7 @@ class _Press:
         return force, rates, holds
 
     def step(self, before: _State, depth: float, rate: float, dt: float) -> _State:
-        """Advance the memories by the implicit Euler method to another depth and rate."""
+        """Advance the internal variables by the implicit Euler method to another depth and rate."""
         if self.law.anew is not None and not self.evaluate(_State(depth, rate, before.memory))[2][1]:
             return _State(depth, rate, (self.law.anew,) * len(before.memory))
         memory = list(before.memory)
@@ -400,7 +400,7 @@ def _refuse_impossible(law: Law, states: Sequence[_State], seen: Sequence[Any]) 
 
 
 def _jump_between(press: _Press, ends: tuple[_State, _State], most: tuple[float, list[float]]) -> str:
-    """Halve the way between two states to each condition that changes; return the first jump of force or rate."""
+    """Bisect between two states for each condition that changes; return the first discontinuity of force or rate."""
     a, b = ends
     meets = a.depth <= 0.0 < b.depth  # memories are those of the open felt until it is touched
 

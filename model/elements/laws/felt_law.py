@@ -65,7 +65,7 @@ class Law:
     def pack_numbers(
         self, contact: str, values: Mapping[str, float], curve: tuple[float, float, float]
     ) -> tuple[int, Sequence[float]]:
-        """How many memories felt with these values has, and the numbers that the kernels read.
+        """Number of internal variables for these parameter values, and the numbers that the kernels read.
 
         Raises ``InputError`` where values together cannot be (`refuse_softening`).
         """
@@ -101,7 +101,7 @@ class Law:
         return [self.anew or 0.0] * memories
 
     def refuse_softening(self, contact: str, curve: tuple[float, float, float]) -> None:
-        """Refuse a curve that falls somewhere: felt with a memory would give energy on it."""
+        """Refuse a loading curve with a negative slope, on which a hereditary law would generate energy."""
         a, b, c = curve
         if b < 0.0 and b * b > 3.0 * a * c * (1.0 + 1e-9):
             raise InputError(
@@ -117,7 +117,7 @@ def checked_force(of: Law, felt: Felt) -> tuple[Expression, Expression]:
 
 
 def evaluate_law(of: Callable[[Felt], Any], felt: Felt) -> tuple[Expression, ...]:
-    """What a law says of felt, differentiated by depth, rate and memories once, however deep these lie."""
+    """Values of a law at a felt's state, differentiated once by depth, rate and internal variables."""
 
     def evaluate(given: Arguments) -> tuple[Expression, ...]:
         return tuple(of(replace(felt, depth=given[0], rate=given[1], memory=given[2:])))

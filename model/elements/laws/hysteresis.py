@@ -43,7 +43,7 @@ class Hysteresis(Law):
     def pack_numbers(
         self, contact: str, values: Mapping[str, float], curve: tuple[float, float, float]
     ) -> tuple[int, Sequence[float]]:
-        """Beta and eta of each memory that has any."""
+        """Number of internal variables, and beta and eta of each."""
         self.refuse_softening(contact, curve)
         rows = [(values[f"beta{k}"], values[f"eta{k}"]) for k in MEMORIES if values[f"beta{k}"] > 0.0]
         shares = sum(beta for beta, _ in rows)
@@ -70,7 +70,7 @@ class Hysteresis(Law):
         return [(rate - abs(rate) * z) / (eta * x) for z, eta in zip(felt.memory, felt.numbers[1::2], strict=True)]
 
     def energy(self, felt: Felt, label: str) -> tuple[list[Statement], Expression, Expression]:
-        """Energy of the curve and of the memories."""
+        """Statements, stored energy (J) and dissipated power (W) of the curve and the internal variables."""
         x, rate, left = felt.depth, felt.rate, self._curve_share(felt)
         f, steep = maximum(loading_force(x, felt.curve), 0.0), loading_stiffness(x, felt.curve)
         kept, lost = left * curve_energy(x, felt.curve), ZERO

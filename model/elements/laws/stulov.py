@@ -23,7 +23,7 @@ def relaxation_force(x: Expression, h: Expression, curve: Curve, epsilon: Expres
 def surface_energy(
     label: str, x: Expression, h: Expression, curve: Curve, epsilon: Expression, tau: Expression
 ) -> tuple[list[Statement], Expression, Expression]:
-    """Energy (J) that felt with the memory ``h`` (N) stores and power (W) that it loses, touched (x > 0) or not."""
+    """Statements, stored energy (J) and dissipated power (W) of felt with the internal variable ``h`` (N)."""
     outer, behind = solve_depth(f"outer{label}", epsilon * h, curve)
     within, inner = solve_depth(f"inner{label}", h, curve)
     surface = maximum(x, behind)

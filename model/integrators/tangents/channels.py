@@ -298,7 +298,7 @@ def prepare_channels(h, channels):
 
 @uncounted_loop(COUPLE)
 def add_channel_coupling(h, n, a, channels):
-    """Take the joints' way through the channels into their system ``a``."""
+    """Add the coupling of joints through the channels to their system matrix ``a``."""
     answer = channels.small[0]
     for c in range(channels.many.shape[0]):
         if c == channels.many.shape[0] - channels.modes.awake.shape[0] and channels.modes.awake[0] == 0:
@@ -385,7 +385,7 @@ def predict_free_channels(h, tangent, carried, channels):
 
 @uncounted_loop(PUSH)
 def add_known_forces(n, row_of, right, channels):
-    """Add the forces of ``known`` to right sides (S n, P), whose rows lie where ``row_of`` says."""
+    """Add the forces of ``known`` to the right-hand sides (S n, P), rows at ``row_of``."""
     blocks, count = right.shape[1] // LANES, channels.many.shape[0]
     known, to = rows(channels.known, LANES), rows(right, LANES)
     for c in range(count):
@@ -499,7 +499,7 @@ def interpolate_channels(x, channels, out):
 
 @uncounted_loop(CARRY)
 def propagate_free_modes(carried, channels):
-    """Let the tangents of free modes swing on, as ``carried`` (K `CARRIED`,) says."""
+    """Advance the tangents of free string modes by the transition numbers ``carried`` (K `CARRIED`,)."""
     modes = channels.modes
     many, blocks = modes.number.shape[1], channels.inner.shape[1] // LANES
     tangent, moved = rows(modes.tangent, LANES), rows(modes.moved, LANES)

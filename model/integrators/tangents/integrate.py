@@ -63,7 +63,7 @@ def copy_elements(out, given):
 
 @inlined_uncounted
 def fill_remaining_outputs(out, until, wanted, tangent, channels):
-    """Fill the outputs wanted up to ``until`` with the tangent as it is; returns how many are filled."""
+    """Fill the outputs up to ``until`` with the present tangent; return how many are filled."""
     while out < wanted.time.shape[0] and wanted.time[out] <= until:
         row = wanted.row[out]
         if wanted.channel.shape[0] > 0:
@@ -165,7 +165,7 @@ def clear_released_memories(channels):
 
 @uncounted_loop(FOLLOW)
 def integrate_tangents(motion, drive, landings, linear, wanted, tangent, reached, linearise):
-    """Carry ``tangent`` (2, n, P) along the whole motion; fill the outputs wanted (``reached``: memory)."""
+    """Integrate ``tangent`` (2, n, P) along the whole motion and fill its outputs; ``reached`` is workspace."""
     space, kinks = linear.space, landings.kink
     channels, woken = space.channels, 0
     t = motion.step[0, 0]

@@ -32,7 +32,7 @@ from model.kernels.lanes import broadcast_like, rows
 
 @inlined
 def factor(space, n):
-    """Factors of the first ``n`` rows and columns, rows exchanged as ``order`` says; False where singular.
+    """LU factors with row exchanges of the first ``n`` rows and columns; False where singular.
 
     The upper one in place, inverses of the diagonal and the lower one in ``lower``.
     """

@@ -80,7 +80,7 @@ def interpolate_state(t, k, motion, w):
 
 @step_loop(STATES_ALONG)
 def interpolate_states(motion, times, state):
-    """Fill ``state`` (m, N) with angles, speeds and memories at ``times`` (m,)."""
+    """Fill ``state`` (m, N) with angles, speeds and internal variables at ``times`` (m,)."""
     n = motion.coordinates
     w = np.zeros(SIZE if state.shape[1] == 2 * n else WITH_MEMORY)
     k = 0
