@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from vision.arrays import ArrayRecord, as_numbers
 from vision.errors import VisionInputError
 
-MAX_OFFSET_FRAMES = 20.0
+MAX_OFFSET_FRAMES = 20.0  # between a film's clock and an encoder's that is looked for
 MIN_MOVED_U = 20.0
 """The angle must change by this many of its own standard uncertainties."""
 

@@ -14,7 +14,7 @@ from model.errors import InputError
 from model.files.csv_columns import read_columns
 
 Array = NDArray[np.float64]
-LEAST_SAMPLES = 200
+LEAST_SAMPLES = 200  # of a log
 MODES = ("torque", "voltage")
 GAIN = {"torque": "current_gain", "voltage": "voltage_gain"}
 COLUMNS = ("time_s", "command_v", "force_n", "arm_rad")

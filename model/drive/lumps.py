@@ -36,13 +36,18 @@ PIECE = 3  # samples a piece of the bump
 ARM = ("inertia", "joint_friction", "spring_stiffness", "preload_nm")
 PER_AMPERE = len(LUMPS)  # place of the torque constant where the current was recorded
 SLIP_RAD_PER_S = 0.02  # speed over which friction turns round
-FAR = 10.0  # times the largest torque asked for: a limit that is never met
-SPREAD = {"share": 1.5, "firmness": 1.5}  # of the logarithm, before the log is looked at; 4 for the others
-DIFFERENCE = 1e-4
+UNREACHED_LIMIT = 10.0  # times the largest torque asked for: a limit that is never met
+LOG_PRIOR_WIDTH = {"share": 1.5, "firmness": 1.5}  # of the logarithm, before the log is looked at; 4 for the others
+DIFFERENCE = 1e-4  # of a logarithm, of the central differences
 ROUNDS, SHORT, LAG = 40, 10, 15
-WORTH = 150.0  # fall of the sum of squares from which a limit is believed: windows overlap some sixfold
-U_SOFTNESS = 0.03
-WIDE = (0.1, 1.0, 10.0, 10.0)  # of the arm, SI units: far beyond any, so that what does not show stays finite
+LEAST_IMPROVEMENT = 150.0  # fall of the sum of squares from which a limit is believed: windows overlap some sixfold
+U_SOFTNESS = 0.03  # standard uncertainty of the limit's softness
+ARM_PRIOR_WIDTH = (
+    0.1,
+    1.0,
+    10.0,
+    10.0,
+)  # of the arm, SI units: far beyond any, so that what does not show stays finite
 UNEXPLAINED = 0.2  # share of the tip's torque that may be left
 DETERMINED = 0.3  # relative standard uncertainty up to which a number counts as determined
 
@@ -183,7 +188,7 @@ def fit_lumps(log: DriveLog, options: DriveOptions) -> LumpFit:
     x, prior = _fit_least_squares(problem, starts[0], starts[0], SHORT)[0], starts[0]
     _set_residual_scale(problem, x)
     found = [_fit_least_squares(problem, start, start, ROUNDS) for start in starts]
-    best = min(range(len(found)), key=lambda k: found[k][1] + WORTH * (k > 0))
+    best = min(range(len(found)), key=lambda k: found[k][1] + LEAST_IMPROVEMENT * (k > 0))
     x, prior = found[best][0], starts[best]
     for _ in range(2):  # scatter and numbers in turn
         _set_residual_scale(problem, x)
@@ -226,8 +231,8 @@ def _initial_guesses(problem: _Problem) -> list[Array]:
         slope = float(problem.current @ log.command_v / (log.command_v @ log.command_v))
         per_ampere = [gain / max(abs(slope), 1e-6)]
     out = []
-    for ceiling in (FAR * asked, min(made, asked)):
-        for supply in (FAR * asked, 1.2 * asked, 0.5 * asked):
+    for ceiling in (UNREACHED_LIMIT * asked, min(made, asked)):
+        for supply in (UNREACHED_LIMIT * asked, 1.2 * asked, 0.5 * asked):
             lumps = [gain, delay, max(float(line[-1]), 1e-3), ceiling, supply, share, firmness, *per_ampere]
             out.append(np.concatenate([np.log(lumps), [max(line[1], 1e-5), max(line[2], 0.0), line[3], line[4]]]))
     return out
@@ -235,8 +240,8 @@ def _initial_guesses(problem: _Problem) -> list[Array]:
 
 def _prior(problem: _Problem) -> Array:
     """Weights (k,) that hold what the log does not say near where the search began."""
-    logs = [1.0 / SPREAD.get(name, 4.0) for name in (*LUMPS, "torque_constant")][: len(problem.free)]
-    return np.array([*logs, *(1.0 / wide for wide in WIDE)])
+    logs = [1.0 / LOG_PRIOR_WIDTH.get(name, 4.0) for name in (*LUMPS, "torque_constant")][: len(problem.free)]
+    return np.array([*logs, *(1.0 / wide for wide in ARM_PRIOR_WIDTH)])
 
 
 def _free_indices(problem: _Problem) -> NDArray[np.int64]:
@@ -283,7 +288,7 @@ def _lump_fit(problem: _Problem, x: Array) -> LumpFit:
         covariance = covariance + np.outer(shift, shift)
     whole = np.zeros((len(x), len(x)))
     whole[np.ix_(moving, moving)] = covariance
-    spread = np.array([SPREAD.get(name, 4.0) for name in (*LUMPS, "torque_constant")][:p])
+    spread = np.array([LOG_PRIOR_WIDTH.get(name, 4.0) for name in (*LUMPS, "torque_constant")][:p])
     u = np.sqrt(np.maximum(np.diag(whole), 0.0))
     names = (*LUMPS, "torque_constant")[:p]
     bare = np.zeros(p)

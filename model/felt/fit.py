@@ -23,7 +23,7 @@ from model.felt.felt_response import LONGEST_REACH, FeltLaw, HuntCrossley, Hyste
 from model.felt.pressing import Pressing
 
 FEWEST_PRESSES = 2
-MOST_EVALUATIONS = 400
+MOST_EVALUATIONS = 400  # of the residuals, per start
 SHAPES = ((1.0, 0.3, 0.1), (0.1, 1.0, 0.1), (0.1, 0.3, 1.0))
 CUBIC_UNITS = ("N/m^3", "N/m^2", "N/m")
 DECADES, DECADES_TRIED = 100.0, 5

@@ -104,7 +104,7 @@ States = Callable[[Array], tuple[Array, ...]]
 
 GOAL = 1e-6  # error of what accumulates, as a share of all losses
 LONGEST_PANEL_S = 5e-4
-ROUNDS = 5
+ROUNDS = 5  # of halving panels until integrals are within the tolerance
 AT_ONCE = 2000  # states; what they say of every contact takes 2 kB each
 
 

@@ -55,7 +55,7 @@ from model.kernels.workspace import (
     Z,
 )
 
-WAKING_STEP = 1e-5
+WAKING_STEP = 1e-5  # s, first step of an action that was at rest
 STAGE = 2 * WIDTH
 GAUSS, WEIGHT = (-0.3872983346207417, 0.0, 0.3872983346207417), (5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0)
 

@@ -12,10 +12,10 @@ from model.kernels.workspace import ACC, ALLOWANCE, M_DIAG, M_UP, STIFF, WIDTH, 
 DONE, STEP_TOO_SMALL, NOT_FINITE, TOO_MANY_STEPS = 0, 1, 2, 3
 FULL = 9  # the rows for steps are used up: go on with others
 
-SAFETY = 0.75
-GROW = 5.0
-SHRINK = 0.15
-SMALLEST_STEP = 1e-12
+SAFETY = 0.75  # of the step that the error norm permits
+GROW = 5.0  # largest factor from step to step
+SHRINK = 0.15  # smallest factor from step to step
+SMALLEST_STEP = 1e-12  # s; below it a run ends with an error
 
 
 @inlined

@@ -20,7 +20,7 @@ if sys.platform == "win32":
 else:
     import fcntl
 
-POLL_S = 0.05
+POLL_S = 0.05  # s between two looks at a lock
 
 
 if sys.platform == "win32":

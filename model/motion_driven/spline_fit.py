@@ -122,7 +122,7 @@ Integers = NDArray[np.int64]
 
 DEGREE, PRIOR = 5, 4  # of the spline; of the derivative that the prior keeps small
 WINDOW_S = 1.0e-3  # half width over which the prior's variance is the same: shorter than a key's bump
-WINDOW_SAMPLES = 5
+WINDOW_SAMPLES = 5  # least number of samples in a window of the noise estimate
 ITERATIONS, CONVERGED, OVER_RELAXATION = 150, 0.01, 1.4  # of the variance; change at which they end; step factor
 SLOWEST_RAD_PER_S = 700.0  # bandwidth that the fit follows at least: a window holds no information on slower motion
 SMALLEST_RATIO = 1e-15  # smallest variance of the prior over the largest that double precision can resolve

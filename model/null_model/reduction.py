@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 KEY, JACK, HAMMER = (BODIES.index(b) for b in ("key", "jack", "hammer"))
 STEP = 2.5e-4  # rad between the points of a path
 DOWN_N, UP_N = 400.0, 200.0  # force on the key at which the paths end; the rig stops at 120 N, a sudden force doubles
-MOST_POINTS = 2000
+MOST_POINTS = 2000  # of a static path
 SLOW, FAST = 1.0, 2.0  # rad/s of the key: friction slides fully at both
 STILL_OPEN = 1e-4  # rad below the string at which the hammer is parked for the path without it
 

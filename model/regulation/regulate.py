@@ -19,11 +19,11 @@ from model.regulation.measures import TARGETS, RegulationTarget, TargetValues, m
 from model.regulation.screws import AT_REST_CLEAR, RAIL, REST_RAIL, SCREW, SCREWS, TOLERANCE, Bench
 from model.regulation.turn_screw import WIDER, set_rest, turn_screw
 
-ROUNDS = 6
+ROUNDS = 6  # of all seven targets, at most
 CLEARANCE = 0.5e-3  # m, of button, drop screw and back check at rest
 CLEARING_TURN = 1e-3  # m
 IN_MOTION = ("let_off", "drop", "check")
-BESIDE = tuple(
+AIM_OFFSETS = tuple(
     {name: sign * 0.45 * TOLERANCE} for name in ("jack", "hammer_height", "repetition", "dip") for sign in (1.0, -1.0)
 )
 # largest error (m) that the place of a jump within the tolerance of the targets at rest may explain: of let-off, where
@@ -154,7 +154,7 @@ def _regulate_with_offset_aims(bench: Bench, before: TargetValues, report: Calla
     Where the jump lies, and between which values, depends on how the action rests: within the tolerance of the targets
     at rest it may not cross the wanted value.
     """
-    for aim in BESIDE:
+    for aim in AIM_OFFSETS:
         report(f"again, {', '.join(f'{name} {1e6 * x:+.0f} um' for name, x in aim.items())}")
         attempt = _repeat_rounds(replace(bench, turn_m=dict(bench.turn_m), aim_m=aim), before, report)
         if attempt.problem is None:

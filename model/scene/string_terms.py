@@ -23,7 +23,7 @@ NODE = 1e-4  # height of a mode at the hammer below which it is not moved, whate
 # error of an angle (rad) that leaving out all modes beyond the n-th makes, times n squared: 0.02 of a piano, 0.055 of a
 # forte, 0.14 of a fortissimo (tests/model/simulation/test_modes_by_tolerance.py)
 LEFT_OUT_ERROR = 0.055
-FEWEST = 8
+FEWEST = 8  # modes of a string
 USUAL_TOLERANCE = 1e-5  # rad, of a scene that is built without one
 
 Array = NDArray[np.float64]

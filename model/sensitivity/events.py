@@ -38,7 +38,7 @@ EVENTS = {
     "drop_s": "the hammer first is 0.5 mm further from the string than that, after the hold",
 }
 DIP_M, DROP_M = 1e-4, 5e-4
-SHORTEST_HOLD_S = 0.05
+SHORTEST_HOLD_S = 0.05  # s in the back check that counts as held
 SPACING_S = 1e-4  # of the times at which a level is looked for
 RELEASE = "release_s"  # end of the hold; `check_m` is read half-way to it
 NARROWINGS = 5  # by 32 each, to some 1e-12 s

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 LIFTS = ((0.15, 0.05), (0.05, 0.0), (0.1, 0.0))  # rad: hammer above, jack turned out of, where they usually rest
 SHORT_LIFT = 0.03  # rad, above where the rest of the action has settled
-WELL_UNDER = math.radians(10.0)
+WELL_UNDER_RAD = math.radians(10.0)  # of the knuckle around the jack's edge: the jack stands well under it
 KEY, JACK, HAMMER = (BODIES.index(b) for b in ("key", "jack", "hammer"))
 
 
@@ -93,7 +93,7 @@ def hand_set_rest(action: Action) -> Array:
         except StaticsError as caught:
             problem = caught
             continue
-        if abs(slip_angle(action, found[-1][None, :])[0]) < WELL_UNDER:
+        if abs(slip_angle(action, found[-1][None, :])[0]) < WELL_UNDER_RAD:
             return found[-1]
     if not found:
         raise problem or StaticsError("rest state: not found")

@@ -37,8 +37,8 @@ from model.simulation.string_motion import propagate_free_string, straight_strin
 # (docs/explanation/steps.md). Kinks of contacts and force tables cost order, hence the extra power.
 ANGLE_SHARE = 0.17
 SPEED_SHARE = 1.7  # 1/s
-EXTRA = 0.05
-REFERENCE_TOLERANCE = 1e-5
+EXTRA_POWER = 0.05
+REFERENCE_TOLERANCE = 1e-5  # rad, at which the shares above hold as they are
 # Where the key's motion is given the answer is the force that holds it: contacts turn an error of an angle or speed
 # into one of force, which no inertia smooths. A third of the local error: docs/explanation/steps.md.
 PRESCRIBED_SHARE = 1.0 / 3.0
@@ -260,7 +260,7 @@ class Simulation:
     ) -> Plan:
         """Arguments of the step loop for `advance`; refuses input that does not cover the span."""
         method = get_method(self.method)
-        local = method.share * self.tolerance * min(1.0, (self.tolerance / REFERENCE_TOLERANCE) ** EXTRA)
+        local = method.share * self.tolerance * min(1.0, (self.tolerance / REFERENCE_TOLERANCE) ** EXTRA_POWER)
         if np.any(self.scene.tables.prescribed):
             local *= PRESCRIBED_SHARE
         outputs = np.empty(0) if output_time_s is None else as_numbers(output_time_s, "output times", 1)

@@ -22,10 +22,10 @@ from model.touch.hammer_speed import string_contact_starts
 
 Array = NDArray[np.float64]
 
-AFTER_STRIKE_S = 0.02
-HOLD_WINDOW_S = 0.1
+AFTER_STRIKE_S = 0.02  # s after the strike from which the force's level counts
+HOLD_WINDOW_S = 0.1  # s before the release in which the height is the check height
 HELD_WITHIN_M = 1e-3
-LEVEL = 0.95
+LEVEL = 0.95  # share of the force's level below which the key is released
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ Marks = dict[str, float]
 
 RATE_HZ = 20_000.0
 TOLERANCE = 1e-6
-LONGEST_CONTACT_S = 0.01
+LONGEST_CONTACT_S = 0.01  # s, of hammer and string
 FELTS: Mapping[str, tuple[str, ...]] = {
     "hammer": (STRING,),
     "key front": (KEY_FRONT,),

@@ -22,7 +22,7 @@ from model.touch.hammer_speed import LONGEST, RISE, string_contact_starts
 RATE_HZ = 10_000.0  # a catch lasts milliseconds
 LONGEST_RISE_S = 1.0  # before the strike, in which it is looked for
 LOAD_N = 0.1  # the hammer's own weight: less takes no speed that can be measured
-RISING_M_PER_S = 0.05
+RISING_M_PER_S = 0.05  # of the hammer, above which it still rises
 SWITCHED_OFF = {f"{BACK_CHECK}.normal.{k}": v for k, v in (("a", 0.0), ("b", 0.0), ("c", 1e-3))}
 """A felt too soft to press; the scene keeps its contacts, so that nothing is compiled anew."""
 

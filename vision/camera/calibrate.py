@@ -27,7 +27,7 @@ from vision.film.source import FrameSource
 TARGETS = ("checkerboard", "dots")
 AT_REST_PX = 0.3
 """Frames whose points moved less than this since the last view are averaged with it."""
-MAX_VIEWS = 40
+MAX_VIEWS = 40  # of the target that are used, spread over the film
 MISTAKEN = 3.0
 """Residual of a view, over the usual one, above which it is left out."""
 CORRELATED = 2.0

@@ -160,7 +160,7 @@ def _squared_norm(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(x * x + y * y)
 
 
-DIRECTIONS = 8
+DIRECTIONS = 8  # in which the assumed camera may be tilted
 
 
 @dataclass(frozen=True)

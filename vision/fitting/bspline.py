@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 POLE = np.sqrt(3.0) - 2.0
-HALF_TAPS = 7
-TABLE_STEPS = 64
+HALF_TAPS = 7  # of the prefilter: its impulse response falls by 0.27 a pixel
+TABLE_STEPS = 64  # fractions of a pixel for which the noise gain is tabulated
 
 
 def prefilter_taps(half: int = HALF_TAPS) -> NDArray[np.float64]:

@@ -99,7 +99,7 @@ FAR_PX = MARGIN_PX - 9
 """A fit that ends further than this from where it began is repeated from there."""
 CHANGE_SUSPECTED = 2.0
 """Ratio of `vision.fitting.assessment` over the largest blocks from which light and scale are looked at."""
-CHANGE_ROUNDS = 5
+CHANGE_ROUNDS = 5  # fits of a frame, each under the light and scale of the one before
 LIGHT_ROUNDS = 4
 QUIET = 0.7
 """The residuals of a body may be quieter than the still frames by this factor, since darker parts of a picture are."""

@@ -65,7 +65,7 @@ def fill_unknown_squares(change: F64) -> F64:
     return values
 
 
-CELL_PX = 8
+CELL_PX = 8  # side of a square
 LEAST_PIXELS = 20
 """Of a square that is looked at."""
 SAME_BODY = 2.5
@@ -77,7 +77,7 @@ SAME_TEXTURE = 2.5
 light lies between few of them, another surface between all."""
 USABLE = 8.0
 """Residuals over the noise up to which they tell whether light is added or multiplied."""
-SURE = 6.0
+SIGNIFICANT_U = 6.0
 """A square's change over its standard uncertainty from which it counts."""
 LEAST_CELLS = 4
 BETTER = 0.9
@@ -86,7 +86,7 @@ OUTLYING = 3.0
 """A residual of more standard deviations counts as one of so many."""
 SETTLED = 0.5
 """A field that changes by less than this many standard uncertainties in all squares needs no further fit."""
-DEAREST = 3.0
+MAX_VARIANCE_INFLATION = 3.0
 """As in `vision.fitting.slow_changes`."""
 MOST = 0.6
 """Largest share by which a shade may change the light."""
@@ -154,7 +154,10 @@ def can_show_illumination(squares: Squares, visible: F32, residual: F32, gain: f
         start, end = squares.first[k], squares.first[k + 1]
         if end - start < LEAST_PIXELS:
             continue
-        middle, least = max(gain * squares.middle[k], 1.0), 0.999 * SURE * 1.25 * noise / math.sqrt(end - start)
+        middle, least = (
+            max(gain * squares.middle[k], 1.0),
+            0.999 * SIGNIFICANT_U * 1.25 * noise / math.sqrt(end - start),
+        )
         count = loud_shade = loud_glow = 0
         for j in range(start, end):
             i = squares.pixel[j]
@@ -175,7 +178,7 @@ def can_show_illumination(squares: Squares, visible: F32, residual: F32, gain: f
                     n += 1
             change = select_median(room, n) * (1.0 if glows else middle)
             size = abs(change)
-            if size * math.sqrt(count) < 0.999 * SURE * 1.25 * noise or size > 1.001 * MOST * middle:
+            if size * math.sqrt(count) < 0.999 * SIGNIFICANT_U * 1.25 * noise or size > 1.001 * MOST * middle:
                 continue
             most, near = 1.001 * (SAME_BODY * noise + EDGE * size) / 1.4826, 0
             for j in range(start, end):
@@ -234,7 +237,7 @@ class IlluminationField:
             return None
         seen, left = visible > 0.0, residual.astype(float)
         found = self._fit_change(None, left, seen, gain, noise)
-        if found is None or np.count_nonzero(found[1] > SURE) < LEAST_CELLS:
+        if found is None or np.count_nonzero(found[1] > SIGNIFICANT_U) < LEAST_CELLS:
             return None
         change = found[0] / self._unit(found[2], gain)
         before, after = (
@@ -498,7 +501,9 @@ class LocalIllumination:
             light = field.update(self.light, work[1], work[2], fit.gain, noise)
         else:
             change = (
-                field.detect(work[1], work[2], fit.gain, noise) if field.variance_inflation()[0] <= DEAREST else None
+                field.detect(work[1], work[2], fit.gain, noise)
+                if field.variance_inflation()[0] <= MAX_VARIANCE_INFLATION
+                else None
             )
             before, self._shown = self._shown, change
             if change is None or before is None or np.corrcoef(before.ravel(), change.ravel())[0, 1] < ALIKE:

@@ -35,7 +35,7 @@ ASKED_FOR = 25.0
 """Chi-squared of a group from which it is believed: one fit in a hundred thousand by chance."""
 PERHAPS = 3.0
 """Chi-squared with weights over that without, at most."""
-DEAREST = 2.0
+MAX_VARIANCE_INFLATION = 2.0
 """Factor of the variance of the turn by which a group may be paid for, at most: what can hardly be told from the pose
 (a tilt about a diagonal, of a long body or one whose grain runs along it) would follow noise. It is left to the
 uncertainty."""
@@ -114,7 +114,7 @@ class SlowChanges:
             if PERHAPS * right[part] @ self._inverses[part.start] @ right[part] < best * max(noise2, 1e-9):
                 continue  # far too little, whatever the weights
             rows = np.arange(N_TERMS)[part]
-            if self.variance_factor(_amplitude_vector(rows, np.ones(rows.size)))[0] > DEAREST:
+            if self.variance_factor(_amplitude_vector(rows, np.ones(rows.size)))[0] > MAX_VARIANCE_INFLATION:
                 continue
             amplitude = self._solve_terms(terms, rows, w, right)
             if amplitude is not None and (chi2 := float(amplitude @ right[part]) / max(noise2, 1e-9)) > best:

@@ -21,9 +21,9 @@ CHANCE = 12.0
 pixels are alike."""
 LEAST_COMMON = 0.01
 """Where noise explains the reference altogether its contrast tells nothing of the gain."""
-MIN_INLIER = 0.3
-MAX_JUMP_RAD = math.radians(8.0)
-MAX_JUMP_PX = 12.0
+MIN_INLIER = 0.3  # least share of the pixels that agree
+MAX_JUMP_RAD = math.radians(8.0)  # from the expected pose: beyond the capture range of the fit
+MAX_JUMP_PX = 12.0  # the same of a shift
 USUAL_SHARE = 0.85
 """Least correlation as a share of the usual one; blur lowers it slowly, a wrong pose abruptly."""
 NOISE_ONLY = 1.15

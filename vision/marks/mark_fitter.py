@@ -27,8 +27,8 @@ from vision.marks.mark import LineMark, Mark
 from vision.reference.still_average import Reference
 
 MAX_ITERATIONS = 60
-TOLERANCE_PX = 0.002
-STOP_U = 0.05
+TOLERANCE_PX = 0.002  # of a step that ends the fit
+STOP_U = 0.05  # of the remaining steps, in standard uncertainties, at which it ends too
 TURN_U_RAD = 0.01
 """A point whose turn in one frame is known better than this is followed with its turn."""
 LEAST_U_PX = 1.0

@@ -26,13 +26,13 @@ from vision.fitting.icgn import IcgnFitter
 from vision.fitting.template import Template, build_template
 from vision.proposals.point_tracks import PointTracks
 
-NEIGHBOURS = 9
-SEEDS = 160
-KEY_FRAMES = 20
+NEIGHBOURS = 9  # points that give a trial motion
+SEEDS = 160  # trial motions per round, spread over the free points
+KEY_FRAMES = 20  # in which motions are compared, evenly spread
 FOLLOWED = 0.4
 """Share of the frames in which a point must be known."""
-LEAST_POINTS = 10
-MOST_BODIES = 8
+LEAST_POINTS = 10  # that make a body
+MOST_BODIES = 8  # that are proposed
 F64 = NDArray[np.float64]
 
 
@@ -183,8 +183,8 @@ def motion_difference(one: Motion, other: Motion, points: F64) -> float:
 
 
 PIXELS = 3000
-LEAST_ZNCC = 0.6
-LEAST_INLIER = 0.35
+LEAST_ZNCC = 0.6  # of a refined motion that is kept
+LEAST_INLIER = 0.35  # share of pixels in agreement, likewise
 FOUND = 0.7
 """Share of the frames in which a fit must hold for its motion to be taken."""
 

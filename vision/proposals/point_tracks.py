@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from vision.film.source import FrameSource
 
-MOST_POINTS = 1600
-LEAST_SPACING_PX = 5.0
+MOST_POINTS = 1600  # that are tracked: one a cell of the picture
+LEAST_SPACING_PX = 5.0  # side of the smallest cell
 MOST_FRAMES = 60
-ACTIVITY_FRAMES = 400
-WINDOW_PX = 21
+ACTIVITY_FRAMES = 400  # between which changes are measured
+WINDOW_PX = 21  # side of Lucas and Kanade's window
 SMOOTH_PX = 1.0
 BLACK = 0.05
 """Of the brightest grey values."""

@@ -51,8 +51,8 @@ RIM_PX = 24.0
 """Width of what may be taken off a region's rim because it is as flat as what lies beside it."""
 SLOPE, LEAST_SLOPE = 2.0, 2.0
 """Slope up to which a picture is flat: over the noise, and grey of 255 per px."""
-MIN_AREA_PX = 400
-MOST_CORNERS = 20
+MIN_AREA_PX = 400  # px^2, of a body
+MOST_CORNERS = 20  # of a proposed outline
 Mask = NDArray[np.uint8]
 
 
@@ -286,7 +286,7 @@ STILL_FOLLOWED = (0.6, 0.4, 0.3)
 """The beginning lasts while such shares of the points are followed."""
 NOISES = 5.0
 """Smallest motion that is looked for, over the noise of a followed point."""
-LEAST_FACTOR = 0.06
+LEAST_FACTOR = 0.06  # smallest share of the usual distances
 SHAKEN = 0.6
 """Share of the points that shift alike from which a motion of less than a pixel is the camera's."""
 

@@ -216,8 +216,8 @@ def is_coarsely_quantised(template: Template, step: float) -> bool:
     return step > OF_TEXTURE * float(np.std(template.columns[3])) and step > OF_NOISE * template.noise_grey
 
 
-BLOCK_PX = 16
-PAIRS = 8
+BLOCK_PX = 16  # side of a codec's macroblock
+PAIRS = 8  # of neighbouring frames that are compared, spread over the film
 TEXTURE_GREY = 3.0
 """Least standard deviation in a square that is looked at: flat ones may repeat."""
 LEAST_SKIPPED = 0.015

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from vision.errors import TrackingError
 from vision.film.source import FrameSource, saturated_areas, saturated_grey
 
-MAX_STILL = 64
+MAX_STILL = 64  # frames averaged: noise of the mean is an eighth of a frame's
 MOST_PIXELS = 5000
 """Compared per frame: enough to know the noise to one per cent."""
 GROWTH = 1.25
@@ -157,9 +157,9 @@ def _matched_difference(
 
 
 WINDOWS = (1, 2, 4, 8, 16)
-LIMIT = 5.0
-GUARD = 2
-SCATTER_FRAMES = 12
+LIMIT = 5.0  # standard deviations of a pose at which motion begins
+GUARD = 2  # frames left out before a motion that is seen
+SCATTER_FRAMES = 12  # least static frames whose own scatter of poses is used
 FIRST, FIRST_LIMIT = 4, 8.0
 """With fewer frames before it, only gross motion ends the run."""
 

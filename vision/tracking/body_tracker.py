@@ -31,15 +31,15 @@ from vision.frame_fit.judgement import Figures, Standards, judge_fit, update_usu
 from vision.frame_fit.motion import Motion, expect_pose, is_placed, place_body
 from vision.results.flags import FAILURE, FrameFlag
 
-TURN_STEP_RAD = math.radians(2.5)
-TURN_RANGE_RAD = math.radians(17.5)
-SHIFT_RANGE_PX = 40
-N_CANDIDATES = 4
+TURN_STEP_RAD = math.radians(2.5)  # of the search: half of it is well inside the capture range
+TURN_RANGE_RAD = math.radians(17.5)  # of the search, to each side of the expected turn
+SHIFT_RANGE_PX = 40  # of the search, to each side of the expected place
+N_CANDIDATES = 4  # best matches from which a lost body is fitted
 FAR_TURN_STEP_RAD = math.radians(6.0)
 """A texture of grain some pixels wide, a quarter as large, still looks like itself half a step away."""
 FAR_LEAST_PX = 6
 """Smallest side of a template at a quarter of the resolution."""
-FAR_PLACES = 2
+FAR_PLACES = 2  # of the whole picture, from which a lost body is fitted
 FAR_APART_RAD, FAR_APART_PX = math.radians(10.0), 12.0
 
 

@@ -29,7 +29,7 @@ from vision.film.source import FrameSource
 from vision.results.pose_table import PoseTable
 from vision.tracking.film_tracker import FilmTracker
 
-EVERY_ROWS = 500
+EVERY_ROWS = 500  # rows between two checkpoints
 
 
 def job_hash(film: FrameSource, bodies: Sequence[Body], settings: Sequence[object], templates: Sequence[Any]) -> str:

@@ -28,7 +28,7 @@ from vision.reference.prepared_film import PreparedFilm
 from vision.reference.rectified_film import MARGIN_PX, sample_spline
 from vision.results.pose_table import PoseTable
 
-PIXELS = 4000
+PIXELS = 4000  # of a body that are fitted
 MOST_MOVING, MOST_STILL = 24, 8
 """Rows of each body that are looked at."""
 LEAST_ROWS = 3
@@ -38,7 +38,7 @@ SURE_U = 0.05
 """Standard uncertainty of the lag up to which `BETWEEN` is five of them away."""
 LEAST_PX = 0.02
 """Motion per frame, at the rim of a body, of the rows that tell."""
-PIXELS_PER_COLUMN = 20
+PIXELS_PER_COLUMN = 20  # least pixels for each column of the fit
 MOST_CONDITION = 1e14
 """Condition number of the normal matrix, its columns as they are: beyond it doubles do not invert it."""
 OUTLYING = 4.0

@@ -35,17 +35,17 @@ from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable, pose_difference
 from vision.uncertainty.coherence import inflate_covariance
 
-TILE_PX = 24
-LEAST_PIXELS = 150
-ROWS = 24
-ITERATIONS = 6
+TILE_PX = 24  # side of a tile
+LEAST_PIXELS = 150  # of a tile that is fitted by itself
+ROWS = 24  # of a body that are looked at, spread over its way
+ITERATIONS = 6  # of a tile's fit
 MOST_STEP_PX, MOST_TURN_RAD = 4.0, 0.15
 """Further from its last place a tile is not looked for."""
 COHERENT = 2.0
 """Median coherence of the residuals from which a body is looked at."""
 AGREES = 0.9
 """Median share of the pixels in agreement, over that of the quarter of the rows with most, below which it is."""
-LEAST_NOISE = 0.3
+LEAST_NOISE = 0.3  # grey; rounding alone has 0.29
 LEAST_PX, LEAST_U = 0.5, 6.0
 """A tile has moved by more than this, and by more than this many standard uncertainties."""
 EXPLAINED = 0.5
@@ -56,7 +56,7 @@ LEAST_TILES, COMMON, ALONE = 3, 0.4, 0.15
 """Tiles that must have moved, share of them that must share a motion, and share of a tile's way it may be off that."""
 SHARE = 0.1
 """Share of the tiles that must have moved."""
-BENT_PX, BENT_U, BENT_EXPLAINS = 0.5, 6.0, 0.6
+SAG_PX, SAG_U, SAG_EXPLAINS = 0.5, 6.0, 0.6
 """Least sag between middle and ends, over its standard uncertainty too, and share of the tiles' shifts across the
 body, beyond a rigid motion, that it must explain."""
 F64 = NDArray[np.float64]
@@ -178,7 +178,7 @@ def _largest_sag(shift: F64, u: F64, middle: F64) -> tuple[float, int] | None:
         sags[row] = inverse[2] @ (there.T @ off)
         u_sag = np.sqrt(inverse[2, 2] * max(float(left @ left) / (known.size - 3), 1.0))
         explains = 1.0 - float(left @ left) / max(float(straight @ straight), 1e-9)
-        certain[row] = explains > BENT_EXPLAINS and abs(sags[row]) > max(BENT_PX, BENT_U * u_sag)
+        certain[row] = explains > SAG_EXPLAINS and abs(sags[row]) > max(SAG_PX, SAG_U * u_sag)
     if np.count_nonzero(certain) < max(OFTEN * len(shift), 3) or abs(np.sign(sags[certain]).sum()) < certain.sum():
         return None
     worst = int(np.argmax(np.where(certain, np.abs(sags), 0.0)))
@@ -285,7 +285,7 @@ DOUBTED = 0.3
 """A pixel of less weight does not agree; of normal noise 4 % have less."""
 MANY = 0.15
 """Share of such pixels in a square that is left out."""
-AGREE_SIGMA = 2.5
+AGREE_SIGMA = 2.5  # standard deviations up to which a pixel agrees
 LEAST_SEEN = 0.35
 """Share of the template that must be left."""
 STILL_COVERED = 0.05

@@ -48,11 +48,11 @@ LEAST_ROWS = 4
 LEAST_INLIER = 0.97
 """Share of a row's pixels that agree with the fit; 0.997 of white noise do. In others something else changes it:
 a cover, a second body under the outline, one that bends."""
-PIXELS = 6000
+PIXELS = 6000  # of a body that are fitted
 REFINEMENTS = 4
 LINEAR_STRETCH = 0.002
 """Up to this one a body of 60 px changes its shape by a tenth of a pixel."""
-PIXELS_PER_COLUMN = 10
+PIXELS_PER_COLUMN = 10  # least pixels for each column of the fit
 MOST_CONDITION = 1e10
 """Condition number of the normal matrix, its columns of one length, up to which stretch and shear are told apart."""
 STEPS = 4

@@ -40,7 +40,7 @@ from vision.tracking.film_tracker import FilmTracker, track_first_frames
 from vision.tracking.options import MAX_PIXELS
 from vision.tracking.sensor_pattern import PatternCorrectedFilm
 
-WANTED_STILL = 10
+WANTED_STILL = 10  # static frames that a reference should average
 U_FIELD_ORDER = 0.5 / math.sqrt(2.0)
 """Frames: the even rows of interlaced frames are exposed at their time or half a frame later."""
 FIRST_AVERAGED = 4

@@ -28,8 +28,8 @@ from vision.results.pose_table import PoseTable, pose_difference
 from vision.tracking.film_tracker import FilmTracker, build_repeat_detector
 from vision.tracking.workers import Workers
 
-PIXELS = 1500
-MOST_ROWS = 16
+PIXELS = 1500  # of a body in the quick pass that finds the starts of segments
+MOST_ROWS = 16  # longest step of that pass
 NEAR_PX, FAR_PX = 1.0, 4.0
 """Distance from the expected place below which the steps grow, and above which they shrink."""
 
@@ -100,7 +100,7 @@ SHARED_ROWS = 6
 COMPARED_ROWS = 3
 AGREE_SIGMA = 2.0
 """Two trackings fit the same pixels, so they differ by how far each has converged, not by noise."""
-AGREE_PX = 0.02
+AGREE_PX = 0.02  # difference of two segments' poses that counts as the same place
 
 
 def fit_rows_forward(

@@ -2,7 +2,7 @@
 
 The stated uncertainty is widened where residuals are not white noise: the ratios of `vision.fitting.assessment` scatter
 by ``sqrt(2 / blocks)`` even on white noise. They are therefore averaged over neighbouring rows, since what disturbs a
-film seldom lasts for one frame, and count only where they exceed what white noise gives by `SIGNIFICANT` standard
+film seldom lasts for one frame, and count only where they exceed what white noise gives by `SIGNIFICANT_SCORE` standard
 deviations; a single row counts by itself when it exceeds by `ALONE`. A clean film keeps its uncertainty to the last
 digit.
 
@@ -25,8 +25,8 @@ from vision.uncertainty.budget_terms import displacement
 WHITE = np.array([0.66, 0.72, 1.12])
 """Ratio on white noise per size of block: spline samples are correlated across the edges of blocks. Measured
 on clean films of speckle, wood and felt (0.61 to 0.66, 0.65 to 0.72, 1.08 to 1.20; 46 rows each)."""
-HALF_WINDOW = 8
-SIGNIFICANT, ALONE = 4.0, 7.0
+HALF_WINDOW = 8  # rows to each side over which coherence is averaged
+SIGNIFICANT_SCORE, ALONE = 4.0, 7.0
 
 
 def variance_factor(ratio: NDArray[np.float64], blocks: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -39,7 +39,7 @@ def variance_factor(ratio: NDArray[np.float64], blocks: NDArray[np.float64]) -> 
     count = _window_sum(known.astype(float))
     mean = np.divide(total, count, out=np.ones_like(total), where=count > 0)
     spread = np.sqrt(2.0 / np.maximum(share, 1.0))
-    factor = np.where(mean > 1.0 + SIGNIFICANT * spread, mean, 1.0)
+    factor = np.where(mean > 1.0 + SIGNIFICANT_SCORE * spread, mean, 1.0)
     single = np.sqrt(2.0 / np.maximum(np.where(known, blocks, 1.0), 1.0))
     factor = np.maximum(factor, np.where(known & (over > 1.0 + ALONE * single), over, 1.0))
     return np.asarray(factor.max(axis=2))
