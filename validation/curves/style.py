@@ -17,8 +17,8 @@ from matplotlib.figure import Figure
 
 from validation.conventions import Array
 
-COLUMNS = 420
-BAND_COLUMNS = 160  # the edges of a band are smooth
+COLUMNS = 380
+BAND_COLUMNS = 140  # the edges of a band are smooth
 
 
 def decimate(time: Array, values: Array, *, columns: int = COLUMNS, keep: str = "both") -> tuple[Array, Array]:

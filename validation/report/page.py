@@ -282,6 +282,7 @@ def render_html(side: SideBySide, *, animation: bool = False) -> str:
         parts=[verdict_parts(result) for result in side.results],
         lines=[*(f"Not compared: {text}" for text in side.refused), *side.notes],
         said=side.compared_lines,
+        driven=_driven_words(side),
         glossary=GLOSSARY,
         gists=GISTS,
         netcdf=netcdf_names(side),
@@ -292,6 +293,14 @@ def render_html(side: SideBySide, *, animation: bool = False) -> str:
         definitions=[(kind.title, kind.definition) for kind in EVENTS.values()],
         limits=cannot_claim(side),
     )
+
+
+def _driven_words(side: SideBySide) -> str:
+    """What drives the model."""
+    found = {r.provenance.get("driven_by", "force") for r in side.results}
+    if found == {"force"}:
+        return "each driving the model with its own measured force"
+    return "each driving the model with its measured key" + (", or its measured force" if len(found) > 1 else "")
 
 
 def _window_words(side: SideBySide) -> str:

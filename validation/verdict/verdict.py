@@ -317,8 +317,13 @@ def detectable_words(row: Any) -> str:
     sign = float(SIGN[q.channel]) if q.channel else 1.0
     low, high = sorted(sign * q.factor * y for y in (row.detectable_low, row.detectable_high))
     if max(-low, high) < 1.1 * min(-low, high):
-        return f"{max(-low, high):.2g}"
-    return f"−{-low:.2g} or +{high:.2g}"
+        return _plain_digits(max(-low, high))
+    return f"−{_plain_digits(-low)} or +{_plain_digits(high)}"
+
+
+def _plain_digits(value: float) -> str:
+    """Two significant digits, never in powers of ten."""
+    return f"{float(f'{value:.2g}'):g}"
 
 
 def halving(row: Any) -> str:

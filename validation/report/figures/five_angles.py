@@ -111,9 +111,13 @@ def _draw(top: Axes, low: Axes, view: SessionView, channel: str) -> None:
     for end in (-limit, limit):
         if math.isfinite(limit):
             low.axhline(end, color="#B3261E", linewidth=1.0, linestyle=(0, (1, 1.2)))
-    is_measured = bool(np.isfinite(measured).any())
-    if not is_measured:
-        words = "not filmed" if channel in FILM_CHANNELS else "left out"
+    is_measured = bool(np.isfinite(_difference(first, channel)).any())
+    if not is_measured and np.isfinite(measured).any():
+        words = "not compared"
+        low.set_yticks([])
+        low.text(0.5, 0.5, words, transform=low.transAxes, ha="center", va="center", color="#4a4a4a")
+    elif not is_measured:
+        words = "not filmed" if channel in FILM_CHANNELS else "not measured"
         low.set_yticks([])
         low.text(0.5, 0.5, words, transform=low.transAxes, ha="center", va="center", color="#4a4a4a")
     for axes in (top, low):
