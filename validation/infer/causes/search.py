@@ -28,6 +28,7 @@ ROUNDS = 6  # of Gauss–Newton
 SHORTER = 0.3  # of a step that did not lower the objective
 CLOSE = 0.1  # of a posterior standard uncertainty: a smaller step is the last
 FELTS = 4  # whose hereditary laws are tried, those whose damping shows most: each compiles a scene of its own
+AMOUNTS = (0.5, 1.0, 2.0)  # of what their files state, at which effects are first run
 DAMPING = ".normal.D"
 
 
@@ -238,7 +239,22 @@ class Search:
         for n in np.argsort(-gains, kind="stable"):
             candidate = self.responses.candidates[self.named[int(n)]]
             best.setdefault((candidate.source, candidate.profile == ALL), self.named[int(n)])
-        return self.refit([self.started((i,)) for i in best.values()], rounds=1)
+        added = [i for i in self.named if self.source(i).added]
+        started = [self.started((i,)) for i in best.values() if i not in added]
+        return self.refit([*started, *self.effects_at_amounts(added)], rounds=1)
+
+    def effects_at_amounts(self, added: Sequence[int]) -> list[Fit]:
+        """Effects run at each of `AMOUNTS`, the best of each: the response bends where an effect comes in."""
+        fits = [replace(self.started((i,)), z=np.array([z])) for i in added for z in AMOUNTS]
+        out: dict[int, Fit] = {}
+        for fit, each in zip(fits, self.responses.differences([f.point for f in fits]), strict=True):
+            if each is None:
+                continue
+            found = replace(fit, each=each, log_posterior=self.log_posterior(each, fit.z)[0])
+            (i,) = fit.members
+            if i not in out or found.log_posterior > out[i].log_posterior:
+                out[i] = found
+        return list(out.values())
 
 
 @dataclass(frozen=True)
