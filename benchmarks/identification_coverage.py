@@ -36,7 +36,6 @@ from validation.infer.budget import CONVERGED, Budget, End
 from validation.infer.causes.responses import ADDED, addable
 from validation.infer.estimates import IDENTIFIED, LACKING, NORMAL, estimate_all
 from validation.infer.fit import Fitted, fit_multistart
-from validation.infer.force_runs import ForceRuns
 from validation.infer.further import HALF_KNOWN, SENSORS, Candidate, Prospect, further, prospects
 from validation.infer.identify import FIT_SHARE, LEAST_EFFECT_RAD, default_budget_s
 from validation.infer.lacks import SIZE_U, fit_with, supported
@@ -46,6 +45,7 @@ from validation.infer.observations import (
     observe,
 )
 from validation.infer.problem import Columns, Problem, at_start, linear_residuals
+from validation.infer.response import ModelResponse
 from validation.infer.scatter import factors, lacking
 from validation.infer.unknowns import (
     FORCE_DELAY,
@@ -157,7 +157,7 @@ def observed(kind: str, session: int, data: Sequence[TrialData]) -> list[Observe
 
 def problem_of(start: model.Action, free: Unknowns, trials: Sequence[ObservedTrial]) -> Problem:
     """The fit of these trials."""
-    return at_start(start, free, trials, ForceRuns(start, (*free.moved, *free.held), trials, RUNS))[0]
+    return at_start(start, free, trials, ModelResponse(start, (*free.moved, *free.held), trials, RUNS))[0]
 
 
 def acting(start: model.Action, free: Sequence[Any], kinds: Sequence[str]) -> tuple[str, ...]:
@@ -166,7 +166,7 @@ def acting(start: model.Action, free: Sequence[Any], kinds: Sequence[str]) -> tu
     sensors, found = Sensors(rng), np.zeros(len(free))
     for i, kind in enumerate(kinds):
         trials = observed(kind, i, played(start, kind, 1, sensors, rng))
-        (jacobian,) = ForceRuns(start, free, trials).jacobian(np.zeros(found.size), range(found.size))
+        (jacobian,) = ModelResponse(start, free, trials).jacobian(np.zeros(found.size), range(found.size))
         found = np.maximum(found, np.abs(jacobian).max(axis=(0, 1)))
     return tuple(p.name for p, size in zip(free, found, strict=True) if size > LEAST_EFFECT_RAD)
 

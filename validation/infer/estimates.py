@@ -11,10 +11,10 @@ import numpy as np
 from validation.conventions import Array
 from validation.infer.budget import Budget
 from validation.infer.fit import Fitted
-from validation.infer.force_runs import Own
 from validation.infer.identifiability import HALF
 from validation.infer.noise import OwnModes
 from validation.infer.problem import Problem, residuals_there
+from validation.infer.response import Own
 from validation.infer.scatter import (
     LEAST_TRIALS,
     factors,

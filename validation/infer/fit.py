@@ -20,7 +20,6 @@ from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.infer.blocks import Block, bend, residuals
 from validation.infer.budget import BIFURCATION, CONVERGED, OUT_OF_BUDGET, Budget, End
-from validation.infer.force_runs import Own, nothing_own, without_own
 from validation.infer.noise import (
     FLOOR,
     LEAST_DAMPING,
@@ -35,6 +34,7 @@ from validation.infer.noise import (
 )
 from validation.infer.observations import ObservedTrial
 from validation.infer.problem import Columns, Problem, curves_at, linear_residuals
+from validation.infer.response import Own, nothing_own, without_own
 
 Say = Callable[[str], None]
 
@@ -253,7 +253,9 @@ class _Iterate:
         return bool(np.max(self.costs) < FOLLOWED)
 
 
-def fit_conditional(problem: Problem, fitted: Fitted, say: Say | None = None, budget: Budget | None = None) -> Fitted:
+def fit_conditional(
+    problem: Problem, fitted: Fitted, say: Say | None = None, budget: Budget | None = None, until: float = 1.0
+) -> Fitted:
     """Continue a fit with each trial linearised around what it most probably had of its own.
 
     A soft stroke near a bifurcation of its motion does not answer a scatter of 2 % linearly: a linear model around what
@@ -264,6 +266,7 @@ def fit_conditional(problem: Problem, fitted: Fitted, say: Say | None = None, bu
     ----------
     fitted : where a fit with all trials alike ended
     say : called with a line after each step
+    until : share of each trial, from its start, that is fitted first; the rest follows as far as it is linear
 
     Returns
     -------
@@ -271,12 +274,56 @@ def fit_conditional(problem: Problem, fitted: Fitted, say: Say | None = None, bu
         As it was, out of budget, where no step could be taken.
     """
     budget = Budget(np.inf) if budget is None else budget
-    columns, box = Columns(problem), problem.box()
+    if until < 1.0:
+        return _extend(problem, fitted, say, budget, until)
+    columns, at = Columns(problem), _first_iterate(fitted)
+    return _iterate(problem, fitted, columns, at, {}, say, budget)[0]
+
+
+def _first_iterate(fitted: Fitted) -> _Iterate:
+    """Where a fit with all trials alike ended."""
     marginal, linear, z = fitted.marginal, fitted.linear, fitted.z
     here = [r - b.moved @ z for r, b in zip(linear, marginal.blocks, strict=True)]
-    at = _Iterate(z, nothing_own(marginal.blocks), here, linear, here, marginal, np.full(len(linear), np.inf))
+    return _Iterate(z, nothing_own(marginal.blocks), here, linear, here, marginal, np.full(len(linear), np.inf))
+
+
+def _extend(problem: Problem, fitted: Fitted, say: Say | None, budget: Budget, until: float) -> Fitted:
+    """The first part of each trial is fitted, then each trial up to where its motion bifurcates, if that settles."""
+    part = {k: int(until * t.time_s.size) for k, t in enumerate(problem.trials)}
+    columns = Columns(problem)
+    first, at = _iterate(
+        problem, fitted, columns, _without_bifurcations(_first_iterate(fitted), part), part, say, budget
+    )
+    if not first.converged:
+        return first
+    blocks = columns.blocks(at.z, at.own)
+    here = without_own(blocks, at.run, at.own)
+    linear = [r + b.moved @ at.z for r, b in zip(here, blocks, strict=True)]
+    whole = replace(at, here=here, linear=linear, marginal=Marginal(blocks, at.marginal.sizes))
+    found = _find_bifurcations(problem, whole, {})
+    where = "; ".join(bifurcation_words(problem, found))
+    if say is not None:
+        say(f"each trial to its end{', left out at a bifurcation: ' if found else ''}{where}")
+    second, _ = _iterate(problem, first, columns, _without_bifurcations(whole, found), found, say, budget)
+    if second.converged:
+        return second
+    fitted_part = f"only the first {until:.0%} of each trial is fitted"
+    end = End(BIFURCATION, f"{where}; {fitted_part}") if found else replace(second.end, detail=fitted_part)
+    return replace(first, end=end)
+
+
+def _iterate(
+    problem: Problem,
+    fitted: Fitted,
+    columns: Columns,
+    at: _Iterate,
+    bifurcations: Mapping[int, int],
+    say: Say | None,
+    budget: Budget,
+) -> tuple[Fitted, _Iterate]:
+    """Gauss–Newton steps from an iterate, and where they ended."""
+    box = problem.box()
     steps, learnt, idle = 0, 0, 0
-    bifurcations: dict[int, int] = {}
     with budget.interruptible():
         while steps < MAX_CONDITIONAL_STEPS and idle < 2 and not budget.is_spent:
             found = _search_line(problem, at, SHARES[:1])
@@ -305,8 +352,8 @@ def fit_conditional(problem: Problem, fitted: Fitted, say: Say | None = None, bu
             idle = idle + 1 if gained < LEAST_GAIN else 0
     if steps == 0:
         what = "stopped by Ctrl-C" if budget.is_interrupted else "no step of all trials could be taken"
-        return replace(fitted, end=End(OUT_OF_BUDGET, what, budget.is_interrupted))
-    return _conclude(problem, fitted, at, steps, bifurcations, budget)
+        return replace(fitted, end=End(OUT_OF_BUDGET, what, budget.is_interrupted)), at
+    return _conclude(problem, fitted, at, steps, bifurcations, budget), at
 
 
 def _conclude(
@@ -508,18 +555,21 @@ def fit_multistart(problem: Problem, n: int = 1, say: Say | None = None, budget:
     budget = Budget(np.inf) if budget is None else budget
     say = say or (lambda line: None)
     pilots = [found for start in starts(problem, n) for found in _fit_pilots(problem, start, say, budget)]
-    pilots.sort(key=_badness)
+    pilots.sort(key=lambda pilot: pilot[0].badness)
     fits: list[Fitted] = []
-    for pilot in pilots[:MAX_CONTINUED]:
-        fits.append(fit_conditional(problem, fit_alike(problem, pilot.z, pilot.marginal.sizes), say, budget))
+    for pilot, until in pilots[:MAX_CONTINUED]:
+        first = fit_alike(problem, pilot.z, pilot.marginal.sizes)
+        fits.append(fit_conditional(problem, first, say, budget, until))
         if (fits[-1].converged and fits[-1].is_slight) or budget.is_spent:
             break
     best = max(fits, key=lambda f: (f.converged, -f.badness))
     return [best, *(f for f in fits if f is not best)]
 
 
-def _fit_pilots(problem: Problem, start: Array, say: Say, budget: Budget) -> list[Fitted]:
+def _fit_pilots(problem: Problem, start: Array, say: Say, budget: Budget) -> list[tuple[Fitted, float]]:
     """Fits of a few trials, one of each session: with a discrepancy, and without where it is more than slight.
+
+    With each the share of a trial, from its start, for which a minimum was found.
 
     Without a discrepancy a trial is fitted from its start on, the rest in parts: a soft stroke whose end is another
     motion does not turn the values aside.
@@ -528,12 +578,13 @@ def _fit_pilots(problem: Problem, start: Array, say: Say, budget: Budget) -> lis
     say(f"pilot fit of {', '.join(t.label for t in pilot.trials)}")
     found = fit(pilot, start, say, leave=True, budget=budget)
     if found.is_slight or budget.is_spent:
-        return [found]
-    tight = found
+        return [(found, 1.0)]
+    tight, settled = found, 0.0
     for share in PARTS:
         say(f"without discrepancy, {share:.0%} of each trial")
         tight = fit(pilot, start if share == PARTS[0] else tight.z, say, None, True, True, share, budget)
-    return [found, tight]
+        settled = share if tight.converged else settled
+    return [(found, 1.0), (tight, settled or 1.0)]
 
 
 def _typical(trials: Sequence[ObservedTrial]) -> list[int]:

@@ -30,7 +30,6 @@ from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.infer.blocks import INSTRUMENT, Block, make_blocks, rows
 from validation.infer.fit import LAST_ROUNDS, Fitted
-from validation.infer.force_runs import ForceRuns, Response
 from validation.infer.noise import (
     FAMILIES,
     FLOOR,
@@ -44,6 +43,7 @@ from validation.infer.noise import (
 )
 from validation.infer.observations import ObservedTrial, observe
 from validation.infer.problem import Problem
+from validation.infer.response import ModelResponse, Response
 from validation.infer.unknowns import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL
 from validation.measurement.force_correction import Quiet
 from validation.measurement.trial import MeasuredTrial
@@ -274,7 +274,7 @@ def prospects(
     prospects, refused : lists
     """
     held = problem.unknowns.held[: problem.held[0].shape[2] if problem.held else 0]
-    make = respond or (lambda some: ForceRuns(problem.action, (*problem.unknowns.moved, *held), some))
+    make = respond or (lambda some: ModelResponse(problem.action, (*problem.unknowns.moved, *held), some))
     names = [p.name for p in problem.unknowns.asked]
     found: list[Prospect] = []
     made: dict[str, Block] = {}

@@ -18,10 +18,10 @@ from validation.infer.budget import BIFURCATION, NOT_IDENTIFIABLE, Budget, End
 from validation.infer.estimates import AT_BOUND, LACKING, Profile, estimate_all
 from validation.infer.fit import Fitted, fit_multistart
 from validation.infer.identifiability import EXPECTED, HALF, Combination, directions, warnings_before, warnings_of
-from validation.infer.motion_runs import response_to
 from validation.infer.noise import Marginal, Sizes
 from validation.infer.observations import CHANNEL_NAMES, with_calibration, with_errors_of_what_drives
 from validation.infer.problem import Columns, Problem, at_start
+from validation.infer.response import ModelResponse
 from validation.infer.result import FITTED, Details, Identification, joint_posterior, sensor_calibration
 from validation.infer.scatter import lacking
 from validation.infer.scores import by_channel, score, score_events, why_it_rises
@@ -39,7 +39,7 @@ PROVISIONAL = (
 MOST_ASKED = 25  # values at once: how often intervals of more hold the truth was not counted
 BUDGET_S_PER_TRIAL, LEAST_TRIALS, LEAST_ASKED = 4.0, 10, 12
 """Processor time by default: ten linearisations of 0.25 s a trial, and as much for runs, profiles and the rest."""
-FIT_SHARE = 0.7  # of the budget; profiles and changes of the model have the rest
+FIT_SHARE = 0.75  # of the budget; profiles and changes of the model have the rest
 SAME = 6.0  # of twice the log likelihood: starts that end this close have found the same minimum
 
 
@@ -91,7 +91,7 @@ def identify(
     sources = collect(sessions, start, options)
     asked = with_errors_of_what_drives(asked, sources.fitted)
     every = (*asked.moved, *asked.held)
-    response = response_to(start, every, sources.fitted, options.tolerance, options.executor)
+    response = ModelResponse(start, every, sources.fitted, options.tolerance, options.executor)
     try:
         problem, columns = at_start(start, asked, sources.fitted, response)
     except ModelError as error:

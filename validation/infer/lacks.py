@@ -25,11 +25,11 @@ from validation.infer.budget import Budget
 from validation.infer.causes.responses import addable
 from validation.infer.estimates import IDENTIFIED, LACKING, NORMAL, Estimate, estimate_all
 from validation.infer.fit import Fitted, fit_alike, fit_conditional
-from validation.infer.force_runs import ForceRuns, Own
 from validation.infer.identifiability import HALF, Combination, directions
 from validation.infer.noise import Marginal
 from validation.infer.observations import ObservedTrial
 from validation.infer.problem import Problem
+from validation.infer.response import ModelResponse, Own
 from validation.infer.scatter import lacking
 from validation.infer.unknowns import Parameter, parameter_of, single_names
 
@@ -122,7 +122,7 @@ def supported(
     Supported or None
         None where nothing seems to be lacking, or another than a force drives a trial.
     """
-    if not isinstance(problem.response, ForceRuns):
+    if not isinstance(problem.response, ModelResponse) or any(t.key is not None for t in problem.trials):
         return None
     budget = Budget(math.inf) if budget is None else budget
     best, found = LetIn(None, problem, fitted), []
@@ -167,7 +167,7 @@ def ranked(problem: Problem, fitted: Fitted, budget: Budget) -> list[list[Promis
     was held would explain something.
     """
     marginal, response = fitted.marginal, problem.response
-    assert isinstance(response, ForceRuns)
+    assert isinstance(response, ModelResponse)
     own = None if fitted.own is None else [fitted.own]
     sizes = replace(marginal.sizes, families=np.insert(marginal.sizes.families, marginal.p, -1))
     before = marginal.log_evidence(fitted.linear)
@@ -190,7 +190,7 @@ def ranked(problem: Problem, fitted: Fitted, budget: Budget) -> list[list[Promis
 Columns = Iterator[tuple[Parameter, model.Action, list[Array]]]
 
 
-def _held(problem: Problem, fitted: Fitted, response: ForceRuns, own: list[Sequence[Own]] | None) -> Columns:
+def _held(problem: Problem, fitted: Fitted, response: ModelResponse, own: list[Sequence[Own]] | None) -> Columns:
     """Every value that the fit held, the action, and its column (c m,) in each trial."""
     action, unknowns = problem.action, problem.unknowns
     moved = {p.name for p in unknowns.moved}
@@ -199,7 +199,9 @@ def _held(problem: Problem, fitted: Fitted, response: ForceRuns, own: list[Seque
     laws = unknowns.held[: problem.held[0].shape[2] if problem.held else 0]
     others = [p for p in held if p.name not in {q.name for q in laws}]
     n = len(unknowns.moved) + len(laws)
-    runs = ForceRuns(action, (*unknowns.moved, *laws, *others), problem.trials, response.tolerance, response.executor)
+    runs = ModelResponse(
+        action, (*unknowns.moved, *laws, *others), problem.trials, response.tolerance, response.executor
+    )
     jacobian = runs.jacobian(fitted.z, range(len(unknowns.moved), n + len(others)), fitted.own)
     for k, p in enumerate((*laws, *others)):
         yield p, action, _seen(fitted, [j[:, :, k] for j in jacobian])
@@ -210,14 +212,14 @@ def _seen(fitted: Fitted, columns: Sequence[Array]) -> list[Array]:
     return [rows(np.nan_to_num(c)) * (b.white < LOST_RAD) for c, b in zip(columns, fitted.marginal.blocks, strict=True)]
 
 
-def _effects(problem: Problem, fitted: Fitted, response: ForceRuns, own: list[Sequence[Own]] | None) -> Columns:
+def _effects(problem: Problem, fitted: Fitted, response: ModelResponse, own: list[Sequence[Own]] | None) -> Columns:
     """Effects that the action does not have: what says the size of each, its action, and its column, as stated."""
     action, base = problem.action, response.curves([fitted.z], own)[0]
     for source in addable(action) if base is not None else ():
         scene = None if LIFTING & set(source.effects) else source.scene(action, 1.0)
         if scene is None:
             continue
-        runs = ForceRuns(
+        runs = ModelResponse(
             scene.apply_to(action), response.parameters, problem.trials, response.tolerance, response.executor
         )
         curves = runs.curves([fitted.z], own)[0]
@@ -244,8 +246,8 @@ def fit_with(
     held = tuple(p for p in unknowns.held if p.name != parameter.name)
     unknowns = replace(unknowns, beside=(*unknowns.beside, parameter), held=held)
     before = problem.response
-    assert isinstance(before, ForceRuns)
-    runs = ForceRuns(action, (*unknowns.moved, *held), problem.trials, before.tolerance, before.executor)
+    assert isinstance(before, ModelResponse)
+    runs = ModelResponse(action, (*unknowns.moved, *held), problem.trials, before.tolerance, before.executor)
     try:
         there = Problem(action, unknowns, problem.trials, runs, _without(problem, parameter))
         sizes = replace(fitted.marginal.sizes, families=there.families)
@@ -349,7 +351,7 @@ def telling(let_in: Sequence[LetIn], trials: Sequence[ObservedTrial]) -> Array:
         curves = []
         for one in let_in:
             parameters = (*one.problem.unknowns.moved, *one.problem.unknowns.held)
-            found = ForceRuns(one.problem.action, parameters, [trial]).curves([one.fitted.z])[0]
+            found = ModelResponse(one.problem.action, parameters, [trial]).curves([one.fitted.z])[0]
             curves += [] if found is None else found
         if len(curves) == len(let_in):
             apart = np.ptp(curves, axis=0) / trial.u_white_rad

@@ -19,7 +19,7 @@ from scipy.linalg.lapack import dtrtrs
 
 from validation.conventions import Array
 from validation.infer.blocks import INSTRUMENT, Block
-from validation.infer.force_runs import Own
+from validation.infer.response import Own
 from validation.infer.unknowns import Parameter
 
 OWN_S = 0.01

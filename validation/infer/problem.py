@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 import model
 from validation.conventions import Array
 from validation.infer.blocks import Block, make_blocks, residuals
-from validation.infer.force_runs import Own, Response, without_own
 from validation.infer.noise import family_of
 from validation.infer.observations import CHANNEL_NAMES, ObservedTrial
+from validation.infer.response import Own, Response, without_own
 from validation.infer.unknowns import Unknowns
 
 AFAR = 3.0  # how far z may move before columns of force noise are found again

@@ -18,10 +18,10 @@ from rig.session import Session
 from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.infer.blocks import residuals, rows
-from validation.infer.motion_runs import response_to
 from validation.infer.noise import Marginal, Sizes, learn
 from validation.infer.observations import with_errors_of_what_drives
 from validation.infer.problem import Columns, Problem, linear_residuals
+from validation.infer.response import ModelResponse
 from validation.infer.sources import IdentifyKeywords, IdentifyOptions, collect
 from validation.infer.unknowns import unknowns
 
@@ -132,7 +132,7 @@ def residual_problem(
     asked = unknowns(start, parameters, options.fixed, options.priors)
     trials = collect(sessions, start, options).fitted
     asked = with_errors_of_what_drives(asked, trials)
-    response = response_to(start, asked.moved, trials, options.tolerance)
+    response = ModelResponse(start, asked.moved, trials, options.tolerance)
     return problem_at_start(Problem(start, asked, trials, response))
 
 

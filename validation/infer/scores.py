@@ -18,8 +18,8 @@ from validation.conventions import BODIES, ENCODER_BODIES, Array
 from validation.errors import PredictionError, ValidationInputError
 from validation.events.definitions import EVENTS
 from validation.events.detect import find_events
-from validation.infer.motion_runs import response_to
 from validation.infer.observations import CHANNEL_NAMES, ObservedTrial
+from validation.infer.response import ModelResponse
 from validation.measurement.geometry import motion_of
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
@@ -42,7 +42,7 @@ def score(
     """
     out: dict[str, Any] = {}
     for name, action in actions.items():
-        found = response_to(action, (), trials, tolerance).curves([np.zeros(0)])[0]
+        found = ModelResponse(action, (), trials, tolerance).curves([np.zeros(0)])[0]
         out[name] = None if found is None else by_channel(trials, found)
     null = [_null(next(iter(actions.values())), t, tolerance) for t in trials]
     known = [(t, f) for t, f in zip(trials, null, strict=True) if f is not None]

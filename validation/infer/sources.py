@@ -16,7 +16,6 @@ from typing import TypedDict
 import model
 from rig.session import Session
 from validation.errors import ValidationInputError
-from validation.infer.force_runs import TOLERANCE
 from validation.infer.observations import (
     PHASES,
     ObservedTrial,
@@ -25,6 +24,7 @@ from validation.infer.observations import (
     observe_positions,
     sharing_the_key,
 )
+from validation.infer.response import TOLERANCE
 from validation.measurement.measure_session import (
     OTHER_CONDITION,
     MeasuredSession,

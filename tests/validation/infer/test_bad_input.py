@@ -19,10 +19,10 @@ from tests.validation.infer import toy
 from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.infer.fit import fit
-from validation.infer.force_runs import Own
 from validation.infer.identify import bounds_not_run, identify, look_before
 from validation.infer.observations import observe, observe_driven
 from validation.infer.problem import Columns, Problem
+from validation.infer.response import Own
 from validation.infer.sources import IdentifyOptions, collect
 from validation.infer.unknowns import expand, unknowns
 from validation.pipeline.compare_session import compare as compare_session

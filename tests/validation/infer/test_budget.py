@@ -13,8 +13,8 @@ from tests.validation.infer import toy
 from validation.conventions import Array
 from validation.infer.budget import CONVERGED, OUT_OF_BUDGET, Budget, End
 from validation.infer.fit import fit_multistart
-from validation.infer.force_runs import Own
 from validation.infer.problem import Problem
+from validation.infer.response import Own
 
 TRUTH = np.array([0.8, -0.5, 0.3])
 

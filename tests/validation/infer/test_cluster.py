@@ -13,9 +13,8 @@ import pytest
 
 import model
 from validation.errors import ValidationInputError
-from validation.infer.force_runs import ForceRuns, spread
-from validation.infer.motion_runs import response_to
 from validation.infer.observations import ObservedTrial
+from validation.infer.response import ModelResponse, spread
 from validation.infer.sources import IdentifyOptions, collect
 from validation.infer.unknowns import unknowns
 
@@ -39,13 +38,13 @@ def trials() -> list[ObservedTrial]:
 
 
 def test_a_lost_run_is_no_model_that_cannot_run(trials: list[ObservedTrial]) -> None:
-    runs = ForceRuns(model.load_action(), (), trials, executor=Gone())
+    runs = ModelResponse(model.load_action(), (), trials, executor=Gone())
     with pytest.raises(ValidationInputError, match="a run was lost where it was computed .BrokenProcessPool"):
         runs.curves([np.zeros(0)])
     free = unknowns(model.load_action(), ASKED, ["*"])
     for motion_driven in (False, True):
         seen = collect([EXAMPLE], model.load_action(), IdentifyOptions(phases=10, motion_driven=motion_driven)).fitted
-        elsewhere = response_to(model.load_action(), free.asked, seen[:1], executor=Gone())
+        elsewhere = ModelResponse(model.load_action(), free.asked, seen[:1], executor=Gone())
         with pytest.raises(ValidationInputError, match="a run was lost"):
             elsewhere.jacobian(np.zeros(2), range(2))
 
@@ -66,8 +65,8 @@ def test_errors_of_the_model_stay_what_they_are() -> None:
 def test_another_process_gives_the_same_columns(trials: list[ObservedTrial]) -> None:
     free = unknowns(model.load_action(), ASKED, ["*"])
     zero = np.zeros(2)
-    here = response_to(model.load_action(), free.asked, trials)
+    here = ModelResponse(model.load_action(), free.asked, trials)
     with ProcessPoolExecutor(1) as pool:
-        there = response_to(model.load_action(), free.asked, trials, executor=pool)
+        there = ModelResponse(model.load_action(), free.asked, trials, executor=pool)
         found = [runs.jacobian(zero, range(2), driven=True)[0] for runs in (there, here)]
         np.testing.assert_array_equal(*found)

@@ -13,8 +13,8 @@ from validation.conventions import Array
 from validation.infer import fit as fitting
 from validation.infer.estimates import profiles
 from validation.infer.fit import fit, fit_conditional
-from validation.infer.force_runs import Own, nothing_own
 from validation.infer.problem import Problem, curves_at, residuals_there
+from validation.infer.response import Own, nothing_own
 
 TRUTH = np.array([0.8, -0.5, 0.3])
 

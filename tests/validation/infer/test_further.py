@@ -16,7 +16,6 @@ from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.infer.blocks import rows
 from validation.infer.fit import Fitted, fit
-from validation.infer.force_runs import ForceRuns, Own
 from validation.infer.further import (
     Candidate,
     Prospect,
@@ -29,6 +28,7 @@ from validation.infer.further import (
 )
 from validation.infer.observations import ObservedTrial
 from validation.infer.problem import Problem, at_start
+from validation.infer.response import ModelResponse, Own
 from validation.infer.sources import IdentifyOptions, collect
 from validation.infer.unknowns import unknowns
 
@@ -82,7 +82,7 @@ def test_a_fixed_law_acts_in_a_stroke_to_come_as_it_does_where_the_fit_ended() -
     free = unknowns(start, ["contact07.friction"], ["*"])
     law = next(p for p in free.held if p.name == "hammer.joint_friction.A")
     (trial, *_) = collect([EXAMPLE], start, IdentifyOptions(phases=15)).fitted
-    runs = ForceRuns(start, (*free.moved, law), [trial], 1e-8)
+    runs = ModelResponse(start, (*free.moved, law), [trial], 1e-8)
     z = np.array([3.0, 0.0, 0.0, 0.0])
     problem, _ = at_start(start, replace(free, held=(law,)), [trial], runs)
     block = block_of(problem, z, trial, lambda some: runs)

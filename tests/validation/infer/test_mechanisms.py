@@ -16,10 +16,10 @@ from validation.conventions import Array
 from validation.infer.blocks import make_blocks, residuals, rows
 from validation.infer.estimates import estimate_all
 from validation.infer.fit import fit, fit_multistart
-from validation.infer.force_runs import Case, ForceRuns, noise_knots, slow_noise_n
 from validation.infer.noise import Marginal, Sizes, box_step, learn
 from validation.infer.observations import ObservedTrial, encoder_noise, observe_driven
 from validation.infer.problem import Problem
+from validation.infer.response import Case, ModelResponse, noise_knots, slow_noise_n
 from validation.infer.scatter import jackknife, widened
 from validation.infer.sources import IdentifyOptions, collect
 from validation.infer.unknowns import unknowns
@@ -98,11 +98,11 @@ def test_force_noise_of_a_double_stroke_is_told_from_what_the_action_does() -> N
         toy.trial(1, np.zeros((when.size, 3))), force_time_s=when, force_n=force, time_s=when, noise_n=0.02,
         u_offset_n=0.0, u_white_rad=np.full(3, 1e-5),
     )  # fmt: skip
-    (true,) = ForceRuns(start, (), [blank], 1e-8).curves([np.zeros(0)])[0] or []
+    (true,) = ModelResponse(start, (), [blank], 1e-8).curves([np.zeros(0)])[0] or []
     passed = np.cumsum(np.abs(np.diff(true, axis=0, prepend=0.0)) @ (1.0 / np.ptp(true, axis=0)))
     at = np.unique(np.searchsorted(passed, np.linspace(0.01, 0.99, 60) * passed[-1]))
     trial = replace(blank, force_n=measured, time_s=when[at], change_rad=true[at])
-    runs = ForceRuns(start, (), [trial])
+    runs = ModelResponse(start, (), [trial])
     left = residuals([trial], runs.curves([np.zeros(0)])[0] or [])[0]
     noise = rows(runs.jacobian(np.zeros(0), (), driven=True)[0])
     assert np.sqrt(np.mean(left**2)) > 5e-5
@@ -125,10 +125,10 @@ def test_planted_errors_of_the_force_are_found_beside_a_friction(pressed: Observ
     start = model.load_action()
     free = unknowns(start, ["contact07.friction"], ["*"])
     planted = Case(free.asked[0].values(start, 0.5), gain=-1.0, level=2.0, delay=0.7)
-    (curve,) = ForceRuns(start, free.moved, [pressed], 1e-8).run([[planted]])[0] or []
+    (curve,) = ModelResponse(start, free.moved, [pressed], 1e-8).run([[planted]])[0] or []
     noise = 1e-6 * np.random.default_rng(1).standard_normal(curve.shape)
     trial = replace(pressed, change_rad=curve + noise, u_white_rad=np.full(3, 1e-6), u_scale=np.full(3, 1e-6))
-    found = fit(Problem(start, free, (trial,), ForceRuns(start, free.moved, (trial,))))
+    found = fit(Problem(start, free, (trial,), ModelResponse(start, free.moved, (trial,))))
     width = np.sqrt(np.diag(found.covariance))
     assert found.converged
     assert np.all(np.abs(found.z - [0.5, -1.0, 2.0, 0.7]) < 3 * width)

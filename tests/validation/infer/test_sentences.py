@@ -33,7 +33,7 @@ def test_a_long_name_breaks_where_its_words_end() -> None:
 
 
 def test_scatter_of_trials_is_about_the_mean_of_each_session(monkeypatch) -> None:
-    monkeypatch.setattr(scores, "response_to", lambda *_: SimpleNamespace(curves=lambda _: [None]))
+    monkeypatch.setattr(scores, "ModelResponse", lambda *_: SimpleNamespace(curves=lambda _: [None]))
     monkeypatch.setattr(scores, "_null", lambda *_: None)
     rng, shape = np.random.default_rng(3), np.sin(np.linspace(0.0, 3.0, 400))
 

@@ -15,9 +15,9 @@ import validation
 from rig.session import Session
 from validation.errors import ValidationInputError
 from validation.infer.estimates import TOO_FEW
-from validation.infer.force_runs import Case, ForceRuns
 from validation.infer.identify import PROVISIONAL, identify
 from validation.infer.page import as_sentence, plain_sentences
+from validation.infer.response import Case, ModelResponse
 from validation.infer.result import FITTED
 from validation.infer.sources import IdentifyOptions, collect
 from validation.infer.unknowns import unknowns
@@ -205,7 +205,7 @@ def test_differences_agree_with_central_ones() -> None:
     start = model.load_action("hirschkorn2004", SPECIMEN)
     free = unknowns(start, ["hammer.joint_friction", "contact02"], ["*"])
     trials = collect([EXAMPLE], start, IdentifyOptions(phases=20)).fitted[:1]
-    runs = ForceRuns(start, free.moved, trials, 1e-8)
+    runs = ModelResponse(start, free.moved, trials, 1e-8)
     (jacobian,) = runs.differences(np.zeros((1, len(free.moved))), None, [0, 1], [0, 1])
     for j, p in enumerate(free.asked):
         up, down = (runs.run([[Case(p.values(start, s * 2e-3))]])[0] for s in (1, -1))
@@ -220,8 +220,8 @@ def test_derivatives_are_those_of_differences_whatever_the_tangent_does(specimen
     free = unknowns(start, ["hammer.joint_friction"], ["*"])
     trials = collect([EXAMPLE], start, IdentifyOptions(phases=20)).fitted[:1]
     here = np.zeros((1, len(free.moved)))
-    (exact,) = ForceRuns(start, free.moved, trials).jacobian(here[0], [0])
-    (difference,) = ForceRuns(start, free.moved, trials, 1e-8).differences(here, None, [0], [0])
+    (exact,) = ModelResponse(start, free.moved, trials).jacobian(here[0], [0])
+    (difference,) = ModelResponse(start, free.moved, trials, 1e-8).differences(here, None, [0], [0])
     assert np.abs(exact - difference).max() < 0.1 * np.abs(difference).max()
 
 

@@ -11,9 +11,9 @@ import numpy as np
 import model
 from validation.conventions import Array
 from validation.infer.blocks import Block, rows
-from validation.infer.force_runs import Own
 from validation.infer.observations import ObservedTrial
 from validation.infer.problem import Columns, Problem
+from validation.infer.response import Own
 from validation.infer.unknowns import Unknowns, unknowns
 
 ASKED = ("key.joint_friction.A", "hammer.joint_friction.A", "contact07.friction.A")

@@ -26,8 +26,8 @@ from model.parameters.effects import KEY_LIFT, PINS, RAIL, STRING_EFFECT
 from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, Array
 from validation.events.key_lift import SCALE_RADIUS_M
 from validation.infer.blocks import rows
-from validation.infer.force_runs import SEGMENTS, noise_knots, slow_noise_n
 from validation.infer.observations import ObservedTrial
+from validation.infer.response import SEGMENTS, noise_knots, slow_noise_n
 from validation.infer.unknowns import (
     FORCE_DELAY,
     FORCE_GAIN,

@@ -13,13 +13,13 @@ from tests.validation.infer import toy
 from validation.conventions import ENCODER_BODIES
 from validation.errors import ValidationInputError
 from validation.infer.blocks import INSTRUMENT, make_blocks
-from validation.infer.motion_runs import DRAWS, Drive, MixedRuns, MotionRuns, driven_tangents, response_to
 from validation.infer.observations import (
     ObservedTrial,
     observe_driven,
     sharing_the_key,
     with_errors_of_what_drives,
 )
+from validation.infer.response import DRAWS, SEGMENTS, Case, ModelResponse, driven_tangents
 from validation.infer.unknowns import FORCE, KEY, unknowns
 from validation.measurement.force_correction import ForceChannel, Quiet
 
@@ -51,22 +51,22 @@ def seen(turn: np.ndarray, scale: float = 0.0) -> ObservedTrial:
 def test_the_model_under_its_own_key_gives_its_own_whippen_and_hammer(turn: np.ndarray) -> None:
     trial = seen(turn)
     assert trial.channels == (1, 2) and trial.force_n.size == 0 and trial.change_rad.shape[1] == 2
-    ((curve,),) = MotionRuns(ACTION, (), [trial]).curves([np.zeros(0)])
+    ((curve,),) = ModelResponse(ACTION, (), [trial]).curves([np.zeros(0)])
     assert np.max(np.abs(curve - trial.change_rad)) < 3e-4 * np.ptp(trial.change_rad)
 
 
 def test_the_error_of_its_encoder_is_taken_off_the_motion(turn: np.ndarray) -> None:
     """An encoder that reads one u too much, and is taken to, gives the motion that was."""
     true, wrong = seen(turn), seen(turn, SCALE)
-    runs = MotionRuns(ACTION, KEY, [wrong])
+    runs = ModelResponse(ACTION, KEY, [wrong])
     read, mended = (points[0] for points in runs.curves([np.zeros(2), np.array([1.0, 0.0])]))
-    ((here,),) = MotionRuns(ACTION, (), [true]).curves([np.zeros(0)])
+    ((here,),) = ModelResponse(ACTION, (), [true]).curves([np.zeros(0)])
     assert np.max(np.abs(mended - here)) < 0.05 * np.max(np.abs(read - here))
 
 
 def test_derivatives_and_what_the_encoder_leaves_open(turn: np.ndarray) -> None:
     free = replace(unknowns(ACTION, ["contact07.friction", "key.joint_friction"], ["*"]), force=KEY)
-    runs = MotionRuns(ACTION, free.moved, [seen(turn)])
+    runs = ModelResponse(ACTION, free.moved, [seen(turn)])
     zero = np.zeros(4)
     (slope,) = runs.jacobian(zero, range(4))
     ends = [runs.curves([0.02 * s * np.eye(4)[0]])[0] for s in (1.0, -1.0)]
@@ -82,7 +82,7 @@ def test_derivatives_and_what_the_encoder_leaves_open(turn: np.ndarray) -> None:
 def test_the_zero_of_the_key_is_rounded_in_each_trial(turn: np.ndarray) -> None:
     """It moves whippen and hammer as an error of the encoder's zero does, which all trials share."""
     trial = replace(seen(turn), u_key_rad=COUNT_RAD / np.sqrt(12.0))
-    runs = MotionRuns(ACTION, KEY, [trial])
+    runs = ModelResponse(ACTION, KEY, [trial])
     (found,) = runs.jacobian(np.zeros(2), [1], driven=True)
     zero, own = np.moveaxis(found, 2, 0)[0], found[:, :, 1:]
     share = np.einsum("tc,tci->i", zero, own) / np.sum(zero**2)
@@ -93,9 +93,9 @@ def test_derivatives_are_of_what_a_film_sees_by_its_late_clock(turn: np.ndarray)
     """Frames 1 ms late are compared with the motion then, and with its derivatives then."""
     trial, late = seen(turn), 1e-3
     film = replace(trial, channels=(1, 2, 3, 4), film_time_s=trial.time_s + 4e-5)
-    lines = [driven_tangents((ACTION, ("hammer.mass",), Drive({}, film_late_s=s), film)) for s in (late, 0.0)]  # type: ignore[arg-type]
+    lines = [driven_tangents((ACTION, ("hammer.mass",), Case({}, film_late_s=s), film)) for s in (late, 0.0)]  # type: ignore[arg-type]
     shifted = replace(film, film_time_s=film.film_time_s + late)  # type: ignore[operator]
-    then = driven_tangents((ACTION, ("hammer.mass",), Drive({}), shifted))  # type: ignore[arg-type]
+    then = driven_tangents((ACTION, ("hammer.mass",), Case({}), shifted))  # type: ignore[arg-type]
     np.testing.assert_allclose(lines[0], then, rtol=1e-3, atol=1e-3 * np.abs(then).max())
     assert np.max(np.abs(lines[1] - then)[:, 2:]) > 5e-3 * np.abs(then[:, 2:]).max()
 
@@ -116,21 +116,18 @@ def test_errors_of_the_key_are_one_thing_where_both_kinds_are_fitted(turn: np.nd
 
 
 def test_trials_of_both_kinds_come_back_in_their_order(turn: np.ndarray) -> None:
-    by_force, by_key = toy.trial(1, np.zeros((toy.M, 3))), seen(turn)
-    mixed = response_to(ACTION, (), [by_key, by_force, by_key])
-    assert isinstance(mixed, MixedRuns) and [places for places, _ in mixed.parts] == [[1], [0, 2]]
-
-    class Fixed:
-        def __init__(self, value: float | None) -> None:
-            self.value = value
-
-        def curves(self, points: list[np.ndarray], own: object) -> list[list[np.ndarray] | None]:
-            n = 2 if self.value == 2.0 else 1
-            return [None if self.value is None else n * [np.array([self.value])] for _ in points]
-
-    joined = MixedRuns([([1], Fixed(1.0)), ([0, 2], Fixed(2.0))]).curves([np.zeros(0)])  # type: ignore[list-item]
-    assert [float(c[0]) for c in joined[0]] == [2.0, 1.0, 2.0]  # type: ignore[union-attr]
-    assert MixedRuns([([1], Fixed(None)), ([0, 2], Fixed(2.0))]).curves([np.zeros(0)]) == [None]  # type: ignore[list-item]
+    by_key, zero = seen(turn), [np.zeros(1)]
+    by_force = replace(toy.trial(1, np.zeros((toy.M, 3))), force_n=np.minimum(40.0 * toy.TIME, 4.0))
+    parameters = unknowns(ACTION, ["hammer.mass"], ["*"]).asked
+    mixed = ModelResponse(ACTION, parameters, [by_key, by_force, by_key])
+    (joined,), jacobian = mixed.curves(zero), mixed.jacobian(zero[0], [0], driven=True)
+    assert joined is not None
+    for k, trial in enumerate(mixed.trials):
+        alone = ModelResponse(ACTION, parameters, [trial])
+        ((curve,),), (slope,) = alone.curves(zero), alone.jacobian(zero[0], [0], driven=True)
+        np.testing.assert_array_equal(joined[k], curve)
+        np.testing.assert_allclose(jacobian[k], slope, rtol=1e-6, atol=1e-9)
+    assert [j.shape[1:] for j in jacobian] == [(2, 1 + DRAWS), (3, 2 + SEGMENTS), (2, 1 + DRAWS)]
 
 
 def test_a_key_that_loses_its_angles_is_refused_by_name(turn: np.ndarray) -> None:

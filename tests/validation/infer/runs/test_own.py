@@ -11,8 +11,7 @@ import pytest
 import model
 from validation.conventions import Array
 from validation.infer.blocks import make_blocks, residuals
-from validation.infer.force_runs import Own, Response, nothing_own, without_own
-from validation.infer.motion_runs import response_to
+from validation.infer.response import ModelResponse, Own, Response, nothing_own, without_own
 from validation.infer.sources import IdentifyOptions, collect
 from validation.infer.unknowns import unknowns
 
@@ -30,7 +29,7 @@ def response(request: pytest.FixtureRequest) -> Response:
     """Two strokes, of few phases."""
     options = IdentifyOptions(phases=20, motion_driven=request.param)
     trials = collect([EXAMPLE], START, options).fitted[:2]
-    found = response_to(START, EVERY, trials, 1e-8)
+    found = ModelResponse(START, EVERY, trials, 1e-8)
     found.observed = trials  # type: ignore[attr-defined]
     return found
 

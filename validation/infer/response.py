@@ -1,13 +1,14 @@
-"""What the model says of all trials that a force drives, and how it changes with what may move: a `Response`.
+"""The model's answer to trials, and how it changes with what may move.
 
 Conventions: curves are changes since the model's own rest under the preload, (m, c) rad, of the channels a trial has;
-derivatives are per prior standard uncertainty. Each trial is at a place of its own: a value of every parameter, what z
-moves, and after that laws which are fixed, but may be others in single trials. A soft stroke near a fork of its motion
-does not answer a scatter of 2 % linearly, so each trial is computed where its own laws and its own force most probably
-were, and is linear around that (Lindstrom and Bates 1990). Exact derivatives are integrated beside each stroke
-(`model.sensitivities`), those by the force at its knots among them: together they cost some five runs, and have no step
-to choose; a parameter that does nothing in the scene has a column of zeros. The noise of a force changes linearly
-between knots.
+derivatives are per prior standard uncertainty. A trial says what drives it: the recorded force, or the measured motion
+of the key where it has one (`ObservedTrial.key`). Each trial is at a place of its own: a value of every parameter, what
+z moves, and after that laws which are fixed, but may be others in single trials; and it has errors of its own drive.
+Exact derivatives are integrated beside each stroke (`model.sensitivities`), those by the force at its knots among them;
+a parameter that does nothing in the scene has a column of zeros. The noise of a force changes linearly between knots.
+What the encoder leaves open of a key's motion (rounding, also of its zero, jitter, smoothing) is carried by whole
+motions drawn from the posterior of its fit: each is a column, divided by the root of their number, so that the columns
+together have the covariance of the predicted curves.
 
 Runs are made on threads of this process or on the workers of an executor; answers come in the order of the jobs, so
 that whatever is made of them is the same wherever they were computed, and what is lost there is said.
@@ -15,21 +16,24 @@ that whatever is made of them is the same wherever they were computed, and what 
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Generic, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
+from scipy.linalg import solve_banded
 
 import model
 from model.errors import InputError, ModelError
+from model.motion_driven.prescribed_key import run_prescribed
+from model.motion_driven.spline_fit import DEGREE, KeyFit
 from model.scene.string_terms import with_modes
 from model.sensitivity.parameter_names import directions
 from model.simulation.options import ForceDrivenOptions
 from validation.conventions import BODIES, WORKERS, Array
+from validation.conventions import KEY as KEY_BODY
 from validation.errors import ValidationInputError
 from validation.infer.blocks import MOVED_RAD, Block
 from validation.infer.observations import FILM, ObservedTrial
@@ -39,8 +43,10 @@ from validation.infer.unknowns import (
     FORCE_LEVEL,
     KEY_SCALE,
     KEY_ZERO,
+    POSITIONS,
     Parameter,
 )
+from validation.measurement.position_sensors import PositionSensors
 
 Job = TypeVar("Job")
 Found = TypeVar("Found")
@@ -140,7 +146,9 @@ def own_units(trial: ObservedTrial) -> Array:
     return np.concatenate([[trial.u_offset_n], slow_noise_n(trial), [trial.u_film_time_s]])
 
 
+DRAWS, DRAW_SEED = 24, 160  # of a key's motion: the same wherever the fit stands
 TOLERANCE = 2e-7
+LOOSEST = 1e-5  # rad, of runs that are compared with position sensors: a thousandth of what they know of an angle
 MODES_RAD = 3e-5  # error of an angle by which a fit chooses a string's modes: the runs' own asks for all there are
 MOTION, TANGENT = 1e-7, 1e-4
 FINER = 0.1  # times the tolerance, of runs whose differences are derivatives: a run's error is divided by the step
@@ -154,7 +162,7 @@ ERROR_STEP = 1e-3  # standard uncertainties: a difference of tables of forces, n
 
 @dataclass(frozen=True)
 class Case:
-    """One member: values of the action that differ, and errors of the force."""
+    """What one run does: values of the action that differ, and errors of what drives the trial and of its sensors."""
 
     changed: dict[str, float] = field(default_factory=dict, hash=False)  # values of the action
     # gain, level, delay: errors of the force that all trials share, in standard uncertainties
@@ -166,7 +174,9 @@ class Case:
     key_zero: float = 0.0
     offset_n: float = 0.0  # of each trial's force once it acts, N
     noise_n: tuple[float, ...] = ()  # force noise at each knot of `noise_knots`, N; empty where there is none
+    draws: tuple[tuple[int, float], ...] = ()  # whole motions of the key's posterior, by number and weight
     film_late_s: float = 0.0  # error of a film's clock
+    sensors: tuple[float, ...] = ()  # errors of the position sensors, in standard uncertainties
 
     def felt_n(self, trial: ObservedTrial) -> Array:
         """Force on the key in this case at the times of the trial's table; held before and after what was recorded."""
@@ -177,18 +187,38 @@ class Case:
             force = force + np.interp(when, noise_knots(trial), self.noise_n)
         return force
 
+    def motion(self, trial: ObservedTrial) -> model.KeyMotion:
+        """Motion of the key since rest that drives the trial, with the errors of its encoder taken off."""
+        fit = trial.key
+        assert isinstance(fit, KeyFit)
+        # control points of knots at every sample stand next to the curve
+        c, turned = fit.coefficients, fit.coefficients + fit.offset_rad
+        moved = -np.expm1(-np.abs(turned) / MOVED_RAD)
+        for draw, weight in self.draws:
+            random = np.random.default_rng([DRAW_SEED, trial.session, trial.number, draw])
+            away = solve_banded((0, DEGREE), fit.factor, random.standard_normal(len(c)))
+            rounded = fit.resolution_rad / np.sqrt(12.0) * random.standard_normal()  # of the trial's zero
+            c = c + weight * (away + rounded * moved)
+        off = c + fit.offset_rad - self.key_zero * trial.u_key_rad * moved
+        return fit.motion(off / (1.0 + self.key_scale * trial.u_key_scale) - fit.offset_rad)
+
     def preload_n(self, trial: ObservedTrial) -> float:
         """Force under which the action rests."""
+        if trial.key is not None:
+            return trial.preload_n
         return trial.preload_n * (1 + self.gain * trial.u_gain) + self._level_n(trial)
 
-    def with_noise(self, trial: ObservedTrial, weights: Array) -> Case:
-        """The same with the trial's own force and clock, by weights in standard deviations."""
+    def with_drive(self, trial: ObservedTrial, weights: Array) -> Case:
+        """The same with the trial's own drive and clock, by weights in standard deviations."""
         if not weights.any():
             return self
-        found = own_units(trial)[: weights.size] * weights
-        late = float(found[1 + SEGMENTS]) if weights.size > 1 + SEGMENTS else 0.0
-        noise = (0.0, *(float(v) for v in found[1 : 1 + SEGMENTS]))
-        return replace(self, offset_n=float(found[0]), noise_n=noise, film_late_s=late)
+        n = DRAWS if trial.key is not None else 1 + SEGMENTS
+        late = float(weights[n]) * trial.u_film_time_s if weights.size > n else 0.0
+        if trial.key is not None:
+            draws = tuple((i, float(w) / np.sqrt(DRAWS)) for i, w in enumerate(weights[:n]) if w)
+            return replace(self, draws=draws, film_late_s=late)
+        found = own_units(trial)[:n] * weights[:n]
+        return replace(self, offset_n=float(found[0]), noise_n=(0.0, *map(float, found[1:])), film_late_s=late)
 
     def read(self, trial: ObservedTrial, turn_rad: Array) -> Array:
         """Channels (m, c) of a trial from the model's turns (k, 5): what its sensors read."""
@@ -225,11 +255,25 @@ class Response(Protocol):
         """The response to some of the trials."""
 
 
-Member = TypeVar("Member")
+FORCE_ERRORS = frozenset((FORCE_GAIN, FORCE_LEVEL, FORCE_DELAY, KEY_SCALE, KEY_ZERO))
+KEY_ERRORS = frozenset((KEY_SCALE, KEY_ZERO))
+POSITION_ERRORS = frozenset(p.name for p in POSITIONS)
+"""Errors of what drives a trial, and of its sensors, by what drives it."""
+_Run = tuple[Case, float, int]
+"""Which run: of a case, to a tolerance, of a trial by its `id`."""
 
 
-class PlacedRuns(ABC, Generic[Member]):
-    """The project's model as a `Response`, whatever drives it; a member is what the run of one trial does.
+@dataclass(frozen=True)
+class _Known:
+    """An action, its rests by preload, and curves of its runs; None of one that could not run."""
+
+    action: model.Action
+    rests: dict[float, model.RestState]
+    curves: dict[_Run, Array | None]
+
+
+class ModelResponse:
+    """The project's model as a `Response`.
 
     Parameters
     ----------
@@ -244,15 +288,6 @@ class PlacedRuns(ABC, Generic[Member]):
         Where to compute; by default threads of this process.
     """
 
-    errors: ClassVar[frozenset[str]]
-    """Names of the errors of what drives, or reads."""
-    tangents: ClassVar[Any]
-    """Derivatives (m, c, n) of a trial by an action, names, a member, the trial, pairs close to it, its own drive."""
-    by_runs: ClassVar[bool]
-    """Whether runs tell what errors and what drives a trial do; else tangents do."""
-    drive_steps: ClassVar[Array]
-    """Steps of differences, of what a trial has of its own drive but its film's clock, in standard deviations."""
-
     def __init__(
         self,
         action: model.Action,
@@ -265,20 +300,12 @@ class PlacedRuns(ABC, Generic[Member]):
         self.parameters = tuple(parameters)
         self.trials: tuple[ObservedTrial, ...] = tuple(trials)
         self.tolerance, self.executor = TOLERANCE if tolerance is None else tolerance, executor
-        filmed = any(t.film_time_s is not None for t in trials)
-        self.own_steps = np.append(self.drive_steps, np.ones(int(filmed)))
+        self.refinement = 1.0  # of the tolerance
+        self.is_filmed = any(t.film_time_s is not None for t in trials)
         self.acting = [j for j, p in enumerate(self.parameters) if acting(action, p)]
         self._known: dict[tuple[float, ...], _Known] = {}
 
-    @abstractmethod
-    def cases(self, at: Array, own: Sequence[Own] | None) -> list[Member]:
-        """The member of each trial where it is, (trials, n)."""
-
-    @abstractmethod
-    def run(self, members: Sequence[Sequence[Member]]) -> list[list[Array] | None]:
-        """Curves of every trial in each of several cases of all trials; None where one of them cannot run."""
-
-    def of_trials(self, which: Sequence[int]) -> PlacedRuns[Member]:
+    def of_trials(self, which: Sequence[int]) -> ModelResponse:
         """The response to some of the trials."""
         some = copy(self)
         some.trials = tuple(self.trials[k] for k in which)
@@ -297,17 +324,79 @@ class PlacedRuns(ABC, Generic[Member]):
             at[k, : o.laws.size] += o.laws
         return at
 
+    def cases(self, at: Array, own: Sequence[Own] | None) -> list[Case]:
+        """What the run of each trial does where it is."""
+        places = {place.tobytes(): place for place in at}
+        made = {key: self.case(place) for key, place in places.items()}
+        here = [made[place.tobytes()] for place in at]
+        if own is None:
+            return here
+        return [case.with_drive(trial, o.drive) for case, trial, o in zip(here, self.trials, own, strict=True)]
+
+    def case(self, z: Array) -> Case:
+        """What a run does at z, of all parameters."""
+        changed: dict[str, float] = {}
+        bench: dict[str, float] = {}
+        for parameter, value in zip(self.parameters, z, strict=True):
+            changed |= parameter.values(self.action, float(value))
+            if not parameter.paths:
+                bench[parameter.name] = float(value)
+        gain, level, delay, scale, zero = (
+            bench.get(name, 0.0) for name in (FORCE_GAIN, FORCE_LEVEL, FORCE_DELAY, KEY_SCALE, KEY_ZERO)
+        )
+        sensors = tuple(bench.get(p.name, 0.0) for p in POSITIONS)
+        return Case(changed, gain, level, delay, scale, zero, sensors=sensors)
+
     def jacobian(
         self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None, driven: bool = False
     ) -> list[Array]:
         """Derivatives, see `Response`; differences of runs where tangents do not hold."""
+        out: list[Array] = [np.empty(0)] * len(self.trials)
+        for places in self._by_drive():
+            some, those = self.of_trials(places), None if own is None else [own[k] for k in places]
+            for k, found in zip(places, some._jacobian(z, which, those, driven), strict=True):
+                out[k] = found
+        return out
+
+    def _by_drive(self) -> list[list[int]]:
+        """Trials of each kind of drive that there is: a force, a key's encoder, a position sensor."""
+        kinds = (type(None), KeyFit, PositionSensors)
+        found = [[k for k, t in enumerate(self.trials) if isinstance(t.key, kind)] for kind in kinds]
+        return [places for places in found if places]
+
+    @property
+    def _is_by_position(self) -> bool:
+        return isinstance(self.trials[0].key, PositionSensors)
+
+    @property
+    def _run_tolerance(self) -> float:
+        """Largest error of any angle of a run, rad, of trials of one kind."""
+        return self.refinement * (max(self.tolerance, LOOSEST) if self._is_by_position else self.tolerance)
+
+    @property
+    def _drive_steps(self) -> Array:
+        """Steps of differences, of what trials of one kind have of their own drive, in standard deviations.
+
+        Of a force its offset, and noise at each knot but the first, which is the preload; of a key whole motions.
+        """
+        if self._is_by_position:
+            return np.empty(0)
+        by_key = self.trials[0].key is not None
+        steps = np.full(DRAWS, np.sqrt(DRAWS)) if by_key else np.ones(1 + SEGMENTS)
+        return np.append(steps, np.ones(int(self.is_filmed)))
+
+    def _jacobian(self, z: Array, which: Sequence[int], own: Sequence[Own] | None, driven: bool) -> list[Array]:
+        if self._is_by_position:  # runs take milliseconds, and readings are held at the ruler's ends
+            moving = [j for j in which if j in self.acting or self.parameters[j].name in POSITION_ERRORS]
+            return self.differences(self.places(z, own), own, list(which), moving)
+        by_key = self.trials[0].key is not None  # runs tell what its errors and its drive do
         at, n = self.places(z, own), len(self.parameters)
-        columns = [*which, *(range(n, n + self.own_steps.size) if driven else ())]
+        columns = [*which, *(range(n, n + self._drive_steps.size) if driven else ())]
         laws = [j for j in columns if j in self.acting]
-        rest = [j for j in columns if j >= n or self.parameters[j].name in self.errors]
-        told = laws if self.by_runs else [*laws, *rest]
+        rest = [j for j in columns if j >= n or self.parameters[j].name in (KEY_ERRORS if by_key else FORCE_ERRORS)]
+        told = laws if by_key else [*laws, *rest]
         try:
-            found = self.differences(at, own, columns, rest if self.by_runs else [])
+            found = self.differences(at, own, columns, rest if by_key else [])
             if told:
                 for out, here, column in zip(found, at, self._by_tangents(at, own, laws, told), strict=True):
                     unit = [self.parameters[j].per_u(self.action, float(here[j])) for j in laws]
@@ -340,9 +429,9 @@ class PlacedRuns(ABC, Generic[Member]):
             (self.action, names, case, trial, [(plus[k], minus[k]) for plus, minus in ends], drives)
             for k, (case, trial) in enumerate(zip(self.cases(at, own), self.trials, strict=True))
         ]
-        return spread(self.executor, type(self).tangents, tasks)
+        return spread(self.executor, driven_tangents if self.trials[0].key is not None else tangents, tasks)
 
-    def moved(self, at: Array, own: Sequence[Own] | None, step: Array) -> list[Member]:
+    def moved(self, at: Array, own: Sequence[Own] | None, step: Array) -> list[Case]:
         """The member of each trial a step (trials, n + k) further, in parameters and in its own drive."""
         further, drive = np.split(np.broadcast_to(step, (len(self.trials), step.shape[-1])), [at.shape[1]], axis=1)
         if drive.any():
@@ -364,8 +453,8 @@ class PlacedRuns(ABC, Generic[Member]):
         if not asked:
             return out
         fine = copy(self)
-        fine.tolerance = FINER * self.tolerance
-        steps = np.append([STEP if p.factor else SMALL_STEP for p in self.parameters], self.own_steps)
+        fine.refinement = FINER
+        steps = np.append([STEP if p.factor else SMALL_STEP for p in self.parameters], self._drive_steps)
         members = [self.moved(at, own, steps * (np.arange(steps.size) == j)) for j in asked]
         base, *ends = fine.run([self.cases(at, own), *members])
         if base is None:
@@ -383,7 +472,7 @@ class PlacedRuns(ABC, Generic[Member]):
 
         A tangent that steps over a layer in which friction turns round may grow without bound; a difference shows it.
         """
-        step = np.zeros(at.shape[1] + self.own_steps.size)
+        step = np.zeros(at.shape[1] + self._drive_steps.size)
         step[columns] = PROBE * np.where(np.arange(len(columns)) % 2, 1.0, -1.0)
         said = [derivative @ step[columns] for derivative in jacobian]
         # many columns at once bend a stroke: what moves it further than this is no small step
@@ -396,6 +485,76 @@ class PlacedRuns(ABC, Generic[Member]):
             if np.sqrt(np.mean((b - a - share[k] * d) ** 2)) > MISSED * np.sqrt(np.mean((b - a) ** 2)) + self.tolerance:
                 missed.append(k)
         return missed
+
+    def run(self, members: Sequence[Sequence[Case]]) -> list[list[Array] | None]:
+        """Curves of every trial in each of several cases of all trials; None where one of them cannot run."""
+        out: list[list[Array | None]] = [[None] * len(self.trials) for _ in members]
+        for places in self._by_drive():
+            some = self.of_trials(places)
+            found = (some._run_by_force if some.trials[0].key is None else some._run_by_key)(
+                [[cases[k] for k in places] for cases in members]
+            )
+            for row, curves in zip(out, found, strict=True):
+                for k, curve in zip(places, curves or [None] * len(places), strict=True):
+                    row[k] = curve
+        return [None if any(c is None for c in row) else [c for c in row if c is not None] for row in out]
+
+    def _run_by_key(self, members: Sequence[Sequence[Case]]) -> list[list[Array | None] | None]:
+        jobs = [
+            (self.action, case, trial, self._run_tolerance)
+            for cases in members
+            for case, trial in zip(cases, self.trials, strict=True)
+        ]
+        curve = positions_curve if self._is_by_position else driven_curve
+        found, n = spread(self.executor, curve, jobs), len(self.trials)
+        return [found[i * n : (i + 1) * n] for i in range(len(members))]
+
+    def _run_by_force(self, members: Sequence[Sequence[Case]]) -> list[list[Array | None] | None]:
+        """Curves, None of what cannot run; what was run before is not run again."""
+        if len(self._known) > KEPT:
+            self._known.clear()
+        jobs: list[model.batch.Job] = []
+        waiting: dict[_Run, tuple[_Known, ObservedTrial, model.RestState]] = {}
+        places: list[list[tuple[_Known, _Run]] | None] = []
+        for cases in members:
+            rests = self._rests(cases)
+            if rests is None:
+                places.append(None)
+                continue
+            keys = [(case, self._run_tolerance, id(trial)) for case, trial in zip(cases, self.trials, strict=True)]
+            places.append([(known, key) for (known, _), key in zip(rests, keys, strict=True)])
+            for (known, rest), key, trial in zip(rests, keys, self.trials, strict=True):
+                if key not in known.curves and key not in waiting:
+                    waiting[key] = known, trial, rest
+                    when = trial.model_time_s(key[0].film_late_s)
+                    chosen = ForceDrivenOptions(tolerance=self._run_tolerance, output_time_s=when)
+                    table = {trial.label: (trial.force_time_s, key[0].felt_n(trial))}
+                    jobs += model.batch.make_jobs(known.action, table, {"": {}}, chosen, rest)
+        done = model.batch.run_jobs(model.batch.lanes.select_lane_jobs(jobs, None), executor=self.executor)
+        for (key, (known, trial, rest)), member in zip(waiting.items(), done, strict=True):
+            if member.error is not None and not isinstance(member.error, ModelError):
+                raise lost(member.error)  # a run that was lost is not a model that cannot run
+            known.curves[key] = None
+            if member.solution is not None:
+                turn = np.asarray(member.solution.angle_rad)[:, :5] - rest.angle_rad[:5]
+                known.curves[key] = key[0].read(trial, turn)
+        return [None if row is None else [known.curves[key] for known, key in row] for row in places]
+
+    def _rests(self, cases: Sequence[Case]) -> list[tuple[_Known, model.RestState]] | None:
+        """What is known of the action of each trial, and its rest; None where one of them has no rest."""
+        out = []
+        try:
+            for case, trial in zip(cases, self.trials, strict=True):
+                values, preload = tuple(case.changed.values()), case.preload_n(trial)
+                known = self._known.get(values)
+                if known is None:
+                    known = self._known[values] = _Known(self.action.with_values(case.changed), {}, {})
+                if preload not in known.rests:
+                    known.rests[preload] = model.rest_state(known.action, force_n=preload)
+                out.append((known, known.rests[preload]))
+        except ModelError:
+            return None
+        return out
 
 
 def acting(action: model.Action, parameter: Parameter) -> bool:
@@ -464,101 +623,50 @@ def tangent_options(trial: ObservedTrial, preload_n: float, time_s: Array) -> mo
     )
 
 
-_Run = tuple[Case, float, int]
-"""Which run: of a case, to a tolerance, of a trial by its `id`."""
+def driven_tangents(
+    task: tuple[model.Action, tuple[str, ...], Case, ObservedTrial, *tuple[Sequence[object], ...]],
+) -> Array:
+    """Derivatives (m, c, n) of a trial's channels, per SI unit or per relative change.
+
+    Raises
+    ------
+    model.errors.ModelError
+        The derivatives cannot be carried on.
+    """
+    action, names, case, trial, *_ = task
+    late = case.film_late_s
+    options = tangent_options(trial, trial.preload_n, trial.model_time_s(late))
+    found = model.motion_sensitivities(action.with_values(case.changed), case.motion(trial), names, options=options)
+    order = [found.angle_names.index(body) for body in BODIES]
+    turn = (found.d_angles - found.d_rest[None])[:, order]
+    return np.stack([trial.seen(turn[:, :, i], late) for i in range(len(names))], axis=-1)
 
 
-@dataclass(frozen=True)
-class _Known:
-    """An action, its rests by preload, and curves of its runs; None of one that could not run."""
+def driven_curve(job: tuple[model.Action, Case, ObservedTrial, float]) -> Array | None:
+    """Channels (m, c) of a trial under its key's motion, to a tolerance in rad; None where the model cannot run."""
+    action, case, trial, tolerance = job
+    when = trial.model_time_s(case.film_late_s)
+    try:
+        own = action.with_values(case.changed)
+        rest = np.asarray(model.rest_state(own, force_n=trial.preload_n).angle_rad)
+        run = run_prescribed(own, case.motion(trial).raised(float(rest[0])), when, tolerance=tolerance)
+    except ModelError:
+        return None
+    order = [run.bodies.index(body) for body in BODIES]
+    return trial.seen(run.angle_rad[:, order] - rest[: len(BODIES)], case.film_late_s)
 
-    action: model.Action
-    rests: dict[float, model.RestState]
-    curves: dict[_Run, Array | None]
 
-
-class ForceRuns(PlacedRuns[Case]):
-    """The project's model under the force of each trial; see `PlacedRuns` for the parameters."""
-
-    errors = frozenset((FORCE_GAIN, FORCE_LEVEL, FORCE_DELAY, KEY_SCALE, KEY_ZERO))
-    tangents = staticmethod(tangents)
-    by_runs = False
-    drive_steps = np.ones(
-        1 + SEGMENTS
-    )  # of a force's offset, of noise at each knot but the first, which is the preload
-
-    def cases(self, at: Array, own: Sequence[Own] | None) -> list[Case]:
-        """The member of each trial where it is."""
-        places = {place.tobytes(): place for place in at}
-        made = {key: self.case(place) for key, place in places.items()}
-        here = [made[place.tobytes()] for place in at]
-        if own is None:
-            return here
-        return [case.with_noise(trial, o.drive) for case, trial, o in zip(here, self.trials, own, strict=True)]
-
-    def case(self, z: Array) -> Case:
-        """The member at z, of all parameters."""
-        changed: dict[str, float] = {}
-        bench: dict[str, float] = {}
-        for parameter, value in zip(self.parameters, z, strict=True):
-            changed |= parameter.values(self.action, float(value))
-            if not parameter.paths:
-                bench[parameter.name] = float(value)
-        gain, level, delay, scale, zero = (
-            bench.get(name, 0.0) for name in (FORCE_GAIN, FORCE_LEVEL, FORCE_DELAY, KEY_SCALE, KEY_ZERO)
-        )
-        return Case(changed, gain, level, delay, scale, zero)
-
-    def run(self, members: Sequence[Sequence[Case]]) -> list[list[Array] | None]:
-        """Curves of every trial in each of several cases of all trials; None where one of them cannot run.
-
-        What was run before is not run again.
-        """
-        if len(self._known) > KEPT:
-            self._known.clear()
-        jobs: list[model.batch.Job] = []
-        waiting: dict[_Run, tuple[_Known, ObservedTrial, model.RestState]] = {}
-        places: list[list[tuple[_Known, _Run]] | None] = []
-        for cases in members:
-            rests = self._rests(cases)
-            if rests is None:
-                places.append(None)
-                continue
-            keys = [(case, self.tolerance, id(trial)) for case, trial in zip(cases, self.trials, strict=True)]
-            places.append([(known, key) for (known, _), key in zip(rests, keys, strict=True)])
-            for (known, rest), key, trial in zip(rests, keys, self.trials, strict=True):
-                if key not in known.curves and key not in waiting:
-                    waiting[key] = known, trial, rest
-                    when = trial.model_time_s(key[0].film_late_s)
-                    chosen = ForceDrivenOptions(tolerance=self.tolerance, output_time_s=when)
-                    table = {trial.label: (trial.force_time_s, key[0].felt_n(trial))}
-                    jobs += model.batch.make_jobs(known.action, table, {"": {}}, chosen, rest)
-        done = model.batch.run_jobs(model.batch.lanes.select_lane_jobs(jobs, None), executor=self.executor)
-        for (key, (known, trial, rest)), member in zip(waiting.items(), done, strict=True):
-            if member.error is not None and not isinstance(member.error, ModelError):
-                raise lost(member.error)  # a run that was lost is not a model that cannot run
-            known.curves[key] = None
-            if member.solution is not None:
-                turn = np.asarray(member.solution.angle_rad)[:, :5] - rest.angle_rad[:5]
-                known.curves[key] = key[0].read(trial, turn)
-        out = []
-        for row in places:
-            curves = [known.curves[key] for known, key in row or ()]
-            out.append(None if row is None or any(c is None for c in curves) else [c for c in curves if c is not None])
-        return out
-
-    def _rests(self, cases: Sequence[Case]) -> list[tuple[_Known, model.RestState]] | None:
-        """What is known of the action of each trial, and its rest; None where one of them has no rest."""
-        out = []
-        try:
-            for case, trial in zip(cases, self.trials, strict=True):
-                values, preload = tuple(case.changed.values()), case.preload_n(trial)
-                known = self._known.get(values)
-                if known is None:
-                    known = self._known[values] = _Known(self.action.with_values(case.changed), {}, {})
-                if preload not in known.rests:
-                    known.rests[preload] = model.rest_state(known.action, force_n=preload)
-                out.append((known, known.rests[preload]))
-        except ModelError:
-            return None
-        return out
+def positions_curve(job: tuple[model.Action, Case, ObservedTrial, float]) -> Array | None:
+    """Readings (m, 1) of a trial's position sensors under its key's motion; None where the model cannot run."""
+    action, case, trial, tolerance = job
+    assert isinstance(trial.key, PositionSensors)
+    away = np.array(case.sensors)
+    try:
+        own = action.with_values(case.changed)
+        rest = float(model.rest_state(own, force_n=trial.preload_n).angle_rad[KEY_BODY])
+        motion = trial.key.key_motion(rest, away)
+        run = run_prescribed(own, motion, np.concatenate([motion.break_s[:1], trial.time_s]), tolerance=tolerance)
+    except ModelError:
+        return None
+    hammer = run.angle_rad[:, run.bodies.index("hammer")]
+    return trial.key.read_hammer(hammer[1:] - hammer[0], away)[:, None]
