@@ -12,6 +12,7 @@ them. One randomly drawn asked parameter is profiled in each experiment.
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -344,8 +345,12 @@ def table(cell: str, rows: Sequence[dict[str, Any]]) -> bool:
         off = np.sqrt(np.mean([((e["z"] - e["true_z"]) / e["u"]) ** 2 for e in narrow]))
         called = sum(e["verdict"] == IDENTIFIED for e in narrow)
         print(f"interval below half the prior: {len(narrow)}, called identified {called}; error over u {off:.2f} RMS")
-    failed, settled = sum("failed" in r for r in rows), sum(r.get("converged", False) for r in rows)
-    print(f"experiments {len(rows)}, settled {settled}, could not be played or fitted {failed}")
+    failed, ends = (
+        sum("failed" in r for r in rows),
+        Counter(str(r["end"]).partition(":")[0] for r in rows if "end" in r),
+    )
+    print(f"experiments {len(rows)}, could not be played or fitted {failed}, ended {dict(ends)}")
+    print(f"processor time at most {max((r.get('fit_s', 0.0) for r in rows), default=0.0):.0f} s a fit")
     return may_be(0.95, sum(e["inside"] for e in here), len(here))
 
 

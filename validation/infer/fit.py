@@ -39,7 +39,7 @@ from validation.infer.response import Own, nothing_own, without_own
 Say = Callable[[str], None]
 
 MAX_STEPS = 10  # linearisations with all trials alike
-MAX_TIGHT_STEPS, MAX_CONDITIONAL_STEPS = 6, 10  # without discrepancy; with each trial at its own mode
+MAX_TIGHT_STEPS, MAX_CONDITIONAL_STEPS = 6, 15  # without discrepancy; with each trial at its own mode
 ROUNDS, LAST_ROUNDS = 4, 30  # of scoring the variance components, on the way and near a minimum
 FIRST_FLOOR, NEAR_FLOOR = 0.1, 0.01  # of the response: error of the linear model in the first step; near a minimum
 NEAR = 2.0  # posterior u: a step below it leaves the variance components as they are
@@ -49,7 +49,11 @@ LEAST_GAIN = 0.5  # of twice the log posterior: two steps in turn that gain less
 SLIGHT = 0.05  # of the response: a discrepancy that is no reason to look for another minimum
 HOPELESS, HOPELESS_STEPS = 20.0, 3  # squared error a datum, in sensor noise, after so many steps without discrepancy
 FOLLOWED = 3.0  # squared error a datum of a trial: above it the model is not yet where the trial was
-NOISE_LEARNINGS = 2  # times that variance components are estimated with each trial at its own mode
+ROUNDS_A_STEP = (
+    2  # of scoring, with each trial at its own mode: smaller noise makes a steeper cost, which runs must follow
+)
+STEEP = 100.0  # squared error a datum: variance components that raise a trial's cost above it are approached in rounds
+SETTLED = 1.0  # of the log evidence: variance components that gain less are kept, so that there is one cost to lower
 SHARES = (1.0, 0.3, 0.1, 0.03)  # of a step, for the line search
 OWN_SHARES = (1.0, 0.3, 0.1)  # of the step of one trial's deviation, where the whole step was too long
 CORRECTIONS = 3  # of each trial's mode by runs
@@ -246,6 +250,7 @@ class _Iterate:
     here: list[Array]
     marginal: Marginal
     costs: Array
+    is_learnt: bool = False  # whether the variance components have settled
 
     @property
     def is_followed(self) -> bool:
@@ -323,29 +328,28 @@ def _iterate(
 ) -> tuple[Fitted, _Iterate]:
     """Gauss–Newton steps from an iterate, and where they ended."""
     box = problem.box()
-    steps, learnt, idle = 0, 0, 0
+    steps, idle = 0, 0
     with budget.interruptible():
         while steps < MAX_CONDITIONAL_STEPS and idle < 2 and not budget.is_spent:
             found = _search_line(problem, at, SHARES[:1])
             if found is None and np.median(at.costs) < FOLLOWED:
                 more = _find_bifurcations(problem, at, bifurcations)
                 if more != bifurcations:
-                    bifurcations, at, learnt = more, _without_bifurcations(at, more), min(learnt, NOISE_LEARNINGS - 1)
+                    bifurcations, at = more, _without_bifurcations(at, more)
                     if say is not None:
                         where = (f"{problem.trials[k].label} from phase {i} on" for k, i in more.items())
                         say(f"each trial: at a bifurcation, left out: {', '.join(where)}")
                     continue
             found = found or _search_line(problem, at, SHARES[1:])
-            moved = None if found is None else _linearise(columns, found, at, bifurcations, learnt < NOISE_LEARNINGS)
+            moved = None if found is None else _linearise(columns, found, at, bifurcations)
             if found is None or moved is None:  # a kink: no step lowers the cost
                 break
             steps, gained, at = steps + 1, found[2], moved
-            learnt += at.is_followed
             largest = largest_step(at.marginal, at.here, at.z, box, problem.watched)
             if say is not None:
                 said = f"each trial, step {steps}: gained {gained:.2g}, largest left {largest:.2g} u"
                 say(f"{said}, cost a datum up to {np.max(at.costs):.2g}")
-            if learnt <= NOISE_LEARNINGS:  # the cost was another function
+            if not at.is_learnt:  # the cost was another function
                 continue
             if at.is_followed and largest < CLOSE:
                 break
@@ -360,7 +364,7 @@ def _conclude(
     problem: Problem, before: Fitted, at: _Iterate, steps: int, bifurcations: Mapping[int, int], budget: Budget
 ) -> Fitted:
     """Where the fit ended and how, with the likeliest variance components."""
-    marginal, z = likeliest(at.marginal.blocks, at.linear, at.marginal.sizes, LAST_ROUNDS), at.z
+    marginal, z = likeliest(at.marginal.blocks, at.linear, at.marginal.sizes, LAST_ROUNDS, anew=False), at.z
     remaining = box_step(marginal, at.here, z, problem.box(), 0.0)
     asked = problem.unknowns.asked
     left = np.abs(remaining[: len(asked)]) / marginal.width[: len(asked)]
@@ -459,7 +463,7 @@ def _without_bifurcations(at: _Iterate, bifurcations: Mapping[int, int]) -> _Ite
     blocks = [b.until(bifurcations[k]) if k in bifurcations else b for k, b in enumerate(at.marginal.blocks)]
     marginal = Marginal(blocks, at.marginal.sizes)
     costs = OwnModes(marginal, at.linear, at.z).costs(at.run, at.own)
-    return replace(at, marginal=marginal, costs=costs / np.array([r.size for r in at.run]))
+    return replace(at, marginal=marginal, costs=costs / np.array([r.size for r in at.run]), is_learnt=False)
 
 
 @dataclass(frozen=True)
@@ -515,12 +519,11 @@ def _run_towards(
 
 
 def _linearise(
-    columns: Columns, found: tuple[Array, _Modes, float], before: _Iterate, bifurcations: Mapping[int, int], anew: bool
+    columns: Columns, found: tuple[Array, _Modes, float], before: _Iterate, bifurcations: Mapping[int, int]
 ) -> _Iterate | None:
     """The linear model where a step led; None where it cannot be made.
 
-    Variance components are estimated ``anew`` once every trial is followed, and then kept, so that there is one
-    function to minimise.
+    Variance components are estimated once every trial is followed, until they settle.
     """
     z, modes, _ = found
     try:
@@ -531,11 +534,16 @@ def _linearise(
     here = without_own(blocks, modes.run, modes.own)
     linear = [r + b.moved @ z for r, b in zip(here, blocks, strict=True)]
     costs, sizes = modes.costs / np.array([r.size for r in linear]), before.marginal.sizes
-    if anew and bool(np.max(costs) < FOLLOWED):
-        marginal = learn(blocks, linear, sizes, LAST_ROUNDS, FLOOR)
-    else:
-        marginal = Marginal(blocks, sizes)
-    return _Iterate(z, modes.own, modes.run, linear, here, marginal, costs)
+    marginal, is_learnt = Marginal(blocks, sizes), before.is_learnt
+    if not is_learnt and bool(np.max(costs) < FOLLOWED):
+        known = marginal.log_evidence(linear)
+        for rounds in (LAST_ROUNDS, ROUNDS_A_STEP):
+            marginal = learn(blocks, linear, sizes, rounds, FLOOR)
+            there = OwnModes(marginal, linear, z).costs(modes.run, modes.own)
+            if np.max(there / np.array([r.size for r in linear])) < STEEP:
+                break
+        is_learnt = marginal.log_evidence(linear) - known < SETTLED
+    return _Iterate(z, modes.own, modes.run, linear, here, marginal, costs, is_learnt)
 
 
 _badness = attrgetter("badness")
