@@ -49,9 +49,7 @@ LEAST_GAIN = 0.5  # of twice the log posterior: two steps in turn that gain less
 SLIGHT = 0.05  # of the response: a discrepancy that is no reason to look for another minimum
 HOPELESS, HOPELESS_STEPS = 20.0, 3  # squared error a datum, in sensor noise, after so many steps without discrepancy
 FOLLOWED = 3.0  # squared error a datum of a trial: above it the model is not yet where the trial was
-ROUNDS_A_STEP = (
-    2  # of scoring, with each trial at its own mode: smaller noise makes a steeper cost, which runs must follow
-)
+ROUNDS_A_STEP = 2  # of scoring: smaller noise makes a steeper cost, which runs must follow
 STEEP = 100.0  # squared error a datum: variance components that raise a trial's cost above it are approached in rounds
 SETTLED = 1.0  # of the log evidence: variance components that gain less are kept, so that there is one cost to lower
 SHARES = (1.0, 0.3, 0.1, 0.03)  # of a step, for the line search
