@@ -50,8 +50,8 @@ SLIGHT = 0.05  # of the response: a discrepancy that is no reason to look for an
 HOPELESS, HOPELESS_STEPS = 20.0, 3  # squared error a datum, in sensor noise, after so many steps without discrepancy
 FOLLOWED = 3.0  # squared error a datum of a trial: above it the model is not yet where the trial was
 ROUNDS_A_STEP = 2  # of scoring: smaller noise makes a steeper cost, which runs must follow
-STEEP = 100.0  # squared error a datum: variance components that raise a trial's cost above it are approached in rounds
-SETTLED = 1.0  # of the log evidence: variance components that gain less are kept, so that there is one cost to lower
+STEEP = 1000.0  # squared error a datum: variance components that raise a trial's cost above it are approached in rounds
+SETTLED, MAX_LEARNINGS = 1.0, 2  # log evidence; variance components that gain less, or were learnt twice, are kept
 SHARES = (1.0, 0.3, 0.1, 0.03)  # of a step, for the line search
 OWN_SHARES = (1.0, 0.3, 0.1)  # of the step of one trial's deviation, where the whole step was too long
 CORRECTIONS = 3  # of each trial's mode by runs
@@ -249,6 +249,7 @@ class _Iterate:
     marginal: Marginal
     costs: Array
     is_learnt: bool = False  # whether the variance components have settled
+    learnings: int = 0  # how often they were estimated to the end
 
     @property
     def is_followed(self) -> bool:
@@ -461,7 +462,9 @@ def _without_bifurcations(at: _Iterate, bifurcations: Mapping[int, int]) -> _Ite
     blocks = [b.until(bifurcations[k]) if k in bifurcations else b for k, b in enumerate(at.marginal.blocks)]
     marginal = Marginal(blocks, at.marginal.sizes)
     costs = OwnModes(marginal, at.linear, at.z).costs(at.run, at.own)
-    return replace(at, marginal=marginal, costs=costs / np.array([r.size for r in at.run]), is_learnt=False)
+    return replace(
+        at, marginal=marginal, costs=costs / np.array([r.size for r in at.run]), is_learnt=False, learnings=0
+    )
 
 
 @dataclass(frozen=True)
@@ -532,16 +535,17 @@ def _linearise(
     here = without_own(blocks, modes.run, modes.own)
     linear = [r + b.moved @ z for r, b in zip(here, blocks, strict=True)]
     costs, sizes = modes.costs / np.array([r.size for r in linear]), before.marginal.sizes
-    marginal, is_learnt = Marginal(blocks, sizes), before.is_learnt
+    marginal, is_learnt, learnings = Marginal(blocks, sizes), before.is_learnt, before.learnings
     if not is_learnt and bool(np.max(costs) < FOLLOWED):
         known = marginal.log_evidence(linear)
         for rounds in (LAST_ROUNDS, ROUNDS_A_STEP):
             marginal = learn(blocks, linear, sizes, rounds, FLOOR)
             there = OwnModes(marginal, linear, z).costs(modes.run, modes.own)
             if np.max(there / np.array([r.size for r in linear])) < STEEP:
+                learnings += 1
                 break
-        is_learnt = marginal.log_evidence(linear) - known < SETTLED
-    return _Iterate(z, modes.own, modes.run, linear, here, marginal, costs, is_learnt)
+        is_learnt = learnings == MAX_LEARNINGS or marginal.log_evidence(linear) - known < SETTLED
+    return _Iterate(z, modes.own, modes.run, linear, here, marginal, costs, is_learnt, learnings)
 
 
 _badness = attrgetter("badness")

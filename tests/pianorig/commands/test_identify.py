@@ -43,6 +43,7 @@ class Found:
     posterior: Any
     end: Any
     details: Any
+    sensors: Any = None
 
 
 @pytest.fixture(scope="module")
