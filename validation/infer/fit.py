@@ -147,7 +147,7 @@ def fit(
     sizes, steps, idle = (Sizes.tight if tight else Sizes.start)(problem.families, problem.seen), 0, 0
     floor, damping, learnt = (FLOOR if tight else FIRST_FLOOR), 0.0, False
     last: tuple[Array, list[Array], Marginal, list[Array], list[Array]] | None = None
-    asked = np.arange(len(problem.unknowns.asked))
+    asked, watched = np.arange(len(problem.unknowns.asked)), np.arange(z.size) if tight else problem.watched
     end, near, largest = End(OUT_OF_BUDGET, "its steps did not become small"), False, np.inf
     with budget.interruptible():
         while True:
@@ -159,12 +159,12 @@ def fit(
             kept = learnt or (near and largest < NEAR) or tight  # one function to minimise
             rounds = LAST_ROUNDS if near else ROUNDS
             marginal = Marginal(blocks, sizes) if kept else learn(blocks, linear, sizes, rounds, floor)
-            largest = largest_step(marginal, here, z, (low, high), problem.watched)
+            largest = largest_step(marginal, here, z, (low, high), watched)
             lacks = not tight and float(marginal.sizes.discrepancy.max()) > SLIGHT
             is_left = leave and near and (largest < NEAR or lacks)
             if near and not is_left and (largest < CLOSE or idle) and not learnt:
                 marginal, learnt = likeliest(blocks, linear, marginal.sizes, LAST_ROUNDS, not tight), True
-                largest = largest_step(marginal, here, z, (low, high), problem.watched)
+                largest = largest_step(marginal, here, z, (low, high), watched)
             sizes, last = marginal.sizes, (z, curves, marginal, linear, here)
             limit = MAX_TIGHT_STEPS if tight else MAX_STEPS
             if is_left or (learnt and near and largest < CLOSE):
@@ -587,8 +587,11 @@ def _fit_pilots(problem: Problem, start: Array, say: Say, budget: Budget) -> lis
     pilot = problem.of_trials(_typical(problem.trials))
     say(f"pilot fit of {', '.join(t.label for t in pilot.trials)}")
     found = fit(pilot, start, say, leave=True, budget=budget)
-    if found.is_slight or budget.is_spent:
+    if budget.is_spent:
         return [(found, 1.0)]
+    if found.is_slight:
+        say("without discrepancy, from there")
+        return [(found, 1.0), (fit(pilot, found.z, say, None, True, True, 1.0, budget), 1.0)]
     tight, settled = found, 0.0
     for share in PARTS:
         say(f"without discrepancy, {share:.0%} of each trial")
