@@ -568,7 +568,10 @@ def fit_multistart(problem: Problem, n: int = 1, say: Say | None = None, budget:
     pilots.sort(key=lambda pilot: pilot[0].badness)
     fits: list[Fitted] = []
     for pilot, until in pilots[:MAX_CONTINUED]:
-        first = fit_alike(problem, pilot.z, pilot.marginal.sizes)
+        first = None
+        with budget.interruptible():
+            first = fit_alike(problem, pilot.z, pilot.marginal.sizes)
+        first = first or fit_alike(problem, pilot.z, pilot.marginal.sizes)  # Ctrl-C keeps what the pilots found
         fits.append(fit_conditional(problem, first, say, budget, until))
         if (fits[-1].converged and fits[-1].is_slight) or budget.is_spent:
             break
@@ -587,17 +590,15 @@ def _fit_pilots(problem: Problem, start: Array, say: Say, budget: Budget) -> lis
     pilot = problem.of_trials(_typical(problem.trials))
     say(f"pilot fit of {', '.join(t.label for t in pilot.trials)}")
     found = fit(pilot, start, say, leave=True, budget=budget)
-    if budget.is_spent:
-        return [(found, 1.0)]
-    if found.is_slight:
-        say("without discrepancy, from there")
-        return [(found, 1.0), (fit(pilot, found.z, say, None, True, True, 1.0, budget), 1.0)]
-    tight, settled = found, 0.0
-    for share in PARTS:
-        say(f"without discrepancy, {share:.0%} of each trial")
-        tight = fit(pilot, start if share == PARTS[0] else tight.z, say, None, True, True, share, budget)
-        settled = share if tight.converged else settled
-    return [(found, 1.0), (tight, settled or 1.0)]
+    pilots, tight, settled = [(found, 1.0)], found, 0.0
+    with budget.interruptible():
+        for share in () if budget.is_spent else PARTS[-1:] if found.is_slight else PARTS:
+            say(f"without discrepancy, {share:.0%} of each trial")
+            at = tight.z if found.is_slight or share != PARTS[0] else start
+            tight = fit(pilot, at, say, None, True, True, share, budget)
+            settled = share if tight.converged else settled
+        pilots += [(tight, settled or 1.0)] if tight is not found else []
+    return pilots
 
 
 def _typical(trials: Sequence[ObservedTrial]) -> list[int]:
