@@ -649,7 +649,7 @@ def driven_curve(job: tuple[model.Action, Case, ObservedTrial, float]) -> Array 
     try:
         own = action.with_values(case.changed)
         rest = np.asarray(model.rest_state(own, force_n=trial.preload_n).angle_rad)
-        run = run_prescribed(own, case.motion(trial).raised(float(rest[0])), when, tolerance=tolerance)
+        run = run_prescribed(own, case.motion(trial).shift_angle(float(rest[0])), when, tolerance=tolerance)
     except ModelError:
         return None
     order = [run.bodies.index(body) for body in BODIES]
