@@ -76,7 +76,8 @@ class ComparisonOptions:
         values: dict[str, Any] = dict(keywords)
         if "suspect" in values:
             raise TypeError(
-                "suspect: this keyword is now explain: True always, False never, None where a difference shows"
+                "suspect: is now explain (True: always, False: never, None: where a difference shows), and for "
+                '"parts" effects=False'
             )
         injected = {field.name: values.pop(field.name) for field in fields(StandIns) if field.name in values}
         return cls(stand_ins=StandIns(**injected), **values)

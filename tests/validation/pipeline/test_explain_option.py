@@ -17,5 +17,5 @@ def test_causes_are_looked_for_where_a_difference_shows_unless_told(
 
 def test_the_former_keyword_says_the_new_one() -> None:
     former: CompareOptions = {"suspect": "parts"}  # type: ignore[typeddict-unknown-key]
-    with pytest.raises(TypeError, match="is now explain .* effects=False"):
+    with pytest.raises(TypeError, match="is now explain .*effects=False"):
         ComparisonOptions.of(former)
