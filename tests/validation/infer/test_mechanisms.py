@@ -50,7 +50,7 @@ def test_a_key_drives_from_rest_however_few_phases_are_compared() -> None:
     measured = collect([EXAMPLE], model.load_action(), IdentifyOptions(phases=8)).measured[:1]
     (trial,) = observe_driven("one", 0, measured, 8)
     assert trial.key is not None
-    (rests, moves), _ = trial.key.at([trial.key.time_s[0], trial.time_s[0]])
+    (rests, moves), _ = trial.key.evaluate([trial.key.time_s[0], trial.time_s[0]])
     assert abs(rests[0]) < 1e-5 < 1e-3 < abs(moves[0])
 
 
