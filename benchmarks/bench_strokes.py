@@ -130,7 +130,7 @@ def record(
     per_unit = (f.physical_n[1] - f.physical_n[0]) / (f.electrical[1] - f.electrical[0])
     return TrialData(
         number=number, status="complete", started_utc="2026-11-21T09:00:00Z", simulated=True, sample_rate_hz=rate_hz,
-        time_s=time, force_n=raw * per_unit, force_raw=raw, motor_command_v=np.zeros(time.size),
+        time_s=time, raw_force_n=raw * per_unit, force_raw=raw, motor_command_v=np.zeros(time.size),
         encoder_count=count - count[0],
         encoders=encoders, force_info=ForceInfo.of(config, GROUP_DELAY_S),
         blow_start_s=BEFORE_S,
@@ -167,7 +167,7 @@ def scaled(i: int, by: float) -> Change:
 
 def force(made: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Change:
     """Another force, of that and the time."""
-    return lambda data, _: replace(data, force_n=made(data.force_n, data.time_s))
+    return lambda data, _: replace(data, raw_force_n=made(data.raw_force_n, data.time_s))
 
 
 def louder(by: float) -> Change:

@@ -110,7 +110,7 @@ class Sensors:
         seen = (felt - self.preload_n) / self.gain + 0.3 + noise
         return TrialData(
             number=number, status="complete", started_utc="2026-11-22T09:00:00Z", simulated=True,
-            sample_rate_hz=RATE_HZ, time_s=t, force_n=seen, force_raw=seen, motor_command_v=np.zeros(t.size),
+            sample_rate_hz=RATE_HZ, time_s=t, raw_force_n=seen, force_raw=seen, motor_command_v=np.zeros(t.size),
             encoder_count=count - count[0], encoders=self.encoders,
             force_info=ForceInfo.of(self.config, DELAY_S), blow_start_s=BEFORE_S,
         )  # fmt: skip

@@ -101,7 +101,7 @@ def part_of_record(start_s: float, end_s: float) -> Change:
 
     def change(data: TrialData, _: Stroke) -> TrialData:
         keep = (data.time_s >= start_s) & (data.time_s < end_s)
-        parts = {name: getattr(data, name)[keep] for name in ("force_n", "force_raw", "motor_command_v")}
+        parts = {name: getattr(data, name)[keep] for name in ("raw_force_n", "force_raw", "motor_command_v")}
         time, count = data.time_s[keep], data.encoder_count[keep]
         begins_s = max(data.blow_start_s - start_s, 0.0)
         return replace(data, time_s=time - time[0], encoder_count=count - count[0], blow_start_s=begins_s, **parts)

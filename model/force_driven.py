@@ -7,7 +7,7 @@ Bad tables are refused with the row and what is allowed.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Unpack
+from typing import Any, Protocol, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +16,7 @@ from model.arrays import as_numbers
 from model.errors import InputError
 from model.files.force_table import check_force_table
 from model.inside.observe_motion import observe
-from model.parameters.action import Action
+from model.parameters.action import Action, ActionLike, as_action
 from model.parameters.effects import STRING_EFFECT, column
 from model.scene.build import Scene, build_scene
 from model.scene.selection import SceneChoice
@@ -26,7 +26,7 @@ from model.simulation.loads_and_losses import Inside
 from model.simulation.options import ForceDrivenKeywords, ForceDrivenOptions
 from model.simulation.run import SMALLEST_TOLERANCE, Plan, Simulation, State
 from model.simulation.solution import MISSED, Solution
-from model.simulation.statics import RestState, solve_rest
+from model.simulation.statics import RestState, rest_state, solve_rest
 from model.simulation.string_motion import count_modes, string_motion
 
 Array = NDArray[np.float64]
@@ -77,10 +77,21 @@ def check_output_times(output_time_s: ArrayLike | None, table_s: Array) -> Array
     return outputs
 
 
+class Recorded(Protocol):
+    """A recorded trial: it has the force as it acted, and the times at which its sensors were read."""
+
+    @property
+    def time_s(self) -> Any:
+        """Sample times (n,), s."""
+
+    def corrected_force(self) -> Any:
+        """Force with ``time_s`` and ``force_n``, (k,), and ``preload_n``, the load at rest."""
+
+
 def simulate(
-    action: Action,
-    time_s: ArrayLike,
-    force_n: ArrayLike,
+    action: ActionLike,
+    time_s: ArrayLike | Recorded,
+    force_n: ArrayLike | None = None,
     *,
     initial: RestState | State | None = None,
     **keywords: Unpack[ForceDrivenKeywords],
@@ -89,10 +100,12 @@ def simulate(
 
     Parameters
     ----------
-    action : parameter set
+    action : parameter set, its name or its file
     time_s, force_n : (k,) force table, linear between its points; with an effect that presses the key
-        its input: torque of ``motor_arm``, N m; command of ``motor_drive``, V; motion of ``finger``, m
-    initial : where to start; by default at rest without force
+        its input: torque of ``motor_arm``, N m; command of ``motor_drive``, V; motion of ``finger``, m. Or a recorded
+        trial alone (`rig.TrialData`): its corrected force drives, from rest under its preload, and rows come out at
+        its sample times
+    initial : where to start; by default at rest, without force under a table
     tolerance : requested largest error of any angle, rad; by default 1e-5
     output_time_s : (m,) increasing, within the table; by default the table's own times
     scene : what takes part and what to give out, by name or file (`model.scene.selection`)
@@ -128,20 +141,43 @@ def simulate(
     9.0 N
     """
     options = ForceDrivenOptions(**keywords)
-    times, forces = check_force_table(time_s, force_n)
+    preload_n = 0.0
+    if force_n is None:
+        times, forces, preload_n, sampled = _table_of(time_s)
+        options = options if options.output_time_s is not None else replace(options, output_time_s=sampled)
+    else:
+        times, forces = check_force_table(time_s, force_n)  # type: ignore[arg-type]  # a trial comes without a force
     outputs = check_output_times(options.output_time_s, times)
-    action, choice = options.resolve(action)
+    action, choice = options.resolve(as_action(action))
+    if force_n is None and choice.input_column != "force_n":
+        raise InputError(f"simulate: a trial has a force, this scene is driven by {choice.input_column}; give a table")
     scene, fewer = resolve_string_modes(action, choice, options)
     if isinstance(initial, State):
         state = initial.copy()
     else:
-        angle = solve_rest(scene) if initial is None else initial.angle_rad
+        loaded = rest_state(action, force_n=preload_n, scene=scene) if preload_n and initial is None else initial
+        angle = solve_rest(scene) if loaded is None else loaded.angle_rad
         state = State(float(times[0]), np.array(angle, dtype=float), np.zeros(scene.size))
     run = ForceDrivenRun(
         scene, times, forces, outputs, options.tolerance, options.method, choice.outputs,
         options.estimate_error, fewer,
     )  # fmt: skip
     return run.from_state(state)
+
+
+def _table_of(trial: Any) -> tuple[Array, Array, float, Array]:
+    """Force table (k,), preload and sample times (n,) of a recorded trial; the table reaches over all samples."""
+    if not hasattr(trial, "corrected_force"):
+        raise InputError(
+            f"simulate: found {type(trial).__name__} and no force_n; give time_s and force_n, or a recorded trial"
+        )
+    trial = trial.read() if hasattr(trial, "read") else trial
+    force = trial.corrected_force()
+    times, forces, sampled = force.time_s, force.force_n, trial.time_s
+    if sampled[-1] > times[-1]:  # the force of the last samples comes after the end of the record
+        times, forces = np.append(times, sampled[-1]), np.append(forces, forces[-1])
+    times, forces = check_force_table(times, forces, f"trial {getattr(trial, 'number', '')}".strip())
+    return times, forces, float(force.preload_n), sampled[sampled >= times[0]]
 
 
 def resolve_string_modes(

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import as_numbers
 from model.errors import InputError
-from model.parameters.action import BODIES, CAPSTAN, KEY_FRONT, STRING, Action
+from model.parameters.action import BODIES, CAPSTAN, KEY_FRONT, STRING, ActionLike, as_action
 from model.parameters.effects import SHANK
 
 PIN = ("hammer_pin_x", "hammer_pin_y")
@@ -26,7 +26,7 @@ def _column(angle_rad: ArrayLike, body: str) -> NDArray[np.float64]:
     return angles[..., BODIES.index(body)]
 
 
-def hammer_height_from_angle(action: Action, hammer_rad: ArrayLike) -> NDArray[np.float64]:
+def hammer_height_from_angle(action: ActionLike, hammer_rad: ArrayLike) -> NDArray[np.float64]:
     """Distance from the hammer's striking surface to the string, 0 at touch; from the hammer's angle alone.
 
     Parameters
@@ -47,6 +47,7 @@ def hammer_height_from_angle(action: Action, hammer_rad: ArrayLike) -> NDArray[n
     >>> print(f"{1e3 * model.observables.hammer_height_from_angle(action, hammer_rad):.1f} mm")
     48.0 mm
     """
+    action = as_action(action)
     theta = as_numbers(hammer_rad, "angle of the hammer")
     x, y = action[f"{STRING}.first.x"], action[f"{STRING}.first.y"]
     c, s = np.cos(theta), np.sin(theta)
@@ -59,7 +60,7 @@ def hammer_height_from_angle(action: Action, hammer_rad: ArrayLike) -> NDArray[n
 
 
 def hammer_height_m(
-    action: Action, angle_rad: ArrayLike, shank_rad: ArrayLike | None = None, give_m: ArrayLike | None = None
+    action: ActionLike, angle_rad: ArrayLike, shank_rad: ArrayLike | None = None, give_m: ArrayLike | None = None
 ) -> NDArray[np.float64]:
     """Distance from the hammer's striking surface to the string, 0 at touch.
 
@@ -86,6 +87,7 @@ def hammer_height_m(
     >>> print(f"{1e3 * model.observables.hammer_height_m(action, solution.angle_rad)[0]:.0f} mm at rest")
     48 mm at rest
     """
+    action = as_action(action)
     theta = _column(angle_rad, "hammer")
     if give_m is not None:
         return hammer_height_m(action, angle_rad, shank_rad) + string_normal_component(action, give_m)
@@ -100,7 +102,7 @@ def hammer_height_m(
     return np.asarray(hammer_height_from_angle(action, turned) + along)
 
 
-def head_height_m(action: Action, coordinates: Sequence[str], rows: ArrayLike) -> NDArray[np.float64]:
+def head_height_m(action: ActionLike, coordinates: Sequence[str], rows: ArrayLike) -> NDArray[np.float64]:
     """Distance of the hammer's head from the string, with shank bending and joint compliance.
 
     Parameters
@@ -124,6 +126,7 @@ def head_height_m(action: Action, coordinates: Sequence[str], rows: ArrayLike) -
     >>> print(f"{1e3 * float(height):.0f} mm where the joint has given way by 1 mm")
     49 mm where the joint has given way by 1 mm
     """
+    action = as_action(action)
     values, names = np.moveaxis(as_numbers(rows, "coordinates"), -1, 0), list(coordinates)
     column = dict(zip(names, values, strict=True))
     bodies = np.repeat(column["hammer"][..., None], len(BODIES), axis=-1)  # only the hammer's is read
@@ -133,7 +136,7 @@ def head_height_m(action: Action, coordinates: Sequence[str], rows: ArrayLike) -
 
 
 def head_approach_m_per_s(
-    action: Action, coordinates: Sequence[str], rows: ArrayLike, rates: ArrayLike
+    action: ActionLike, coordinates: Sequence[str], rows: ArrayLike, rates: ArrayLike
 ) -> NDArray[np.float64]:
     """Speed of the hammer's head towards the string: the rate of `head_height_m`, by differences of order four.
 
@@ -157,6 +160,7 @@ def head_approach_m_per_s(
     >>> print(f"{float(speed):.3f}")
     -1.000
     """
+    action = as_action(action)
     at, way = as_numbers(rows, "coordinates"), APPROACH_S * as_numbers(rates, "their rates")
     near, far = (
         head_height_m(action, coordinates, at - s * way) - head_height_m(action, coordinates, at + s * way)
@@ -165,7 +169,7 @@ def head_approach_m_per_s(
     return np.asarray((8.0 * near - far) / (12.0 * APPROACH_S))
 
 
-def string_normal_component(action: Action, way: ArrayLike) -> NDArray[np.float64]:
+def string_normal_component(action: ActionLike, way: ArrayLike) -> NDArray[np.float64]:
     """Component of vectors (..., 2) along the normal of the string, which points at the hammer.
 
     Parameters
@@ -188,6 +192,7 @@ def string_normal_component(action: Action, way: ArrayLike) -> NDArray[np.float6
     >>> float(model.observables.string_normal_component(model.load_action(), [0.0, 1e-3]))
     -0.001
     """
+    action = as_action(action)
     normal = np.array([action[f"{STRING}.second.normal.x"], action[f"{STRING}.second.normal.y"]])
     ways = as_numbers(way, "vectors along the normal of the string")
     if ways.ndim == 0 or ways.shape[-1] != 2:
@@ -221,7 +226,7 @@ def encoder_rad(angle_rad: ArrayLike, lift_m: ArrayLike, radius_m: float) -> NDA
     return as_numbers(angle_rad, "angle") + as_numbers(lift_m, "lift") / radius_m
 
 
-def key_front_height_m(action: Action, angle_rad: ArrayLike) -> NDArray[np.float64]:
+def key_front_height_m(action: ActionLike, angle_rad: ArrayLike) -> NDArray[np.float64]:
     """Height of the point of the key where the force acts, in the ground frame.
 
     Parameters
@@ -241,12 +246,13 @@ def key_front_height_m(action: Action, angle_rad: ArrayLike) -> NDArray[np.float
     >>> model.observables.key_front_height_m(action, model.rest_state(action).angle_rad[None, :]).shape
     (1,)
     """
+    action = as_action(action)
     theta = _column(angle_rad, "key")
     x, y = action["drive.point.x"], action["drive.point.y"]
     return action["key.pivot.y"] + np.sin(theta) * x + np.cos(theta) * y
 
 
-def key_dip_m(action: Action, angle_rad: ArrayLike, rest_rad: ArrayLike | None = None) -> NDArray[np.float64]:
+def key_dip_m(action: ActionLike, angle_rad: ArrayLike, rest_rad: ArrayLike | None = None) -> NDArray[np.float64]:
     """How far the key front has gone down from rest.
 
     Parameters
@@ -268,12 +274,13 @@ def key_dip_m(action: Action, angle_rad: ArrayLike, rest_rad: ArrayLike | None =
     >>> print(f"{1e3 * model.observables.key_dip_m(action, solution.angle_rad).max():.1f} mm")
     11.2 mm
     """
+    action = as_action(action)
     angles = as_numbers(angle_rad, "angles of the bodies")
     rest = angles[:1] if rest_rad is None else as_numbers(rest_rad, "angles at rest", 1)[None, :]
     return key_front_height_m(action, rest) - key_front_height_m(action, angles)
 
 
-def key_front_gap_m(action: Action, angle_rad: ArrayLike) -> NDArray[np.float64]:
+def key_front_gap_m(action: ActionLike, angle_rad: ArrayLike) -> NDArray[np.float64]:
     """Gap between the key's underside and the felt under its front, 0 at first touch.
 
     Parameters
@@ -294,6 +301,7 @@ def key_front_gap_m(action: Action, angle_rad: ArrayLike) -> NDArray[np.float64]
     >>> bool(model.observables.key_front_gap_m(action, at_rest)[0] > 0.0)
     True
     """
+    action = as_action(action)
     theta = _column(angle_rad, "key")
     c, s = np.cos(theta), np.sin(theta)
     x, y = action[f"{KEY_FRONT}.second.x"], action[f"{KEY_FRONT}.second.y"]
@@ -304,7 +312,7 @@ def key_front_gap_m(action: Action, angle_rad: ArrayLike) -> NDArray[np.float64]
     return np.asarray(reach - action[f"{KEY_FRONT}.first.radius"], dtype=float)
 
 
-def capstan_gap_m(action: Action, angle_rad: ArrayLike) -> NDArray[np.float64]:
+def capstan_gap_m(action: ActionLike, angle_rad: ArrayLike) -> NDArray[np.float64]:
     """Gap between capstan and whippen heel.
 
     Parameters
@@ -325,6 +333,7 @@ def capstan_gap_m(action: Action, angle_rad: ArrayLike) -> NDArray[np.float64]:
     >>> bool(model.observables.capstan_gap_m(action, at_rest)[0] < 0.0)  # the key carries the whippen
     True
     """
+    action = as_action(action)
     key, whippen = _column(angle_rad, "key"), _column(angle_rad, "whippen")
 
     def centre(body: str, side: str, theta: NDArray[np.float64]) -> NDArray[np.complex128]:

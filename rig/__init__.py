@@ -5,7 +5,7 @@ Profiles and rig files in; sealed session folders out, for ``vision`` and ``vali
 backend is opened, the virtual bench (``rig.simulated``) only for a ``sim://`` address.
 
     session = rig.record("sessions/try", profile="forte", trials=2, backend="sim://")
-    force_n = session.trial(1).read().force_n
+    force = session[1].corrected_force()
 """
 
 import lazy_loader as _lazy

@@ -66,6 +66,10 @@ from .selftest import run_selftest as run_selftest
 from .session.annotation_file import Annotation as Annotation
 from .session.folder import Session as Session
 from .session.folder import Trial as Trial
+from .session.folder import open_session as open_session
+from .session.force_correction import CorrectedForce as CorrectedForce
+from .session.force_correction import correct_force as correct_force
+from .session.force_correction import find_quiet as find_quiet
 from .session.info import ActionInfo as ActionInfo
 from .session.info import ChannelInfo as ChannelInfo
 from .session.info import EncoderInfo as EncoderInfo

@@ -147,9 +147,9 @@ def _pressed(trial: TrialData, quiet: int) -> tuple[Array, float]:
     late = np.arange(n) > n // 2
     nominal = trial.force_info.mains_frequency_hz
     rest = np.column_stack([~late, late]).astype(float)  # a felt that has not come back rests at another force
-    fit = fit_mains_hum(t, trial.force_n, calm, nominal + np.linspace(-HUM_HZ, HUM_HZ, 31), rest)
+    fit = fit_mains_hum(t, trial.raw_force_n, calm, nominal + np.linspace(-HUM_HZ, HUM_HZ, 31), rest)
     scatter = float(np.sqrt(np.mean(fit.residual**2)))
-    return trial.force_n - fit.hum - fit.rest[0] + trial.force_info.preload_n, scatter
+    return trial.raw_force_n - fit.hum - fit.rest[0] + trial.force_info.preload_n, scatter
 
 
 def _between(moved: Array, start: int, top: int, low: float) -> tuple[int, int]:

@@ -262,7 +262,7 @@ def measured_force(data: TrialData, target: TargetForce, start_s: float) -> Meas
     Resting force and mains hum, fitted to the time before the blow, are subtracted; the channel's delay and the sample
     between output and input are taken back.
     """
-    force = data.force_n - _resting(data)
+    force = data.raw_force_n - _resting(data)
     rate = data.sample_rate_hz
     at_s = start_s + target.time_s + data.force_info.group_delay_s + 1.0 / rate
     on_clock = np.interp(at_s, data.time_s, force)
@@ -273,7 +273,7 @@ def measured_force(data: TrialData, target: TargetForce, start_s: float) -> Meas
 def _resting(data: TrialData) -> NDArray[np.float64]:
     """Mean and mains hum of the force before the blow, continued over the whole trial, (n,)."""
     mains_hz = np.array([data.force_info.mains_frequency_hz])
-    fit = fit_mains_hum(data.time_s, data.force_n, data.time_s < data.blow_start_s, mains_hz)
+    fit = fit_mains_hum(data.time_s, data.raw_force_n, data.time_s < data.blow_start_s, mains_hz)
     return fit.rest + fit.hum
 
 

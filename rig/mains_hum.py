@@ -1,7 +1,7 @@
 """The one fit of mains hum: a level at rest and three harmonics, least squares over the samples at rest.
 
 What is subtracted is continued over the whole record, so that a stroke is never filtered. Time in s, any unit of the
-reading. Where hum must first be shown to be there: `validation.measurement.force_correction.fit_hum`.
+reading. Where hum must first be shown to be there: `rig.session.force_correction.fit_hum`.
 """
 
 from __future__ import annotations

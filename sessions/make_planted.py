@@ -89,7 +89,7 @@ def record_trial(number: int, specimen: model.Action, fault: str | None) -> tupl
     )  # fmt: skip
     data = TrialData(
         number=number, status="complete", reason="", started_utc=STARTED, simulated=True, sample_rate_hz=rate,
-        time_s=time, force_n=reading, force_raw=reading / 50.0, motor_command_v=np.zeros(time.size),
+        time_s=time, raw_force_n=reading, force_raw=reading / 50.0, motor_command_v=np.zeros(time.size),
         encoder_count=np.column_stack([c - c[0] for c in counts]), encoders=encoders, force_info=info, camera=camera,
         blow_start_s=BLOW_S,
     )  # fmt: skip

@@ -14,8 +14,6 @@ from .infer.residuals import residual_problem as residual_problem
 from .infer.result import Identification as Identification
 from .infer.write import write_identified as write_identified
 from .infer.write import write_reading as write_reading
-from .measurement.force_correction import correct_force as correct_force
-from .measurement.force_correction import find_quiet as find_quiet
 from .options import CompareOptions as CompareOptions
 from .pipeline.compare_session import compare as compare
 from .pipeline.compare_sessions import compare_many as compare_many

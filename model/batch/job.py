@@ -23,7 +23,7 @@ from model.arrays import ArrayRecord
 from model.errors import ModelError
 from model.files.force_table import check_force_table
 from model.force_driven import ForceDrivenRun, check_output_times, resolve_string_modes
-from model.parameters.action import Action
+from model.parameters.action import ActionLike, as_action
 from model.scene.build import Scene
 from model.scene.selection import SceneChoice
 from model.simulation.options import ForceDrivenOptions
@@ -146,7 +146,7 @@ def _scene_with_writable_arrays(scene: Scene) -> Scene:
 
 
 def make_jobs(
-    action: Action,
+    action: ActionLike,
     trials: Mapping[str, tuple[ArrayLike, ArrayLike]],
     parameter_sets: Mapping[str, Mapping[str, float]],
     options: ForceDrivenOptions,
@@ -176,6 +176,7 @@ def make_jobs(
     >>> jobs[0].trial, jobs[0].parameters
     ('forte', 'printed')
     """
+    action = as_action(action)
     tables: dict[str, tuple[Array, Array, Array] | ModelError] = {}
     for trial, (time_s, force_n) in trials.items():
         try:

@@ -21,7 +21,7 @@ from model.batch.lanes import group_jobs, run_job_group, select_lane_jobs, warm_
 from model.batch.store import Store
 from model.codegen.load import load_kernel, load_kernels
 from model.errors import InputError
-from model.parameters.action import Action
+from model.parameters.action import ActionLike, as_action
 from model.simulation.options import BatchKeywords, BatchOptions
 from model.simulation.statics import RestState
 
@@ -226,7 +226,7 @@ def _label_items(items: Mapping[str, T] | Sequence[T]) -> dict[str, T]:
 
 
 def simulate_many(
-    action: Action,
+    action: ActionLike,
     trials: Trials,
     parameter_sets: ParameterSets | None = None,
     *,
@@ -278,6 +278,7 @@ def simulate_many(
     >>> [(member.trial, member.parameters, member.error) for member in members]
     [('forte', 'printed', None), ('forte', 'heavy', None)]
     """
+    action = as_action(action)
     options = BatchOptions(**keywords)
     jobs = make_jobs(
         action,

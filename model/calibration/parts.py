@@ -23,7 +23,7 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from model.errors import InputError
-from model.parameters.action import Action
+from model.parameters.action import Action, ActionLike, as_action
 
 B2 = 1.0
 LARGEST_B1 = 100.0  # the parameter file's bound
@@ -247,7 +247,7 @@ def inertia_from_pendulum(
     )
 
 
-def with_calibrated(action: Action, values: Mapping[str, tuple[float, float]], source: str) -> Action:
+def with_calibrated(action: ActionLike, values: Mapping[str, tuple[float, float]], source: str) -> Action:
     """Return a copy of ``action`` with measured values.
 
     Parameters
@@ -272,6 +272,7 @@ def with_calibrated(action: Action, values: Mapping[str, tuple[float, float]], s
     >>> mine.quantities["hammer.mass"].u
     0.0001
     """
+    action = as_action(action)
     changed = action.with_values({path: value for path, (value, _) in values.items()}, "calibration")
     quantities = dict(changed.quantities)
     for path, (_, u) in values.items():

@@ -19,7 +19,7 @@ from model.codegen.evaluate_observables import contacts_at
 from model.codegen.observable_columns import DEPTH
 from model.errors import InputError
 from model.files.csv_columns import read_columns
-from model.parameters.action import BODIES, Action
+from model.parameters.action import BODIES, ActionLike, as_action
 from model.scene.build import build_scene
 
 REST_SHARE = 0.02
@@ -58,7 +58,7 @@ class MeanSpeeds(ArrayRecord):
 
 
 def mean_normal_speeds(
-    action: Action,
+    action: ActionLike,
     time_s: ArrayLike,
     angle_rad: ArrayLike,
     speed_rad_per_s: ArrayLike | None = None,
@@ -91,6 +91,7 @@ def mean_normal_speeds(
     >>> speeds.of("contact12") > speeds.of("contact02")  # the string is met faster than the key's felt
     True
     """
+    action = as_action(action)
     t, q = as_numbers(time_s, "motion: times", 1), as_numbers(angle_rad, "motion: angles")
     if q.shape != (len(t), len(BODIES)):
         raise InputError(f"motion: angles found of shape {q.shape}, allowed ({len(t)}, {len(BODIES)})")

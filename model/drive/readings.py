@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from model.errors import InputError
 from model.files.time_table import two_columns
 from model.kernels import layout as L
-from model.parameters.action import Action
+from model.parameters.action import Action, ActionLike, as_action
 from model.parameters.effects import ARM, MOTOR, WINDING
 from model.scene.build import Scene, build_scene
 from model.scene.pressing import amplifier_voltage, steady_current
@@ -54,7 +54,7 @@ class DriveReadings:
 
 
 def drive_readings(
-    action: Action,
+    action: ActionLike,
     solution: Solution,
     time_s: ArrayLike,
     command_v: ArrayLike,
@@ -87,6 +87,7 @@ def drive_readings(
     >>> print(f"{seen.current_a.max():.1f} A, back-EMF up to {seen.back_emf_v.max():.1f} V")
     4.1 A, back-EMF up to 5.7 V
     """
+    action = as_action(action)
     if WINDING not in solution.bodies:
         raise InputError("drive: found a run without the effect motor_drive, allowed a scene with it")
     built = driven_scene(action, scene)
@@ -121,7 +122,7 @@ def driven_scene(action: Action, scene: SceneChoice | str) -> Scene:
     return built
 
 
-def static_torque_nm(action: Action, scene: SceneChoice | str, command_v: float) -> float:
+def static_torque_nm(action: ActionLike, scene: SceneChoice | str, command_v: float) -> float:
     """Torque, N m, of a motor that stands still under a constant command.
 
     Parameters
@@ -144,6 +145,7 @@ def static_torque_nm(action: Action, scene: SceneChoice | str, command_v: float)
     >>> f"{model.drive.static_torque_nm(model.load_action(), 'motor-drive', 2.0):.2f} N m"
     '2.40 N m'
     """
+    action = as_action(action)
     built = driven_scene(action, scene)
     assert built.command is not None
     numbers = built.vector[built.tables.offset[2] :][: L.WINDING_SIZE]

@@ -16,7 +16,7 @@ from model.errors import InputError
 from model.files.figure_sheet import new_sheet
 from model.files.time_table import two_columns
 from model.inside.labels import BODY_COLORS, contact_label, input_label
-from model.parameters.action import STRING, Action
+from model.parameters.action import STRING, Action, ActionLike, as_action
 from model.parameters.effects import RAIL
 from model.simulation.loads_and_losses import Inside
 from model.simulation.solution import Solution
@@ -32,7 +32,7 @@ WORTH_A_LABEL = 0.1  # of the largest, in the close-up; weaker ones would only c
 
 
 def draw_sheet(
-    action: Action,
+    action: ActionLike,
     solution: Solution,
     force_n: ArrayLike,
     path: str | Path,
@@ -58,6 +58,7 @@ def draw_sheet(
     >>> solution = model.simulate(action, time_s, force_n, inside=True)
     >>> model.inside.draw_sheet(action, solution, force_n, "inside.svg")
     """
+    action = as_action(action)
     inside = solution.inside
     if inside is None:
         raise InputError("sheet: the solution has no inside view; simulate with inside=True")

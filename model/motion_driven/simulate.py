@@ -25,7 +25,7 @@ from model.files.force_table import LARGEST_FORCE_N
 from model.force_driven import check_output_times
 from model.motion_driven.prescribed_key import PrescribedRun, rest_angle, run_prescribed
 from model.motion_driven.spline_fit import KeyFit, fit_key_motion
-from model.parameters.action import Action
+from model.parameters.action import ActionLike, as_action
 from model.parameters.effects import KEY_LIFT, column
 from model.scene.key_motion import KeyMotion
 from model.scene.selection import check_prescribed
@@ -143,7 +143,7 @@ class MotionDriven(Moved, ArrayRecord):
 
 
 def simulate_motion(
-    action: Action, time_s: ArrayLike, key_rad: ArrayLike, **keywords: Unpack[MotionDrivenKeywords]
+    action: ActionLike, time_s: ArrayLike, key_rad: ArrayLike, **keywords: Unpack[MotionDrivenKeywords]
 ) -> MotionDriven:
     """Predict the force at the key front, and the other bodies' motion, from the measured motion of the key.
 
@@ -192,6 +192,7 @@ def simulate_motion(
     >>> driven.force_n.shape == driven.u_force_n.shape == time_s.shape
     True
     """
+    action = as_action(action)
     options = MotionDrivenOptions(**keywords)
     action, choice = options.resolve(action)
     check_prescribed(choice)  # before the rest angle, for which the scene's kernels may have to be compiled

@@ -20,7 +20,7 @@ from model.codegen.observable_columns import NORMAL
 from model.errors import InputError
 from model.motion_driven.prescribed_key import key_load
 from model.observables import head_height_m, key_dip_m
-from model.parameters.action import BODIES, Action
+from model.parameters.action import BODIES, Action, ActionLike, as_action
 from model.scene.build import build_scene
 from model.scene.key_motion import KeyMotion, with_moved
 from model.simulation.compliant_joints import pin_motion
@@ -100,7 +100,7 @@ def _motion(
 
 
 def slow_press(
-    action: Action,
+    action: ActionLike,
     rest_rad: ArrayLike,
     dips_m: ArrayLike,
     *,
@@ -137,6 +137,7 @@ def slow_press(
     >>> print(f"{1e3 * press.hammer_height_m[-1]:.0f} mm below the string at half dip")
     19 mm below the string at half dip
     """
+    action = as_action(action)
     if not 0.0 < speed_m_per_s <= 1.0:
         raise InputError(f"speed of the press: found {speed_m_per_s:g} m/s, allowed above 0 to 1")
     rest, dips = as_numbers(rest_rad, "angles at rest", 1), as_numbers(dips_m, "dips of the key", 1)

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from model.codegen.evaluate_observables import contacts_at
 from model.codegen.observable_columns import DEPTH, NORMAL
 from model.observables import hammer_height_from_angle
-from model.parameters.action import BACK_CHECK, BODIES, BUTTON, CONTACTS, USUAL, Action
+from model.parameters.action import BACK_CHECK, BODIES, BUTTON, CONTACTS, USUAL, Action, ActionLike, as_action
 from model.scene.build import Scene, build_scene
 from model.scene.selection import choice_of
 from model.simulation.hand_set_rest import hand_set_rest
@@ -161,7 +161,7 @@ def _string(action: Action, rest: float) -> tuple[float, float]:
     return up, float(turn[i - 1] + (turn[i] - turn[i - 1]) * height[i - 1] / (height[i - 1] - height[i]))
 
 
-def reduce_action(action: Action) -> Reduced:
+def reduce_action(action: ActionLike) -> Reduced:
     """Paths and reflected quantities of an action, from its parameters alone.
 
     Parameters
@@ -185,6 +185,7 @@ def reduce_action(action: Action) -> Reduced:
     >>> reduced.rest_rad.shape
     (5,)
     """
+    action = as_action(action)
     choice = replace(choice_of(action), effects=())  # the yardstick knows no effects and one law
     choice.need_played_key(action.name)
     action = choice.apply_to(replace(action, changed={})).with_laws(dict.fromkeys(CONTACTS, USUAL))

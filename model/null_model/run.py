@@ -24,7 +24,7 @@ from model.files.force_table import check_force_table
 from model.force_driven import check_output_times
 from model.null_model.reduction import HAMMER, KEY, Path, Reduced, reduce_action
 from model.null_model.time_stepping import Constants, integrate
-from model.parameters.action import BODIES, STRING, Action
+from model.parameters.action import BODIES, STRING, Action, ActionLike, as_action
 from model.scene.selection import choice_of
 from model.simulation.solution import Solution
 from model.simulation.statics import RestState
@@ -49,7 +49,7 @@ def _cached_reduction(key: _ByContent) -> Reduced:
 
 
 def simulate(
-    action: Action,
+    action: ActionLike,
     time_s: ArrayLike,
     force_n: ArrayLike,
     *,
@@ -87,6 +87,7 @@ def simulate(
     >>> model.null_model.simulate(model.load_action(), *model.force_table("forte")).angle_rad.shape
     (3501, 5)
     """
+    action = as_action(action)
     choice_of(action).need_played_key(action.name)
     times, forces = check_force_table(time_s, force_n)
     outputs = check_output_times(output_time_s, times)

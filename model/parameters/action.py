@@ -323,3 +323,16 @@ def load_action(name_or_path: str | Path = TEMPLATE, overrides: Mapping[str, flo
         identification=found if isinstance(found, dict) else {},
     )
     return action.with_values(overrides) if overrides else action
+
+
+ActionLike = Action | str | Path
+"""An action, the name of a built-in one, or a TOML file."""
+
+
+def as_action(action: ActionLike) -> Action:
+    """The parameter set itself, or that of a built-in name or a file."""
+    if isinstance(action, Action):
+        return action
+    if isinstance(action, str | Path):
+        return load_action(action)
+    raise InputError(f"action: found {type(action).__name__}, allowed a model.Action, a built-in name or a TOML file")

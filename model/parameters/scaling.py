@@ -20,7 +20,7 @@ from collections.abc import Mapping
 from fnmatch import fnmatchcase
 
 from model.errors import InputError, did_you_mean
-from model.parameters.action import CONTACTS, STRING, Action
+from model.parameters.action import CONTACTS, STRING, Action, ActionLike, as_action
 
 GROUPS = ("damping", "friction", "joint_friction")
 
@@ -65,7 +65,7 @@ def named_paths(action: Action, name: str, where: str) -> list[str]:
     return paths
 
 
-def scale_parameters(action: Action, factors: Mapping[str, float]) -> Action:
+def scale_parameters(action: ActionLike, factors: Mapping[str, float]) -> Action:
     """A copy of ``action`` with parameters multiplied, in the order given.
 
     Parameters
@@ -88,6 +88,7 @@ def scale_parameters(action: Action, factors: Mapping[str, float]) -> Action:
     >>> light["hammer.mass"] / model.load_action("hirschkorn2004")["hammer.mass"]
     0.5
     """
+    action = as_action(action)
     for name, factor in factors.items():
         if not math.isfinite(factor):
             raise InputError(f"--scale {name}: factor found {factor}, allowed a finite number")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from model.errors import InputError
 from model.files.atomic_write import whole_file
-from model.parameters.action import SCENE, Action, added_defaults
+from model.parameters.action import SCENE, Action, ActionLike, added_defaults, as_action
 
 
 def _text(value: str) -> str:
@@ -40,7 +40,7 @@ def action_text(action: Action, comment: Sequence[str] = ()) -> str:
     return "\n".join(lines) + "\n"
 
 
-def write_action(action: Action, path: str | Path, comment: Sequence[str] = ()) -> None:
+def write_action(action: ActionLike, path: str | Path, comment: Sequence[str] = ()) -> None:
     """Write an action to a TOML file, whole or not at all.
 
     Parameters
@@ -61,6 +61,7 @@ def write_action(action: Action, path: str | Path, comment: Sequence[str] = ()) 
     >>> model.load_action("heavier.toml")["hammer.mass"]
     0.012
     """
+    action = as_action(action)
     target = Path(path)
     if target.suffix != ".toml":
         raise InputError(f"{target}: ending found {target.suffix!r}, allowed .toml")

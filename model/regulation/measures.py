@@ -20,7 +20,17 @@ from model.errors import InputError, did_you_mean
 from model.force_driven import simulate
 from model.motion_driven.slow_press import Press, slow_press
 from model.observables import head_height_m, key_dip_m
-from model.parameters.action import BACK_CHECK, BODIES, JACK_KNUCKLE, JACK_LEVER, KEY_FRONT, LEVER_KNUCKLE, Action
+from model.parameters.action import (
+    BACK_CHECK,
+    BODIES,
+    JACK_KNUCKLE,
+    JACK_LEVER,
+    KEY_FRONT,
+    LEVER_KNUCKLE,
+    Action,
+    ActionLike,
+    as_action,
+)
 from model.parameters.effects import KEY_LIFT
 from model.scene.build import build_scene
 from model.scene.selection import choice_of
@@ -285,7 +295,7 @@ def measure_blow(action: Action, rest_rad: Array) -> tuple[dict[str, float], dic
     return {"check": height}, {}
 
 
-def measure(action: Action, progress: Callable[[str], None] | None = None) -> TargetValues:
+def measure(action: ActionLike, progress: Callable[[str], None] | None = None) -> TargetValues:
     """All seven quantities of an action.
 
     Parameters
@@ -310,6 +320,7 @@ def measure(action: Action, progress: Callable[[str], None] | None = None) -> Ta
     >>> print(f"let-off {1e3 * found.value_m['let_off']:.1f} mm")
     let-off 12.1 mm
     """
+    action = as_action(action)
     report = progress or (lambda _: None)
     choice_of(action).need_played_key(action.name)
     report("at rest")

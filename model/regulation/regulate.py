@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from model.errors import RegulationError as RegulationError
-from model.parameters.action import Action
+from model.parameters.action import Action, ActionLike, as_action
 from model.parameters.write_toml import write_action as write_action  # public here too: model.regulation.write_action
 from model.regulation.measures import TARGETS, RegulationTarget, TargetValues, measure, other_lengths, targets_at
 from model.regulation.screws import AT_REST_CLEAR, RAIL, REST_RAIL, SCREW, SCREWS, TOLERANCE, Bench
@@ -163,7 +163,7 @@ def _regulate_with_offset_aims(bench: Bench, before: TargetValues, report: Calla
 
 
 def regulate(
-    action: Action,
+    action: ActionLike,
     progress: Callable[[str], None] | None = None,
     wanted_m: Mapping[str, float] | None = None,
 ) -> Regulation:
@@ -193,6 +193,7 @@ def regulate(
     >>> done.turned_m["let_off"]  # it is regulated already
     0.0
     """
+    action = as_action(action)
     report = progress or (lambda _: None)
     targets = targets_at(wanted_m)
     before = measure(action)

@@ -22,7 +22,7 @@ from model.elements.structure import solved_contacts
 from model.errors import InputError
 from model.kernels import layout as L
 from model.kernels import workspace as W
-from model.parameters.action import CONTACTS, STRING, Action
+from model.parameters.action import CONTACTS, STRING, Action, ActionLike, as_action
 from model.parameters.effects import (
     ARM,
     FINGER,
@@ -218,7 +218,7 @@ def _pins(action: Action, choice: SceneChoice, bodies: Sequence[str]) -> tuple[l
     return pins, numbers
 
 
-def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: KeyMotion | None = None) -> Scene:
+def build_scene(action: ActionLike, choice: SceneChoice | None = None, key_motion: KeyMotion | None = None) -> Scene:
     """Scene of the whole action, or of what ``choice`` leaves out and adds.
 
     Driven by a force on the key, by what presses it where the choice has that, or by the motion of the key.
@@ -245,6 +245,7 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
     >>> model.build_scene(model.load_action(), model.load_scene("key-whippen")).bodies
     ('key', 'whippen')
     """
+    action = as_action(action)
     choice = choice_of(action) if choice is None else choice
     if key_motion is not None:
         return _build(action, choice, key_motion)

@@ -30,7 +30,9 @@ from model.parameters.action import (
     SCENE_LISTS,
     STRING,
     Action,
+    ActionLike,
     added_defaults,
+    as_action,
     check_law,
     law_of,
     read_toml,
@@ -166,7 +168,7 @@ SCENES = {
 }
 
 
-def choice_of(action: Action, scene: str | Path | SceneChoice | None = None) -> SceneChoice:
+def choice_of(action: ActionLike, scene: str | Path | SceneChoice | None = None) -> SceneChoice:
     """What takes part: of a scene by name, file or choice; by default what the action itself says.
 
     Parameters
@@ -189,6 +191,7 @@ def choice_of(action: Action, scene: str | Path | SceneChoice | None = None) -> 
     >>> model.choice_of(strung).effects, model.choice_of(strung, "whole").effects
     (('string',), ())
     """
+    action = as_action(action)
     if scene is not None:
         return load_scene(scene)
     try:
@@ -198,7 +201,7 @@ def choice_of(action: Action, scene: str | Path | SceneChoice | None = None) -> 
         raise InputError(f"{action.origin}: {problem}") from None
 
 
-def quantities_of(action: Action) -> dict[str, Quantity]:
+def quantities_of(action: ActionLike) -> dict[str, Quantity]:
     """Quantities by path that play a part in the action's scene: its own, then those of its effects and felt laws.
 
     Parameters
@@ -216,6 +219,7 @@ def quantities_of(action: Action) -> dict[str, Quantity]:
     >>> sorted(model.quantities_of(strung).keys() - strung.quantities.keys())[:3]
     ['string.b1', 'string.b2', 'string.length']
     """
+    action = as_action(action)
     found, effects = {**action.quantities, **action.effects}, (None, *choice_of(action).effects)
     return {path: q for path, q in found.items() if effect_of(path) in effects and action.felt_has(path)}
 

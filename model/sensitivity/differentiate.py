@@ -12,7 +12,7 @@ from model.arrays import as_numbers
 from model.errors import InputError
 from model.files.force_table import check_force_table
 from model.force_driven import check_output_times
-from model.parameters.action import Action, load_action
+from model.parameters.action import Action, ActionLike, as_action, load_action
 from model.sensitivity.events import Events
 from model.sensitivity.options import SensitivityOptions
 from model.sensitivity.parameter_names import describe_parameters, directions, find_parameters, refuse_idle
@@ -29,7 +29,7 @@ COMPANION = 0.1  # tolerances of the computation that an error is estimated with
 
 
 def sensitivities(
-    action: Action | str,
+    action: ActionLike,
     blow: Blow,
     parameters: Sequence[str],
     *,
@@ -75,6 +75,7 @@ def sensitivities(
     >>> print(f"{0.01 * found.d_events['strike_m_per_s'][1]:.3f} m/s for 1 % more friction")
     -0.001 m/s for 1 % more friction
     """
+    action = as_action(action)
     options = SensitivityOptions() if options is None else options
     chosen = load_action(action) if isinstance(action, str) else action
     found = _differentiate(chosen, blow, parameters, options, inputs)

@@ -16,7 +16,7 @@ from model.errors import InputError
 from model.force_driven import check_output_times
 from model.motion_driven.prescribed_key import LONGEST_STEP_S, key_load, prescribed_angle
 from model.motion_driven.spline_fit import fit_key_motion
-from model.parameters.action import Action, load_action
+from model.parameters.action import ActionLike, as_action, load_action
 from model.parameters.effects import ARM, FINGER, MOTOR
 from model.scene.build import build_scene
 from model.scene.key_motion import KeyMotion, with_moved
@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 
 def motion_sensitivities(
-    action: Action | str,
+    action: ActionLike,
     motion: tuple[ArrayLike, ArrayLike] | KeyMotion,
     parameters: Sequence[str],
     *,
@@ -76,6 +76,7 @@ def motion_sensitivities(
     >>> found.d_angles.shape == (len(time_s), 5, 2), found.d_force.shape == (len(time_s), 2)
     (True, True)
     """
+    action = as_action(action)
     options = SensitivityOptions(events=False) if options is None else options
     _refuse_force_options(options)
     action, choice = options.resolve(load_action(action) if isinstance(action, str) else action)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from model.errors import InputError
 from model.kernels import layout as L
-from model.parameters.action import Action
+from model.parameters.action import Action, ActionLike, as_action
 from model.parameters.scaling import named_paths
 from model.scene.build import Scene, build_scene
 from model.scene.key_motion import KeyMotion
@@ -54,7 +54,7 @@ class Parameter:
     scale: float
 
 
-def find_parameters(action: Action, names: Sequence[str]) -> list[Parameter]:
+def find_parameters(action: ActionLike, names: Sequence[str]) -> list[Parameter]:
     """Parameters by name.
 
     Parameters
@@ -78,6 +78,7 @@ def find_parameters(action: Action, names: Sequence[str]) -> list[Parameter]:
     >>> mass.unit, friction.value, len(friction.paths)
     ('kg', 1.0, 5)
     """
+    action = as_action(action)
     if isinstance(names, str):
         raise InputError(f"parameters: found the text {names!r}, allowed a list of names")
     if not names:
@@ -305,7 +306,7 @@ def _fill_group(
     return [j for one in group for j in _fill_group(slope, [one], parameters, of, scene)]
 
 
-def effective_paths(action: Action, choice: SceneChoice | None = None) -> list[str]:
+def effective_paths(action: ActionLike, choice: SceneChoice | None = None) -> list[str]:
     """Paths of all parameters of an action that have a derivative in a scene.
 
     Parameters
@@ -325,6 +326,7 @@ def effective_paths(action: Action, choice: SceneChoice | None = None) -> list[s
     >>> "key.mass" in paths, "hammer.mass" in paths
     (True, False)
     """
+    action = as_action(action)
     choice = choice_of(action) if choice is None else choice
     out = []
     for path in (*action.quantities, *action.effects):

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import StaticsError
-from model.parameters.action import BODIES, JACK_KNUCKLE, Action
+from model.parameters.action import BODIES, JACK_KNUCKLE, Action, ActionLike, as_action
 from model.scene.build import build_scene
 from model.simulation.statics import solve_rest
 
@@ -62,7 +62,7 @@ def _starts(usual: Array, found: list[Array]) -> Iterator[Array]:
         yield start
 
 
-def hand_set_rest(action: Action) -> Array:
+def hand_set_rest(action: ActionLike) -> Array:
     """Rest state after the hammer is lifted by hand and let down on the jack.
 
     Parameters
@@ -84,6 +84,7 @@ def hand_set_rest(action: Action) -> Array:
     >>> model.hand_set_rest(model.load_action("hirschkorn2004-regulated")).shape
     (5,)
     """
+    action = as_action(action)
     scene = build_scene(action)
     found: list[Array] = []
     problem: StaticsError | None = None

@@ -20,7 +20,7 @@ from model.codegen.load import load_kernels
 from model.codegen.observable_columns import DEPTH, NORMAL
 from model.errors import InputError, StaticsError
 from model.kernels import workspace as W
-from model.parameters.action import Action
+from model.parameters.action import ActionLike, as_action
 from model.scene.build import Scene, build_scene
 from model.scene.pressing import steady_current
 
@@ -186,7 +186,7 @@ def _descend(
     raise StaticsError(NO_REST)
 
 
-def rest_state(action: Action, force_n: float = 0.0, scene: Scene | None = None) -> RestState:
+def rest_state(action: ActionLike, force_n: float = 0.0, scene: Scene | None = None) -> RestState:
     """Static balance of an action under a constant force on the key.
 
     Parameters
@@ -213,6 +213,7 @@ def rest_state(action: Action, force_n: float = 0.0, scene: Scene | None = None)
     >>> print(f"{1e3 * float(model.observables.hammer_height_m(action, at_rest)):.1f} mm")
     48.0 mm
     """
+    action = as_action(action)
     scene = build_scene(action) if scene is None else scene
     found = solve_rest(scene, force_n, whole=True)
     q, give = found[: scene.size], found[scene.size :]

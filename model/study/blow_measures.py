@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.errors import InputError
 from model.files.time_table import two_columns
-from model.parameters.action import BACK_CHECK, LEVER_KNUCKLE, STRING, Action
+from model.parameters.action import BACK_CHECK, LEVER_KNUCKLE, STRING, ActionLike, as_action
 from model.simulation.solution import Solution
 from model.touch.hammer_speed import string_contact_starts
 
@@ -52,7 +52,7 @@ class BlowMeasures:
     lever_bounces: int
 
 
-def measure_blow(action: Action, solution: Solution, force_n: ArrayLike) -> BlowMeasures:
+def measure_blow(action: ActionLike, solution: Solution, force_n: ArrayLike) -> BlowMeasures:
     """Measures of a blow from its solution.
 
     Parameters
@@ -78,6 +78,7 @@ def measure_blow(action: Action, solution: Solution, force_n: ArrayLike) -> Blow
     >>> print(f"{model.study.measure_blow(action, blow, force_n).strike_m_per_s:.1f} m/s")
     2.3 m/s
     """
+    action = as_action(action)
     time, force_n = two_columns(solution.time_s, force_n, "force of the blow")
     normal = solution.contact_normal_n
     if normal is None:

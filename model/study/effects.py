@@ -29,6 +29,8 @@ from model.parameters.action import (
     STRING,
     USUAL,
     Action,
+    ActionLike,
+    as_action,
 )
 from model.parameters.effects import KEY_LIFT, PINS, RAIL
 from model.parameters.quantity import allowed_range
@@ -79,7 +81,7 @@ class Effect:
 
 
 def felt_law_effects(
-    action: Action, time_s: ArrayLike, force_n: ArrayLike, felts: Mapping[str, Sequence[str]] = FELTS
+    action: ActionLike, time_s: ArrayLike, force_n: ArrayLike, felts: Mapping[str, Sequence[str]] = FELTS
 ) -> list[Effect]:
     """Change the law of some felts at a time: first the thesis's for all, then each group with each other law.
 
@@ -108,6 +110,7 @@ def felt_law_effects(
     >>> [effect.law for effect in others]
     ['stulov', 'hysteresis']
     """
+    action = as_action(action)
     plain = with_usual_felts(action)
     blow = check_force_table(time_s, force_n)
     out = [estimate_effect("all felts", USUAL, [plain], lambda a: touch_and_blow_marks(a, blow))]
@@ -123,7 +126,7 @@ def felt_law_effects(
     return out
 
 
-def joint_effects(action: Action, time_s: ArrayLike, force_n: ArrayLike) -> list[Effect]:
+def joint_effects(action: ActionLike, time_s: ArrayLike, force_n: ArrayLike) -> list[Effect]:
     """The blow with rigid joints, with one joint that gives, with all, with the key on its rail, with both.
 
     Parameters
@@ -148,6 +151,7 @@ def joint_effects(action: Action, time_s: ArrayLike, force_n: ArrayLike) -> list
     >>> [effect.of for effect in effects][:2]
     ['none', 'key_pin']
     """
+    action = as_action(action)
     action = preload_joints(action)
     blow = check_force_table(time_s, force_n)
     out = [estimate_effect("none", "rigid", [action], lambda a: blow_marks(a, blow, PLAIN))]
@@ -166,7 +170,7 @@ def joint_effects(action: Action, time_s: ArrayLike, force_n: ArrayLike) -> list
 
 
 def joint_sweep(
-    action: Action, time_s: ArrayLike, force_n: ArrayLike, factors: ArrayLike = FACTORS
+    action: ActionLike, time_s: ArrayLike, force_n: ArrayLike, factors: ArrayLike = FACTORS
 ) -> dict[float, dict[str, float]]:
     """Marks of the blow, as in `joint_effects`, with all stiffnesses of joints times a factor, dampings times its root.
 
@@ -193,6 +197,7 @@ def joint_sweep(
     >>> abs(found[10.0]["strike_m_per_s"] / found[0.0]["strike_m_per_s"] - 1.0) < 0.02
     True
     """
+    action = as_action(action)
     action = preload_joints(action)
     blow = check_force_table(time_s, force_n)
     out = {0.0: blow_marks(action, blow, PLAIN)}

@@ -17,7 +17,7 @@ from model.batch.run import simulate_many
 from model.errors import InputError, ModelError
 from model.files.force_table import check_force_table
 from model.force_driven import output_times
-from model.parameters.action import BODIES, STRING, Action
+from model.parameters.action import BODIES, STRING, Action, ActionLike, as_action
 from model.parameters.scaling import scale_parameters
 from model.scene.selection import choice_of
 from model.simulation.solution import Solution
@@ -114,7 +114,7 @@ FORTE_VARIANTS = (
 
 
 def compare(
-    action: Action, time_s: ArrayLike, force_n: ArrayLike, variants: Sequence[Variant], tolerance: float = 1e-5
+    action: ActionLike, time_s: ArrayLike, force_n: ArrayLike, variants: Sequence[Variant], tolerance: float = 1e-5
 ) -> Study:
     """Simulate a blow on an action as given and on its variants.
 
@@ -144,6 +144,7 @@ def compare(
     >>> [variant.name for variant in study.variants]
     ['as given', 'dry']
     """
+    action = as_action(action)
     every = (Variant(AS_GIVEN), *variants)
     names = [v.name for v in every]
     for name in names:

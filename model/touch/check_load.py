@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from model.files.force_table import check_force_table
 from model.force_driven import simulate
-from model.parameters.action import BACK_CHECK, Action
+from model.parameters.action import BACK_CHECK, Action, ActionLike, as_action
 from model.simulation.hand_set_rest import hand_set_rest
 from model.simulation.run import State
 from model.touch.hammer_speed import LONGEST, RISE, string_contact_starts
@@ -58,7 +58,7 @@ class CheckLoad:
         )
 
 
-def find_check_load(action: Action, time_s: ArrayLike, force_n: ArrayLike, **keywords: Any) -> CheckLoad | None:
+def find_check_load(action: ActionLike, time_s: ArrayLike, force_n: ArrayLike, **keywords: Any) -> CheckLoad | None:
     """Load of the back check on the hammer before it first strikes, or before its highest point where it does not.
 
     Parameters
@@ -83,6 +83,7 @@ def find_check_load(action: Action, time_s: ArrayLike, force_n: ArrayLike, **key
     >>> print(model.touch.find_check_load(action, [0, 0.02, 0.15], [0, 10, 10]))
     None
     """
+    action = as_action(action)
     times, forces = check_force_table(time_s, force_n)
     coarse = simulate(action, times, forces, output_time_s=_time_grid(times[0], times[-1], 1e-3), **keywords)
     strike = string_contact_starts(coarse.hammer_height_m(action))

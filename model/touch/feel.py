@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import ArrayRecord, as_numbers
 from model.force_driven import simulate
-from model.parameters.action import Action
+from model.parameters.action import Action, ActionLike, as_action
 from model.scene.selection import choice_of
 from model.simulation.hand_set_rest import hand_set_rest
 from model.simulation.run import State
@@ -51,7 +51,7 @@ def strikes_string(
     return out
 
 
-def fastest_repetition(action: Action, peaks_n: ArrayLike = PEAKS) -> float:
+def fastest_repetition(action: ActionLike, peaks_n: ArrayLike = PEAKS) -> float:
     """Highest rate that the action follows.
 
     Parameters
@@ -75,6 +75,7 @@ def fastest_repetition(action: Action, peaks_n: ArrayLike = PEAKS) -> float:
     >>> model.touch.fastest_repetition(model.load_action("hirschkorn2004"))
     4.5
     """
+    action = as_action(action)
     choice_of(action).need_played_key(action.name)
     peaks, rest = as_numbers(peaks_n, "strengths of the blows", 1).tolist(), hand_set_rest(action)
 
@@ -141,7 +142,7 @@ class Feel(ArrayRecord):
 
 
 def feel(
-    action: Action,
+    action: ActionLike,
     forces_n: ArrayLike = FORCES,
     name: str | None = None,
     progress: Callable[[str], None] | None = None,
@@ -172,6 +173,7 @@ def feel(
     >>> print(f"{touch.weights.down_n:.2f} N down, {touch.repetition_hz:.1f} blows a second")
     0.44 N down, 12.3 blows a second
     """
+    action = as_action(action)
     forces, report = as_numbers(forces_n, "forces of the blows", 1), progress or (lambda _: None)
     report("slow press")
     weights = weigh(action)

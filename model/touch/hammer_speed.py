@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from model.arrays import as_numbers
 from model.errors import InputError
 from model.force_driven import simulate
-from model.parameters.action import Action
+from model.parameters.action import ActionLike, as_action
 from model.scene.selection import choice_of
 from model.simulation.hand_set_rest import hand_set_rest
 from model.simulation.run import State
@@ -32,7 +32,7 @@ def string_contact_starts(height_m: Array) -> NDArray[np.int64]:
     return np.flatnonzero((height_m[:-1] > 0.0) & (height_m[1:] <= 0.0))
 
 
-def hammer_speeds(action: Action, forces_n: ArrayLike = FORCES) -> Array:
+def hammer_speeds(action: ActionLike, forces_n: ArrayLike = FORCES) -> Array:
     """Speed of the hammer at the string for each force of the blow.
 
     Parameters
@@ -57,6 +57,7 @@ def hammer_speeds(action: Action, forces_n: ArrayLike = FORCES) -> Array:
     >>> print(f"{soft:.2f} and {loud:.2f} m/s")
     2.05 and 4.14 m/s
     """
+    action = as_action(action)
     choice_of(action).need_played_key(action.name)
     forces = as_numbers(forces_n, "forces of the blows", 1)
     if not (forces > 0.0).all():

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from model.errors import InputError, StaticsError
 from model.motion_driven.prescribed_key import key_load
 from model.motion_driven.slow_press import Press, key_angle_at_dip, slow_press
-from model.parameters.action import BACK_CHECK, BODIES, KEY_FRONT, STRING, Action
+from model.parameters.action import BACK_CHECK, BODIES, KEY_FRONT, STRING, Action, ActionLike, as_action
 from model.regulation.measures import SLIPPED, measure_at_rest
 from model.scene.build import build_scene
 from model.scene.key_motion import KeyMotion, with_moved
@@ -199,7 +199,7 @@ def _find_let_off(action: Action, press: Press, dip_m: float) -> tuple[float, tu
     return peak, tuple(remarks)
 
 
-def weigh(action: Action) -> Weights:
+def weigh(action: ActionLike) -> Weights:
     """Measure the weights of a key from a slow press to first touch of its felt, and its release.
 
     Parameters
@@ -223,6 +223,7 @@ def weigh(action: Action) -> Weights:
     >>> print(f"{weights.down_n:.2f} N down, {weights.balance_n:.3f} N in balance")
     0.45 N down, 0.306 N in balance
     """
+    action = as_action(action)
     choice_of(action).need_played_key(action.name)
     rest = hand_set_rest(action)
     dip = measure_at_rest(action, rest)["dip"]

@@ -42,10 +42,10 @@ def _implausibility(data: rig.TrialData) -> str:
     """Why the force of a trial cannot be a blow; empty where it can, or where there is none."""
     import numpy as np  # start-up: --help needs none of it
 
-    known = np.isfinite(data.force_n)
+    known = np.isfinite(data.raw_force_n)
     if not data.has_force or known.sum() < 2:
         return ""
-    return model.blow_implausibility(data.time_s[known], data.force_n[known], "force")
+    return model.blow_implausibility(data.time_s[known], data.raw_force_n[known], "force")
 
 
 def command(
@@ -74,7 +74,7 @@ def command(
             "cannot_be_a_blow": _implausibility(data),
             "rejected": trial.rejected,
             "condition": data.condition,
-            "peak_force_n": float(data.force_n.max()) if data.has_force else None,
+            "peak_force_n": float(data.raw_force_n.max()) if data.has_force else None,
             "blow_start_s": data.blow_start_s,
             "turned_rad": {
                 encoder.name: max(angle, key=abs)

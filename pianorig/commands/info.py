@@ -108,7 +108,7 @@ def session_facts(path: Path) -> dict[str, Any]:
                 "status": trial.status,
                 "rejected": trial.rejected or "no",
                 "samples": data.n_valid,
-                "peak_force_n": round(float(data.force_n.max()), 2)
+                "peak_force_n": round(float(data.raw_force_n.max()), 2)
                 if data.n_valid and data.has_force
                 else "not recorded",
                 "not_recorded": ", ".join(data.absent if data.has_force else ("force", *data.absent)) or "nothing",

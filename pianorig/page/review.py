@@ -261,7 +261,7 @@ def _as_recorded(data: TrialData) -> dict[str, Any]:
         }
         for i, encoder in enumerate(data.encoders)
     }
-    force = {"time_s": pack(data.time_s), "value": pack(data.force_n), "unit": "N"}
+    force = {"time_s": pack(data.time_s), "value": pack(data.raw_force_n), "unit": "N"}
     return {"force": force, "channels": curve}
 
 

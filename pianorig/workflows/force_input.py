@@ -66,29 +66,17 @@ def read_driving_force(path: Path, column: str = "force_n", mapping: Path | None
     if column != "force_n":
         raise CommandInputError(f"{path}: a trial records a force, this scene is driven by {column}; give a CSV table")
     # start-up: pandas and h5py cost 0.4 s that a table does not need
-    from rig import load_mapping, read_recording
+    from rig import RigInputError, load_mapping, read_recording
     from rig.session.sealed_trial import read_trial
-    from validation.errors import TrialError
-    from validation.measurement.force_correction import correct_force, find_quiet
 
     data = read_trial(path) if mapping is None else read_recording(path, load_mapping(mapping))
-    info = data.force_info
     if not data.has_force:
         raise CommandInputError(f"{path}: no force was recorded, positions only; give a trial with a force or a table")
     try:
-        if not data.n_valid:
-            raise TrialError("has no samples")
-        quiet = find_quiet(
-            data.time_s, data.force_n, data.encoder_count,
-            mains_hz=info.mains_frequency_hz, group_delay_s=info.group_delay_s,
-        )  # fmt: skip
-        force = correct_force(
-            data.time_s, data.force_n, quiet,
-            group_delay_s=info.group_delay_s, preload_n=info.preload_n, mains_hz=info.mains_frequency_hz,
-        )  # fmt: skip
-    except TrialError as problem:
+        force = data.corrected_force()
+    except RigInputError as problem:
         raise CommandInputError(f"{path}: {problem}") from None
-    return DrivingForce(*model.check_force_table(force.time_s, force.force_n, str(path)), info.preload_n)
+    return DrivingForce(*model.check_force_table(force.time_s, force.force_n, str(path)), force.preload_n)
 
 
 def _read_recording(path: Path, column: str, problem: Exception | None = None) -> DrivingForce:

@@ -54,12 +54,12 @@ def read_hdf5(path: Path) -> ChannelTable:
     data = read_trial(path)
     no_force = not data.has_force
     before = data.time_s < data.blow_start_s
-    baseline_n = float(data.force_n[before].mean()) if before.any() else 0.0
+    baseline_n = float(data.raw_force_n[before].mean()) if before.any() else 0.0
     angles = {f"{e.name}_rad": data.angle_rad()[:, i] for i, e in enumerate(data.encoders)}
     further = {}
     if no_force and data.channel_values is not None:
         further = {info.name: data.channel_values[:, k] for k, info in enumerate(data.channels)}
-    force = {} if no_force else {"force_n": data.force_n - baseline_n}
+    force = {} if no_force else {"force_n": data.raw_force_n - baseline_n}
     columns = {"time_s": data.time_s, **force, "motor_command_v": data.motor_command_v, **angles, **further}
     clock = Clock(1.0 / data.sample_rate_hz)
     units = {"time_s": "s", "force_n": "N", "motor_command_v": "V", **dict.fromkeys(angles, "rad")}

@@ -208,7 +208,7 @@ def _trial(
         simulated=mapping.simulated,
         sample_rate_hz=1.0 / interval_s,
         time_s=np.arange(n, dtype=np.float64) * interval_s,
-        force_n=missing,
+        raw_force_n=missing,
         force_raw=missing,
         motor_command_v=missing,
         encoder_count=np.empty((n, 0), dtype=np.int64),
@@ -525,7 +525,7 @@ def make_trial(table: ChannelTable, mapping: ImportMapping, number: int, started
         simulated=mapping.simulated,
         sample_rate_hz=rate_hz,
         time_s=np.arange(raw.size, dtype=np.float64) * interval_s,
-        force_n=force,
+        raw_force_n=force,
         force_raw=raw,
         motor_command_v=volts,
         encoder_count=counts,
@@ -622,13 +622,13 @@ def values_beyond_limits(trial: TrialData, limits: LimitsConfig) -> str:
     """Return the first row at which the force, and each body's speed over 1 ms, leave the limits; empty for none."""
     said = []
     for name, beyond in (
-        ("force_min_n", trial.force_n < limits.force_min_n),
-        ("force_max_n", trial.force_n > limits.force_max_n),
+        ("force_min_n", trial.raw_force_n < limits.force_min_n),
+        ("force_max_n", trial.raw_force_n > limits.force_max_n),
     ):
         if beyond.any():
             row = int(np.argmax(beyond))
             limit = getattr(limits, name)
-            said.append(f"row {row + 1}: force {trial.force_n[row]:.4g} N, beyond limits.{name} = {limit:g} N")
+            said.append(f"row {row + 1}: force {trial.raw_force_n[row]:.4g} N, beyond limits.{name} = {limit:g} N")
     over = max(int(round(SPEED_OVER_S * trial.sample_rate_hz)), 1)
     angles = trial.angle_rad()
     for encoder, angle in zip(trial.encoders, angles.T, strict=True):

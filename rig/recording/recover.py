@@ -175,7 +175,7 @@ def _recover_trial(session: Session, number: int, file: Path, *, keep: bool) -> 
     journal, fate = scan_journal(file), "stays" if keep else "was removed"
     if (sealed := _sealed(session, number)) is not None:
         # sealed just before the program ended, unless the two differ
-        kept, at = stored_blocks(file, journal) if journal.head is not None else (), sealed.force_n
+        kept, at = stored_blocks(file, journal) if journal.head is not None else (), sealed.raw_force_n
         force_n = np.concatenate([np.empty(0), *(block.force_n for block in kept)])
         same = np.array_equal(at[: force_n.size], force_n)
         if journal.head is not None and PASSIVE in journal.head.provenance:  # a stroke is cut out of its journal

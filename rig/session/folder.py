@@ -14,7 +14,7 @@ import json
 import re
 import shutil
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +40,8 @@ from rig.session.trial_data import TrialData
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from rig.session.force_correction import CorrectedForce
 
 SCHEMA = "piano-action-rig derived 1"
 
@@ -174,16 +176,37 @@ class Trial:
         """Read and check the trial's data."""
         return read_trial(self.path)
 
+    def corrected_force(self) -> CorrectedForce:
+        """Return the force as it acted (`TrialData.corrected_force`)."""
+        return self.read().corrected_force()
+
 
 class Session:
-    """A session folder. Use :meth:`open` or :meth:`create`, not the constructor."""
+    """A session folder, opened by `rig.open_session`: its trials in order, ``session[3]`` the trial of number 3."""
 
-    def __init__(self, path: Path, info: SessionInfo) -> None:
+    def __init__(self, path: Path, info: SessionInfo | None = None) -> None:
+        if info is None:
+            raise RigInputError(f"rig.Session: open the folder with rig.open_session({str(path)!r})")
         self.path = path
         self.info = info
 
     def __repr__(self) -> str:
-        return f"Session({str(self.path)!r})"
+        trials = self.trials
+        rejected = sum(trial.rejected is not None for trial in trials)
+        count = f"{len(trials)} trial{'' if len(trials) == 1 else 's'}"
+        return f"Session({str(self.path)!r}: {count}{f', {rejected} rejected' if rejected else ''})"
+
+    def __len__(self) -> int:
+        return len(self._numbered("h5"))
+
+    def __bool__(self) -> bool:
+        return True  # a session that is being recorded may have no trial yet
+
+    def __iter__(self) -> Iterator[Trial]:
+        return iter(self.trials)
+
+    def __getitem__(self, number: int) -> Trial:
+        return self.trial(number)
 
     @classmethod
     def open(cls, path: str | Path, *, require_trials: bool = True) -> Session:
@@ -278,7 +301,7 @@ class Session:
                     "status": UNREADABLE if data is None else data.status,
                     "rejected": trial.rejected or "",
                     "duration_s": float("nan") if data is None else data.n_valid / data.sample_rate_hz,
-                    "peak_force_n": float(data.force_n.max()) if data and data.n_valid else float("nan"),
+                    "peak_force_n": float(data.raw_force_n.max()) if data and data.n_valid else float("nan"),
                     "frames": data.camera.n_frames if data and data.camera else 0,
                     "film": trial.film.name if trial.film else "",
                 }
@@ -356,3 +379,31 @@ class Session:
         """Return (table, attributes with ``parents_sha256``) of a step, or None when it has not been made."""
         path = self.derived_path(step, trial_number)
         return read_table(path) if path.is_file() else None
+
+
+def open_session(path: str | Path) -> Session:
+    """Open a recorded session.
+
+    Parameters
+    ----------
+    path : str or Path
+        The session's folder.
+
+    Returns
+    -------
+    Session
+        Iterates over its trials; ``session[3]`` is the trial of number 3.
+
+    Raises
+    ------
+    RigInputError
+        The folder, its ``session.toml`` or its trials are missing or unreadable.
+
+    Examples
+    --------
+    >>> import rig
+    >>> session = rig.open_session("sessions/example_forte")
+    >>> len(session), session[2].status
+    (3, 'complete')
+    """
+    return Session.open(path)

@@ -236,7 +236,7 @@ class TrialHead:
             **known,
             status="incomplete",
             time_s=np.arange(first_sample, end) / self.sample_rate_hz,
-            force_n=np.concatenate([block.force_n for block in joined]),
+            raw_force_n=np.concatenate([block.force_n for block in joined]),
             force_raw=np.concatenate([block.force_raw for block in joined]),
             motor_command_v=volts,
             encoder_count=np.concatenate([block.encoder_count for block in joined]),
@@ -730,6 +730,6 @@ class SessionFollower:
 
     def _view(self, data: TrialData, sealed: int, zero: NDArray[np.int64] | None = None) -> LiveView:
         return LiveView(
-            data.number, self.session.info.plan.trials, data.status, data.condition, data.time_s, data.force_n,
+            data.number, self.session.info.plan.trials, data.status, data.condition, data.time_s, data.raw_force_n,
             data.angle_rad(zero), tuple(encoder.name for encoder in data.encoders), sealed,
         )  # fmt: skip

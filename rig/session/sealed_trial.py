@@ -216,7 +216,7 @@ def read_condition(path: Path) -> str:
 def _check_shapes(path: Path, data: TrialData) -> None:
     n = data.time_s.shape[0]
     shapes = {
-        "force_n": (data.force_n.shape, (n,)),
+        "force_n": (data.raw_force_n.shape, (n,)),
         "force_raw": (data.force_raw.shape, (n,)),
         "motor_command_v": (data.motor_command_v.shape, (n,)),
         "encoder_count": (data.encoder_count.shape, (n, len(data.encoders))),
@@ -249,7 +249,7 @@ def _columns(about: TrialData) -> list[Column]:
         meaning = "force on the key, positive downwards, calibrated, not corrected for offset, delay or hum"
         of_reading = {"channel": info.channel}
         found += [
-            ("force", "<f8", "N", meaning, lambda part: part.force_n, _attributes(info)),
+            ("force", "<f8", "N", meaning, lambda part: part.raw_force_n, _attributes(info)),
             ("force_raw", "<f8", info.electrical_unit, "electrical reading of the force channel",
              lambda part: part.force_raw, of_reading),
         ]  # fmt: skip
@@ -375,7 +375,7 @@ def _read(path: Path, file: h5py.File, sha256: str) -> TrialData:
         plan_entry=int(file.attrs.get("plan_entry", 0)),
         sample_rate_hz=float(daq.attrs["sample_rate_hz"]),
         time_s=daq["time"][()],
-        force_n=daq["force"][()] if "force" in daq else missing,
+        raw_force_n=daq["force"][()] if "force" in daq else missing,
         force_raw=daq["force_raw"][()] if "force" in daq else missing,
         motor_command_v=daq["motor_command"][()],
         encoder_count=daq["encoder_count"][()],

@@ -21,6 +21,7 @@ from rig.session.info import NO_FORCE, ChannelInfo, EncoderInfo, ForceInfo
 if TYPE_CHECKING:
     import pandas as pd
 
+    from rig.session.force_correction import CorrectedForce
     from rig.session.ruler import Position
 
 
@@ -65,8 +66,9 @@ class TrialData(ArrayRecord):
         Why the status is not ``complete``; empty otherwise.
     time_s : ndarray, shape (n,)
         Sample times since the AI start trigger, s.
-    force_n : ndarray, shape (n,)
-        Calibrated force, N, not corrected for offset, delay or hum; NaN where none was recorded.
+    raw_force_n : ndarray, shape (n,)
+        Calibrated force, N, not corrected for offset, delay or hum; NaN where none was recorded. The force as it
+        acted: `corrected_force`, or ``force_n`` at the sample times.
     force_raw : ndarray, shape (n,)
         Electrical reading of the force channel, in ``force_info.electrical_unit``.
     motor_command_v : ndarray, shape (n,)
@@ -91,7 +93,7 @@ class TrialData(ArrayRecord):
     simulated: bool
     sample_rate_hz: float
     time_s: NDArray[np.float64]
-    force_n: NDArray[np.float64]
+    raw_force_n: NDArray[np.float64]
     force_raw: NDArray[np.float64]
     motor_command_v: NDArray[np.float64]
     encoder_count: NDArray[np.int64]
@@ -111,6 +113,59 @@ class TrialData(ArrayRecord):
     def has_force(self) -> bool:
         """Whether a force was recorded; without one its arrays are NaN and the file has none."""
         return self.force_info != NO_FORCE
+
+    def corrected_force(self) -> CorrectedForce:
+        """Return the force as it acted: offset and mains hum taken off, preload added, at its own times.
+
+        It is what ``validate`` drives the model with, and ``model.simulate(action, trial)``.
+
+        Raises
+        ------
+        RigInputError
+            No force was recorded, or there is no quiet baseline before the blow.
+
+        Examples
+        --------
+        >>> import rig
+        >>> trial = rig.open_session("sessions/example_forte").trial(1).read()
+        >>> force = trial.corrected_force()
+        >>> print(f"{force.force_n.max():.1f} N at {force.time_s[force.force_n.argmax()]:.3f} s")
+        33.0 N at 0.500 s
+        """
+        # start-up: scipy.optimize costs 0.2 s, reading a trial does not need it
+        from rig.session.force_correction import correct_force, find_quiet
+
+        if not self.has_force:
+            raise RigInputError(f"trial {self.number}: no force was recorded")
+        if not self.n_valid:
+            raise RigInputError(f"trial {self.number}: has no samples")
+        info, hz = self.force_info, self.force_info.mains_frequency_hz
+        quiet = find_quiet(
+            self.time_s, self.raw_force_n, self.encoder_count, mains_hz=hz, group_delay_s=info.group_delay_s
+        )
+        return correct_force(
+            self.time_s,
+            self.raw_force_n,
+            quiet,
+            group_delay_s=info.group_delay_s,
+            u_group_delay_s=info.u_group_delay_s,
+            preload_n=info.preload_n,
+            u_preload_n=info.u_preload_n,
+            gain_relative_u=info.u_gain_relative,
+            mains_hz=hz,
+        )
+
+    @property
+    def force_n(self) -> NDArray[np.float64]:
+        """Corrected force at the sample times, N, shape (n,); the last value is held for the group delay."""
+        force = self.corrected_force()
+        return np.interp(self.time_s, force.time_s, force.force_n)
+
+    def __repr__(self) -> str:
+        has = [*(["force"] if self.has_force else []), *(encoder.name for encoder in self.encoders)]
+        names = ", ".join([*has, *(channel.name for channel in self.channels)])
+        seconds = self.n_valid / self.sample_rate_hz
+        return f"TrialData({self.number}, {self.status}: {seconds:.2f} s at {self.sample_rate_hz:g} Hz; {names})"
 
     @property
     def position_names(self) -> tuple[str, ...]:
@@ -139,10 +194,10 @@ class TrialData(ArrayRecord):
         return int(self.time_s.shape[0])
 
     def to_table(self) -> pd.DataFrame:
-        """Return the trial as a table: time, force, command, counts and angle of each encoder, further channels."""
+        """Return the trial as a table: time, uncorrected force, command, counts, angles, further channels."""
         import pandas as pd  # start-up: pandas costs 0.4 s, reading a trial does not need it
 
-        columns: dict[str, NDArray[Any]] = {"time_s": self.time_s, "force_n": self.force_n}
+        columns: dict[str, NDArray[Any]] = {"time_s": self.time_s, "raw_force_n": self.raw_force_n}
         columns |= {"force_raw": self.force_raw, "motor_command_v": self.motor_command_v}
         angle_rad = self.angle_rad()
         for index, encoder in enumerate(self.encoders):

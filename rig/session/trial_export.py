@@ -39,7 +39,7 @@ def columns(data: TrialData) -> list[Column]:
     if data.has_force:
         unit = data.force_info.electrical_unit
         meaning = "force on the key, positive downwards, not corrected for offset, delay or hum"
-        found.insert(1, Column("force_n", "N", meaning, data.force_n))
+        found.insert(1, Column("force_n", "N", meaning, data.raw_force_n))
         found.insert(2, Column("force_raw", unit, "electrical reading of the force channel", data.force_raw))
     angle_rad = data.angle_rad()
     for k, encoder in enumerate(data.encoders):

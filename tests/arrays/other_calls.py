@@ -77,7 +77,7 @@ def recording() -> np.ndarray:
 
 def trial() -> rig.TrialData:
     return rig.TrialData(
-        number=1, status="complete", started_utc="", simulated=True, sample_rate_hz=1.0, time_s=ROWS, force_n=ROWS,
+        number=1, status="complete", started_utc="", simulated=True, sample_rate_hz=1.0, time_s=ROWS, raw_force_n=ROWS,
         force_raw=ROWS, motor_command_v=ROWS, encoder_count=np.arange(24)[:, None] * np.ones(3, np.int64),
         encoders=tuple(rig.EncoderInfo(name, 3600) for name in ("key", "whippen", "hammer")), force_info=NO_FORCE,
     )  # fmt: skip

@@ -86,7 +86,7 @@ def trial_data(number, time_s, force_n, change_rad, *, status="complete", camera
     )  # fmt: skip
     return TrialData(
         number=number, status=status, reason=reason, started_utc="2026-11-21T08:00:00Z", simulated=True,
-        sample_rate_hz=RATE_HZ, time_s=time_s, force_n=reading, force_raw=reading / 50.0,
+        sample_rate_hz=RATE_HZ, time_s=time_s, raw_force_n=reading, force_raw=reading / 50.0,
         motor_command_v=np.zeros(time_s.size), encoder_count=np.column_stack(counts),
         encoders=tuple(encoders), force_info=force_info, camera=camera, blow_start_s=BLOW_S,
     )  # fmt: skip

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from rig.session.force_correction import correlation_inflation
 from validation.conventions import FILM_CHANNELS, WHIPPEN, Array
 from validation.events.miswired_encoders import find_best_wiring
 from validation.findings.finding import CURVES, SessionFinding, register_kinds
-from validation.measurement.force_correction import correlation_inflation
 from validation.measurement.trial import FilmAngles, MeasuredTrial
 from validation.prediction.predict_session import PredictedAngles
 

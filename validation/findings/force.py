@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import ModelError
+from rig.session.force_correction import correlation_inflation
 from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, KEY, Array
 from validation.findings.encoders import is_at_rest_again, select_last_samples
 from validation.findings.finding import (
@@ -24,7 +25,6 @@ from validation.findings.finding import (
     uncertainty_of_mean,
 )
 from validation.findings.readings import is_followed_by_jump
-from validation.measurement.force_correction import correlation_inflation
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedAngles

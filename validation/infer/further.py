@@ -26,6 +26,7 @@ from rig import (
     parse_profile,
 )
 from rig.configuration.profile import built_in_profiles
+from rig.session.force_correction import Quiet
 from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.infer.blocks import INSTRUMENT, Block, make_blocks, rows
@@ -45,7 +46,6 @@ from validation.infer.observations import ObservedTrial, observe
 from validation.infer.problem import Problem
 from validation.infer.response import ModelResponse, Response
 from validation.infer.unknowns import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL
-from validation.measurement.force_correction import Quiet
 from validation.measurement.trial import MeasuredTrial
 from validation.report.files import check_target, write_files
 

@@ -16,20 +16,10 @@ import pandas as pd
 
 import model
 from rig.session import TrialData
+from rig.session.force_correction import TOO_SHORT, CorrectedForce, ForceChannel, HumFit, Quiet, quiet_of_motion
 from rig.session.info import KEY_OPPOSITE
 from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS, Array
 from validation.errors import TrialError
-from validation.measurement.force_correction import (
-    TOO_SHORT,
-    CorrectedForce,
-    ForceChannel,
-    HumFit,
-    Quiet,
-    correct_force,
-    encoder_change,
-    find_quiet,
-    quiet_of_motion,
-)
 from validation.measurement.geometry import ActionGeometry, Motion, motion_of
 from validation.measurement.position_sensors import PositionSensors
 from validation.measurement.sample_fingerprints import sample_fingerprints
@@ -201,7 +191,7 @@ def measure(
 
     Raises
     ------
-    TrialError
+    TrialError, rig.RigInputError
         When a channel is missing, the trial has no usable baseline, or without a force does not rest before the blow.
     """
     names = [encoder.name for encoder in data.encoders]
@@ -220,22 +210,9 @@ def measure(
     time = np.asarray(data.time_s, dtype=float)
     notes: list[str] = []
     if data.has_force:
-        info = data.force_info
-        quiet = find_quiet(
-            time, data.force_n, counts, mains_hz=info.mains_frequency_hz, group_delay_s=info.group_delay_s
-        )
-        force = correct_force(
-            time,
-            data.force_n,
-            quiet,
-            group_delay_s=info.group_delay_s,
-            preload_n=info.preload_n,
-            u_preload_n=info.u_preload_n,
-            u_group_delay_s=info.u_group_delay_s,
-            gain_relative_u=info.u_gain_relative,
-            mains_hz=info.mains_frequency_hz,
-        )
-        raw = np.asarray(data.force_n, dtype=float)
+        force = data.corrected_force()
+        quiet = force.quiet
+        raw = np.asarray(data.raw_force_n, dtype=float)
         notes += [heads.note(quiet)] if heads is not None else []
         if force.hum.reason.startswith(TOO_SHORT):
             notes.append(f"hum not subtracted: {force.hum.reason}")
@@ -273,6 +250,33 @@ def measure(
         notes=(*of_film, *notes),
         driven_by_key=by_motion or not data.has_force,
     )
+
+
+def encoder_change(angle_rad: Array, quiet: Quiet, resolution_rad: Array) -> tuple[Array, Array, Array]:
+    """Angles since rest and their standard uncertainties.
+
+    Zero is the mean over the quiet interval.  The uncertainty holds the quantisation of the sample, the
+    quantisation left in the zero (an encoder that stands still repeats the same rounding error) and the
+    jitter seen while nothing moves.
+
+    Parameters
+    ----------
+    angle_rad : (n, m)
+    resolution_rad : (m,), one count
+
+    Returns
+    -------
+    change_rad : (n, m) array
+    u_rad : (m,) array
+        Standard uncertainty of one sample against its neighbours.
+    u_zero_rad : (m,) array
+        Standard uncertainty of the zero, common to all samples.
+    """
+    angle = np.asarray(angle_rad, dtype=float)
+    still = angle[: quiet.stop]
+    jitter = still.std(axis=0, ddof=1)
+    quantisation = np.asarray(resolution_rad, dtype=float) / np.sqrt(12.0)
+    return angle - still.mean(axis=0), np.hypot(quantisation, jitter), quantisation
 
 
 def film_angles(table: pd.DataFrame | None, data: TrialData, quiet: Quiet) -> tuple[FilmAngles | None, list[str]]:

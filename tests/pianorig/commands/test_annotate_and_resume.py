@@ -51,4 +51,4 @@ def test_a_planned_session_is_annotated_and_continued(
     assert session.info.room.temperature_c == 21 and session.info.room.relative_humidity_percent == "unknown"
     first, again = session.trial(1).read(), session.trial(3).read()
     assert first.condition == again.condition
-    assert abs(first.force_n.max() - again.force_n.max()) > 1e-6  # a new blow, not the first one once more
+    assert abs(first.raw_force_n.max() - again.raw_force_n.max()) > 1e-6  # a new blow, not the first one once more

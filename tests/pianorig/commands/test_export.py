@@ -21,7 +21,7 @@ def test_all_trials_or_one_are_written(tmp_path: Path, capsys: pytest.CaptureFix
     files = json.loads(capsys.readouterr().out)["files"]
     assert [Path(file).name for file in files] == ["trial_0002.csv", "trial_0002.csv-metadata.json"]
     table = np.genfromtxt(files[0], delimiter=",", names=True)
-    np.testing.assert_array_equal(table["force_n"], session.trial(2).read().force_n)
+    np.testing.assert_array_equal(table["force_n"], session.trial(2).read().raw_force_n)
     assert run("export", FORTE, "--to", "mat", "--out", tmp_path / "all") == 0
     assert len(list((tmp_path / "all").glob("*.mat"))) == len(session.trials)
     assert run("export", FORTE / "trial_0001.h5", "--to", "csv", "--out", tmp_path / "file") == 0

@@ -45,7 +45,7 @@ def test_a_proposed_mapping_of_a_text_file_imports(written: str, tmp_path: Path,
     assert run("import", recording, "--mapping", mapping, "--out", tmp_path / "s") == 0
     data = Session.open(tmp_path / "s").trial(1).read()
     assert data.absent == ("whippen",) and data.sample_rate_hz == pytest.approx(RATE_HZ)
-    np.testing.assert_allclose(data.force_n, CHANNELS["Kraft"], atol=1e-5)
+    np.testing.assert_allclose(data.raw_force_n, CHANNELS["Kraft"], atol=1e-5)
     np.testing.assert_array_equal(data.encoder_count[:, 0], CHANNELS["Taste"])
     np.testing.assert_allclose(data.angle_rad()[:, 1], CHANNELS["Hammer"], atol=1e-5)
     assert run("info", recording, "--propose", mapping) == 2
@@ -83,7 +83,7 @@ def test_what_is_not_stated_is_marked_and_what_is_unusual_is_proposed(tmp_path: 
     assert run("import", recording, "--mapping", mapping, "--out", tmp_path / "s") == 0
     data = Session.open(tmp_path / "s").trial(1).read()
     np.testing.assert_array_equal(data.encoder_count[:, 0], CHANNELS["Taste"] + 20)
-    assert data.force_n.max() == pytest.approx(9.0)
+    assert data.raw_force_n.max() == pytest.approx(9.0)
 
 
 def test_a_file_without_a_force_is_listed_all_the_same(tmp_path: Path, capsys) -> None:
@@ -114,7 +114,7 @@ def test_the_channels_of_one_group_are_proposed_together(tmp_path: Path, capsys)
     assert "rate_hz 4000" in capsys.readouterr().out
     assert run("import", recording, "--mapping", mapping, "--out", tmp_path / "s") == 0
     data = Session.open(tmp_path / "s").trial(1).read()
-    assert data.sample_rate_hz == pytest.approx(2000.0) and data.force_n.max() == pytest.approx(18.0)
+    assert data.sample_rate_hz == pytest.approx(2000.0) and data.raw_force_n.max() == pytest.approx(18.0)
 
 
 def test_a_file_that_is_no_recording_is_not_called_a_session(tmp_path: Path, capsys) -> None:

@@ -32,7 +32,7 @@ def test_a_recorded_forte_is_learned_and_played(tmp_path: Path, capsys: pytest.C
     assert run("record", "--profile", str(out / "profile.toml"), "--trials", "1", "--out", str(again)) == 0
     data = Session.open(again).trials[0].read()
     wanted = np.loadtxt(FORTE, delimiter=",", skiprows=1)
-    force = data.force_n - data.force_n[data.time_s < data.blow_start_s].mean()
+    force = data.raw_force_n - data.raw_force_n[data.time_s < data.blow_start_s].mean()
     grid = np.arange(0.045, 0.104, 2e-4)
     target = np.interp(grid, wanted[:, 0], wanted[:, 1])
     errors = [

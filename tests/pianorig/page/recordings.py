@@ -29,7 +29,7 @@ class Recording:
         """The next samples, again from the first after the last."""
         rows = np.arange(self.done, self.done + count) % self.data.n_valid
         self.writer.append(
-            Block(self.done, self.data.force_n[rows], self.data.force_raw[rows], self.data.encoder_count[rows])
+            Block(self.done, self.data.raw_force_n[rows], self.data.force_raw[rows], self.data.encoder_count[rows])
         )
         self.done += count
 

@@ -52,7 +52,7 @@ def test_samples_are_sent_once_in_the_order_of_the_channels(folder: Path) -> Non
             found.append(new)
         shown, data = np.concatenate(found), made.data
     n = len(shown)
-    np.testing.assert_allclose(shown[:, 0], data.force_n[:n], atol=1e-5)
+    np.testing.assert_allclose(shown[:, 0], data.raw_force_n[:n], atol=1e-5)
     np.testing.assert_allclose(shown[:, 1:4], np.degrees(data.angle_rad()[:n]) * [-1, 1, -1], atol=1e-5)
     np.testing.assert_allclose(shown[:, 4], data.motor_command_v[:n], atol=1e-6)
 
@@ -71,7 +71,7 @@ def test_a_sealed_trial_brings_its_figures_and_the_next_starts_anew(folder: Path
     assert state is not None and not state["recording"] and samples == b""
     last = state["figures"][-1]
     assert (last["trial"], last["status"], last["reason"]) == (4, "fault", "force <above> limit")
-    assert last["peak_force_n"] == pytest.approx(data.force_n.max())
+    assert last["peak_force_n"] == pytest.approx(data.raw_force_n.max())
     Session.open(root).annotate(4, "reject", "fault")
     state, _ = stream.poll()
     assert state is not None and state["figures"][-1]["rejected"]
@@ -131,7 +131,7 @@ def test_a_recording_rolls_by_pauses_and_is_found_again(browser: Any, folder: Pa
         tab.keyboard.press("p")
         until(tab, f"{drawn} === 2400")
         assert tab.evaluate("Number(document.querySelector('.scope').dataset.last)") == pytest.approx(
-            float(made.data.force_n[2399]), abs=1e-4
+            float(made.data.raw_force_n[2399]), abs=1e-4
         )
         tab.reload()
         until(tab, f"document.querySelector('.scope') && {drawn} === 2400")
@@ -199,8 +199,8 @@ def test_no_sample_is_lost_with_the_page_open_stalled_and_killed(browser: Any, f
 def test_a_session_without_force_is_sent_as_plain_json(folder: Path, looking: Page) -> None:
     example = Session.open(folder / "example_forte")
     data, made = example.trial(1).read(), Session.create(folder / "no_force", example.info)
-    nothing = np.full_like(data.force_n, np.nan)
-    made.add_trial(replace(data, force_n=nothing, force_raw=nothing, force_info=NO_FORCE))
+    nothing = np.full_like(data.raw_force_n, np.nan)
+    made.add_trial(replace(data, raw_force_n=nothing, force_raw=nothing, force_info=NO_FORCE))
     (state,), _ = heard(looking, "/live/no_force")
     (figures,) = json.loads(state, parse_constant=pytest.fail)["figures"]
     assert figures["peak_force_n"] is None and figures["rest_force_n"] is None and figures["turned_deg"]["key"] > 1

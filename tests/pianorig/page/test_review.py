@@ -159,7 +159,7 @@ def test_a_trial_that_cannot_be_compared_is_shown_as_recorded(folder: Path, look
     assert any("shown as recorded" in note and "whippen" in note for note in found["notes"])
     assert any("stop <pressed>" in note for note in found["notes"])
     assert list(found["channels"]) == ["key"] and found["models"] == [] and found["drawings"] == []
-    np.testing.assert_allclose(numbers(found["force"]["value"]), data.force_n, atol=1e-5)
+    np.testing.assert_allclose(numbers(found["force"]["value"]), data.raw_force_n, atol=1e-5)
 
 
 @pytest.mark.parametrize("name", ["../../etc/passwd", "nothing", "rig.toml", ""])

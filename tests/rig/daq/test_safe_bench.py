@@ -364,7 +364,7 @@ def test_where_calls_are_dear_the_blocks_are_long_while_nothing_is_commanded_and
         )  # fmt: skip
         backend.close()
         trials.append(session.trial(1).read())
-    np.testing.assert_array_equal(trials[0].force_n, trials[1].force_n)
+    np.testing.assert_array_equal(trials[0].raw_force_n, trials[1].raw_force_n)
     np.testing.assert_array_equal(trials[0].encoder_count, trials[1].encoder_count)
     moved = np.flatnonzero(trials[0].motor_command_v) / 5000
     blocks = np.diff([0.0, *read_s[0.4]])

@@ -102,7 +102,7 @@ def bench(tmp_path: Path) -> Bench:
 
 def same(trial: TrialData, part: slice = slice(None)) -> None:
     """The trial holds the samples ``part`` of the blow."""
-    np.testing.assert_allclose(trial.force_n, FORCE_N[part], atol=1e-12)
+    np.testing.assert_allclose(trial.raw_force_n, FORCE_N[part], atol=1e-12)
     np.testing.assert_array_equal(trial.encoder_count, np.column_stack([KEY, HAMMER])[part])
 
 
@@ -573,7 +573,7 @@ def test_a_unit_in_the_name_of_a_channel_is_one_that_the_file_states(bench: Benc
     with pytest.raises(RigInputError, match="is in 'kN' by the file itself, the mapping says 'N'"):
         read_recording(path, parse_mapping(mapping))
     trial = read_recording(path, parse_mapping(mapping.replace(f'"{name}"', f'"{name}"\nunit = "kN"')))
-    np.testing.assert_allclose(trial.force_n, 1e3 * FORCE_N)
+    np.testing.assert_allclose(trial.raw_force_n, 1e3 * FORCE_N)
 
 
 def test_words_in_the_name_of_a_channel_are_no_units(bench: Bench) -> None:

@@ -103,7 +103,7 @@ def test_strokes_become_trials_with_true_displacement(recording, tmp_path) -> No
 def test_no_force_channel_is_written_or_shown(recording, tmp_path, capsys) -> None:
     session = import_text(tmp_path, mapping(), recording[0])
     data = session.trial(1).read()
-    assert not data.has_force and np.isnan(data.force_n).all()
+    assert not data.has_force and np.isnan(data.raw_force_n).all()
     import h5py
 
     with h5py.File(session.trial(1).path) as file:

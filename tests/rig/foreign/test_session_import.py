@@ -67,7 +67,7 @@ def test_every_channel_arrives_in_its_unit_and_sense(tmp_path, recording) -> Non
     session = Session.open(session.path)
     assert [t.status for t in session.trials] == ["complete", "complete"]
     data = session.trials[1].read()
-    np.testing.assert_allclose(data.force_n, 25 * (FORCE_V - 0.2), atol=1e-12)
+    np.testing.assert_allclose(data.raw_force_n, 25 * (FORCE_V - 0.2), atol=1e-12)
     np.testing.assert_array_equal(data.force_raw, 0.4 - FORCE_V)
     np.testing.assert_array_equal(data.encoder_count[:, 0], KEY)
     angle = data.angle_rad()
@@ -179,12 +179,12 @@ def test_a_unit_the_file_states_wins_over_a_wrong_mapping(tmp_path) -> None:
         import_session(tmp_path / "s", [path], parse_mapping(text))
     text = text.replace('unit = "V"\nnewtons_per_unit = -25.0\nzero = 0.2', 'unit = "N"')
     data = import_session(tmp_path / "s", [path], parse_mapping(text)).trials[0].read()
-    np.testing.assert_array_equal(data.force_n, FORCE_V)
+    np.testing.assert_array_equal(data.raw_force_n, FORCE_V)
     overruled = (
         text.replace('"N"', '"gf"').replace("[time]", "").replace("[force]", 'overrule_units = ["load"]\n[force]')
     )
     grams = import_session(tmp_path / "s3", [path], parse_mapping(overruled)).trials[0].read()
-    np.testing.assert_allclose(grams.force_n, 9.80665e-3 * FORCE_V)
+    np.testing.assert_allclose(grams.raw_force_n, 9.80665e-3 * FORCE_V)
     wrong = text.replace("[force]", "[time]\nsample_rate_hz = 5000.0\n[force]")
     with pytest.raises(InputError, match=r"0\.00025 s by the file itself"):
         import_session(tmp_path / "s2", [path], parse_mapping(wrong))

@@ -173,7 +173,7 @@ def trial_case(folder: Path) -> Case:
 
     def right(data: bytes, found: Any) -> None:
         assert data == whole
-        np.testing.assert_array_equal(found.force_n, reference.force_n)
+        np.testing.assert_array_equal(found.raw_force_n, reference.raw_force_n)
 
     return whole, read, right
 

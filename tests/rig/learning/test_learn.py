@@ -106,7 +106,7 @@ def test_a_let_off_faster_than_the_arm_is_named(config) -> None:
         data = bench(config)(profile, number)
         begun = data.blow_start_s - profile.onset_s + data.force_info.group_delay_s + target.bottom_s
         dip = 6.0 * ((data.time_s > begun - 0.0012) & (data.time_s < begun))
-        return replace(data, force_n=data.force_n - dip)
+        return replace(data, raw_force_n=data.raw_force_n - dip)
 
     learned = learn(target, config, blow, blows=4, goal=0.02)
     assert not learned.follows and "last 1.5 ms before key bottom" in learned.obstacle()

@@ -101,12 +101,12 @@ def test_the_force_is_the_true_one_delayed_with_the_declared_gain_offset_hum_and
         cell = load_sensors(DEFAULT_BENCH).force
         phase = 2 * np.pi * cell.hum_hz * data.time_s
         columns = [later, np.ones_like(later), *(f(k * phase) for k in (1, 3) for f in (np.sin, np.cos))]
-        fit, *_ = np.linalg.lstsq(np.column_stack(columns), data.force_n, rcond=None)
+        fit, *_ = np.linalg.lstsq(np.column_stack(columns), data.raw_force_n, rcond=None)
         assert fit[0] == pytest.approx(1 + cell.gain_error, abs=2e-4)
         assert fit[1] == pytest.approx(cell.offset_n, abs=4 * cell.offset_scatter_n)
         assert np.hypot(*fit[2:4]) == pytest.approx(cell.hum_n[0], abs=0.003)
         assert np.hypot(*fit[4:6]) == pytest.approx(cell.hum_n[2], abs=0.003)
-        residual = data.force_n - np.column_stack(columns) @ fit
+        residual = data.raw_force_n - np.column_stack(columns) @ fit
         assert residual.std() == pytest.approx(cell.noise_n, rel=0.05)
         assert data.force_info.u_noise_n == cell.noise_n  # the rig file states what the bench has
 
@@ -319,9 +319,9 @@ def test_a_session_over_several_cards_is_that_of_one(tmp_path: Path, name: str) 
     felt = []
     for data in (alone, several):  # each at the time it was felt, 8 ms and 0.04 ms before its sample
         at = data.time_s[:n] + data.force_info.group_delay_s
-        felt.append(np.interp(at, data.time_s, data.force_n))
+        felt.append(np.interp(at, data.time_s, data.raw_force_n))
     noise = 8 * 0.02 + 0.06  # of both cells, the hum between them, the converter's step
-    assert np.abs(felt[0] - felt[1])[200:].max() < noise + 0.02 * alone.force_n.max()
+    assert np.abs(felt[0] - felt[1])[200:].max() < noise + 0.02 * alone.raw_force_n.max()
 
 
 def test_a_cable_that_is_not_registered_is_named_and_nothing_is_left(tmp_path: Path, bench_with) -> None:

@@ -172,7 +172,7 @@ def test_the_bench_is_safe_in_time_and_nothing_committed_is_lost(
     (_, entry) = recover(died := died_then(run.folder, 2))
     again = Session.open(died).trial(2).read()
     assert entry["status"] == again.status == "incomplete"
-    np.testing.assert_array_equal(again.force_n, data.force_n)
+    np.testing.assert_array_equal(again.raw_force_n, data.raw_force_n)
     np.testing.assert_array_equal(again.encoder_count, data.encoder_count)
 
 
@@ -241,7 +241,7 @@ def test_a_disk_that_fails_stops_the_motor_in_time_and_keeps_what_it_took(
     (entry,) = recover(died := died_then(run.folder, 1))
     again = Session.open(died).trial(1).read()
     assert entry["status"] == again.status == "incomplete" and again.n_valid >= run.committed[1]
-    np.testing.assert_array_equal(again.force_n, data.force_n[: again.n_valid])
+    np.testing.assert_array_equal(again.raw_force_n, data.raw_force_n[: again.n_valid])
 
 
 def test_a_disk_that_stands_still_for_two_seconds_loses_nothing(watched) -> None:

@@ -53,7 +53,7 @@ def checked(session: Session, duration_s: float) -> None:
     data = session.trials[0].read()
     assert data.status == "complete" and data.n_valid >= duration_s * RATE and len(data.channels) == 4
     want = samples(0, data.n_valid)
-    np.testing.assert_array_equal(data.force_n, want.force_n)
+    np.testing.assert_array_equal(data.raw_force_n, want.force_n)
     np.testing.assert_array_equal(data.channel_values, want.channel_values)
     np.testing.assert_array_equal(data.time_s, np.arange(data.n_valid) / RATE)
 

@@ -64,15 +64,17 @@ def test_each_stroke_becomes_a_trial_with_the_streams_own_samples(tmp_path) -> N
     started = []
     for k, trial in enumerate(session.trials):
         data = trial.read()
-        onset = int(np.argmax(np.abs(data.force_n) > 0.5))
+        onset = int(np.argmax(np.abs(data.raw_force_n) > 0.5))
         assert data.blow_start_s < onset / RATE < data.blow_start_s + 0.1 and data.time_s[0] == 0.0
-        shift = np.flatnonzero(data.force_n == player.force.max())[0] - (k * player.force.size + player.force.argmax())
+        shift = np.flatnonzero(data.raw_force_n == player.force.max())[0] - (
+            k * player.force.size + player.force.argmax()
+        )
         want = player.block(-shift, data.n_valid)
-        np.testing.assert_array_equal(data.force_n, want.force_n)
+        np.testing.assert_array_equal(data.raw_force_n, want.force_n)
         np.testing.assert_array_equal(data.force_raw, want.force_raw)
         np.testing.assert_array_equal(data.encoder_count, want.encoder_count)
         assert not data.motor_command_v.any() and data.provenance["backend_serial_number"] == "01AB"
-        assert 0.45 <= (data.force_n.argmax() / RATE) <= 0.75
+        assert 0.45 <= (data.raw_force_n.argmax() / RATE) <= 0.75
         started.append(datetime.fromisoformat(data.started_utc).timestamp() + shift / RATE)
     np.testing.assert_allclose(started, started[0], atol=2e-3)  # by the device's clock, to the millisecond of the text
 
@@ -105,7 +107,7 @@ def test_a_program_that_is_killed_within_a_stroke_leaves_it_to_be_recovered(tmp_
     (entry,) = recover_session(copies["playing"])
     data = Session.open(copies["playing"]).trial(2).read()
     assert entry.status == data.status == "incomplete" and data.n_valid == entry.samples
-    np.testing.assert_array_equal(data.force_n, whole.force_n[: data.n_valid])
+    np.testing.assert_array_equal(data.raw_force_n, whole.raw_force_n[: data.n_valid])
     assert abs(data.n_valid / RATE - 0.6) < 0.15 and data.started_utc == whole.started_utc
     assert recover_session(copies["playing"]) == []
 
@@ -123,7 +125,7 @@ def test_a_stroke_soon_after_the_last_is_recovered_where_rest_is_longer_than_the
     assert (entry.trial, entry.status) == (2, "incomplete")
     data = Session.open(tmp_path / "killed").trial(2).read()
     end = 3.6 * RATE
-    np.testing.assert_array_equal(data.force_n, force[round(end) - data.n_valid : round(end)])
+    np.testing.assert_array_equal(data.raw_force_n, force[round(end) - data.n_valid : round(end)])
     assert 2.8 * RATE < end - data.n_valid < 2.95 * RATE  # half a second before it
 
 
@@ -146,8 +148,8 @@ def test_a_stroke_that_begins_as_its_journal_is_rotated_is_kept_whole(before, tm
     began = 50_500 - before  # the first block that ends beyond 10 s
     force[began : began + 2000] += 10.0
     data = record_passive(tmp_path / "s", backend=Player((force, count)), strokes=1).trial(1).read()
-    at = int(np.argmax(data.force_n > 5.0))
-    np.testing.assert_array_equal(data.force_n, force[began - at :][: data.n_valid])
+    at = int(np.argmax(data.raw_force_n > 5.0))
+    np.testing.assert_array_equal(data.raw_force_n, force[began - at :][: data.n_valid])
     assert data.status == "complete" and at == 0.5 * RATE
 
 
@@ -243,7 +245,7 @@ def test_on_the_virtual_device_nothing_drives_the_motor(tmp_path, assert_safe) -
     assert_safe(backend)
     for trial in session.trials:
         data = trial.read()
-        assert data.status == "complete" and data.force_n.max() > 3.0 and np.ptp(data.angle_rad()[:, 2]) > 0.05
+        assert data.status == "complete" and data.raw_force_n.max() > 3.0 and np.ptp(data.angle_rad()[:, 2]) > 0.05
     backend.close()
 
 

@@ -64,7 +64,7 @@ def test_the_command_recovers_a_torn_journal_up_to_its_last_good_record(cut_off,
     data = Session.open(folder).trial(1).read()
     assert data.status == "incomplete" and f"up to sample {data.n_valid}" in data.reason
     assert 0 < data.n_valid < whole.n_valid and data.n_valid % 100 == 0
-    np.testing.assert_array_equal(data.force_n, whole.force_n[: data.n_valid])
+    np.testing.assert_array_equal(data.raw_force_n, whole.raw_force_n[: data.n_valid])
     np.testing.assert_array_equal(data.encoder_count, whole.encoder_count[: data.n_valid])
     assert data.camera.n_frames < whole.camera.n_frames
     with pytest.raises(SystemExit):
@@ -210,7 +210,7 @@ def test_the_command_recovers_into_another_folder_and_leaves_the_first_as_it_is(
     ]
     assert rescued.trial(1).sha256 == session.trial(1).sha256 and not rescued.journals
     again = rescued.trial(2).read()
-    np.testing.assert_array_equal(again.force_n, whole.force_n[: again.n_valid])
+    np.testing.assert_array_equal(again.raw_force_n, whole.raw_force_n[: again.n_valid])
     assert again.provenance == whole.provenance and "the journal stays" in capsys.readouterr().out
     assert run("recover", folder, "--out", tmp_path / "rescued") == 2
     assert "not an empty folder" in capsys.readouterr().err

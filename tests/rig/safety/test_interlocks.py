@@ -95,7 +95,7 @@ def test_when_not_even_the_trial_can_be_sealed_the_fault_is_told_and_its_journal
     assert entry.status == "fault"
     data = Session.open(folder).trial(1).read()
     assert data.n_valid == journal.n_samples and "overwritten" in data.reason
-    np.testing.assert_array_equal(data.force_n, np.concatenate(force_n))
+    np.testing.assert_array_equal(data.raw_force_n, np.concatenate(force_n))
 
 
 def test_an_encoder_that_moves_before_the_blow_or_a_force_out_of_range_keeps_the_motor_still(
@@ -177,8 +177,8 @@ def largest(data: TrialData) -> dict[str, tuple[float, int]]:
     speed = np.abs(turned[step:] - turned[:-step]).max(axis=0) / 1e-3
     travel = np.abs(turned).max(axis=0)
     return {
-        "force": (float(data.force_n.max()), 0),
-        "force rate": (float(np.abs(np.diff(data.force_n)).max() * data.sample_rate_hz), 0),
+        "force": (float(data.raw_force_n.max()), 0),
+        "force rate": (float(np.abs(np.diff(data.raw_force_n)).max() * data.sample_rate_hz), 0),
         "travel": (float(travel[0]), 0),
         "speed": (float(speed[2]), 2),
     }
@@ -201,7 +201,7 @@ def test_a_limit_stops_just_below_the_largest_value_and_not_just_above(
     try:
         for first in range(0, data.n_valid - 100, 100):
             rows = slice(first, first + 100)
-            interlocks.check(Block(first, data.force_n[rows], data.force_raw[rows], data.encoder_count[rows]))
+            interlocks.check(Block(first, data.raw_force_n[rows], data.force_raw[rows], data.encoder_count[rows]))
     except LimitExceeded as fault:
         stopped = str(fault)
     assert ("allowed" in stopped) == stops

@@ -123,8 +123,8 @@ def test_tables_for_notebooks_say_what_the_files_hold(session) -> None:
     assert list(summary.duration_s) == [0.002, 0.004] and list(summary.peak_force_n) == [4.5, 9.5]
     table = session.trial(2).read().to_table()
     bodies = [f"{body}_{what}" for body in ("key", "whippen", "hammer") for what in ("count", "rad")]
-    assert list(table.columns) == ["time_s", "force_n", "force_raw", "motor_command_v", *bodies]
-    assert table.force_n[3] == 1.5 and len(table) == 20
+    assert list(table.columns) == ["time_s", "raw_force_n", "force_raw", "motor_command_v", *bodies]
+    assert table.raw_force_n[3] == 1.5 and len(table) == 20
 
 
 def test_films_are_found_beside_the_trial(session) -> None:

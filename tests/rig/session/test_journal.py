@@ -284,7 +284,7 @@ def test_a_journal_cut_anywhere_shows_its_whole_blocks_and_goes_on(tmp_path, rig
         sizes.append(sum(block.force_n.size for block in follower.blocks))
     assert sizes == sorted(sizes) and sizes[0] == 0 and sizes[-1] >= 2500 and len(set(sizes)) > 5
     force = np.concatenate([block.force_n for block in follower.blocks])
-    np.testing.assert_array_equal(force, data.force_n[: force.size])
+    np.testing.assert_array_equal(force, data.raw_force_n[: force.size])
 
 
 def test_a_session_is_seen_while_it_is_recorded(tmp_path, rig, record_steps) -> None:
@@ -305,7 +305,7 @@ def test_a_session_is_seen_while_it_is_recorded(tmp_path, rig, record_steps) -> 
     end = follower[0].poll()
     data = session.trials[1].read()
     assert end.finished and end.state == "complete" and (end.trial, end.sealed) == (2, 2)
-    np.testing.assert_array_equal(end.force_n, data.force_n)
+    np.testing.assert_array_equal(end.force_n, data.raw_force_n)
     np.testing.assert_array_equal(views[-1].angle_rad, data.angle_rad()[: views[-1].time_s.size])
 
 
@@ -371,5 +371,5 @@ def test_a_second_process_sees_the_data_grow_and_disturbs_nothing(tmp_path, reco
     assert views[-1]["state"] == "complete" and views[-1]["trial"] == TRIALS
     # the bench's noise has a seed: what was recorded under watch is what is recorded alone, sample for sample
     for one, other in zip(alone.trials, watched.trials, strict=True):
-        np.testing.assert_array_equal(one.read().force_n, other.read().force_n)
+        np.testing.assert_array_equal(one.read().raw_force_n, other.read().raw_force_n)
         np.testing.assert_array_equal(one.read().encoder_count, other.read().encoder_count)

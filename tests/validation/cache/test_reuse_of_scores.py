@@ -109,7 +109,7 @@ def test_a_further_trial_is_the_only_one_scored(bench, make):
     first = Session.open(folder).trials[0].read()
     count = first.encoder_count.copy()
     count[3000:3010] += 1
-    Session.open(folder).add_trial(replace(first, number=4, force_n=first.force_n * 1.001, encoder_count=count))
+    Session.open(folder).add_trial(replace(first, number=4, raw_force_n=first.raw_force_n * 1.001, encoder_count=count))
     assert again(folder, action) == {
         "predictions": "3 of 4",
         "events": "6 of 8",
@@ -149,9 +149,9 @@ def test_one_altered_sample_of_the_force_makes_the_prediction_again(bench):
     folder, action = bench
 
     def change(trial):
-        force = trial.force_n.copy()
+        force = trial.raw_force_n.copy()
         force[3000] += 1e-3
-        return replace(trial, force_n=force)
+        return replace(trial, raw_force_n=force)
 
     found = again(altered(folder, change), action)
     assert found == all_of(3) | {
@@ -222,7 +222,9 @@ def test_a_further_trial_is_the_only_one_that_is_drawn_if_any_is(bench, predict)
     options = SIMPLE | {"budget": True}
 
     def add(number):
-        Session.open(folder).add_trial(replace(first, number=number, force_n=first.force_n * (1 + 1e-3 * number)))
+        Session.open(folder).add_trial(
+            replace(first, number=number, raw_force_n=first.raw_force_n * (1 + 1e-3 * number))
+        )
 
     add(4), add(5)
     compare_session(folder, action, **options)

@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 
 import model
 import rig
+from rig.session.force_correction import Quiet
 from rig.simulated import ActionPlant, SimulatedBackend, build_device
 from rig.simulated.backend import DEFAULT_BENCH
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES, PlantBlock
 from rig.simulated.bench.sensors import load_sensors
-from validation.measurement.force_correction import Quiet
 from validation.measurement.measure_session import measure_session
 from validation.measurement.trial import two_heads
 from validation.prediction.model_under_test import ModelUnderTest

@@ -35,7 +35,7 @@ def trial(key_m=PRESS_M, hammer_m=0.8 * PRESS_M, extra=0.0, seed=1) -> TrialData
     missing = np.full(TIME_S.size, np.nan)
     return TrialData(
         number=1, status="complete", started_utc="", simulated=True, sample_rate_hz=RATE, time_s=TIME_S,
-        force_n=missing, force_raw=missing, motor_command_v=missing, blow_start_s=0.4,
+        raw_force_n=missing, force_raw=missing, motor_command_v=missing, blow_start_s=0.4,
         encoder_count=np.empty((TIME_S.size, 0), dtype=np.int64), encoders=(), force_info=NO_FORCE,
         channels=(channel("key"), channel("hammer")), channel_values=values + np.asarray(extra).reshape(-1, 1),
         provenance={"mains_frequency_hz": "50"},

@@ -163,7 +163,7 @@ def test_rivals_are_driven_by_their_own_force_kept_and_scored_beside_the_model(s
     assert len(predict.calls) == 4
     model_call, raw_call = predict.calls[:2]
     np.testing.assert_array_equal(raw_call.time_s, session.trials[0].read().time_s)
-    np.testing.assert_array_equal(raw_call.force_n, session.trials[0].read().force_n)
+    np.testing.assert_array_equal(raw_call.force_n, session.trials[0].read().raw_force_n)
     assert not np.array_equal(raw_call.force_n, model_call.force_n)
     again = compare_session(session, truth.action, predict=predict, budget=False, explain=False)
     assert len(predict.calls) == 4

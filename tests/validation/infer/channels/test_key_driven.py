@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import model
+from rig.session.force_correction import ForceChannel, Quiet
 from tests.validation.infer import toy
 from validation.conventions import ENCODER_BODIES
 from validation.errors import ValidationInputError
@@ -21,7 +22,6 @@ from validation.infer.observations import (
 )
 from validation.infer.response import DRAWS, SEGMENTS, Case, ModelResponse, driven_tangents
 from validation.infer.unknowns import FORCE, KEY, unknowns
-from validation.measurement.force_correction import ForceChannel, Quiet
 
 ACTION = model.load_action("hirschkorn2004-regulated")
 PRELOAD_N, COUNT_RAD, SCALE = 0.3, 2e-5, 1e-2

@@ -22,7 +22,7 @@ from validation.measurement.trial import quiet_of_motion
 def without_force(data: TrialData) -> TrialData:
     """The trial as a bench without a load cell records it."""
     nothing = np.full(data.time_s.size, np.nan)
-    return replace(data, force_n=nothing, force_raw=nothing, force_info=NO_FORCE)
+    return replace(data, raw_force_n=nothing, force_raw=nothing, force_info=NO_FORCE)
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from validation.measurement.force_correction import correlation_inflation, fit_hum
+from rig.session.force_correction import correlation_inflation, fit_hum
 
 RATE_HZ = 5000.0
 

@@ -1,4 +1,4 @@
-"""Quiet baseline, force correction and encoder zero of one trial.
+"""Corrected force of one trial: quiet baseline, offset, mains hum, preload and delay of the load cell.
 
 Conventions: force positive downwards; sample i of the force was taken at ``time_s[i] - group_delay_s``, so the delay
 moves the force's time axis and never its values; nothing is ever smoothed or resampled. Source:
@@ -16,11 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
 from scipy.special import fdtri
 
-from model.arrays import as_numbers
-from model.files.time_table import two_columns
+from rig.arrays import as_numbers
+from rig.errors import RigInputError
 from rig.mains_hum import HARMONICS, hum_terms
-from validation.conventions import Array
-from validation.errors import TrialError
+
+Array = NDArray[np.float64]
 
 SEARCH_HZ = 0.2
 SEARCH_BASELINE_S = 0.2
@@ -247,16 +247,30 @@ class Quiet:
 
 @dataclass(frozen=True)
 class CorrectedForce:
-    """The force on the key as the model must see it.
+    """The force on the key as it acted.
 
-    ``time_s`` is when the force acted (group delay taken off); ``u_force_n`` the standard uncertainty of each
-    sample: noise, offset, hum and preload; the gain's, ``channel.gain_relative_u``, is common to all samples and not
-    part of it.
+    Attributes
+    ----------
+    time_s : ndarray, shape (n,)
+        When the force acted, s: sample times less the group delay.
+    force_n : ndarray, shape (n,)
+        Force, N, positive downwards, offset and hum taken off, preload included.
+    u_force_n : ndarray, shape (n,)
+        Standard uncertainty of a sample: noise, offset, hum, preload and delay. That of the gain,
+        ``channel.gain_relative_u``, is common to all samples and not part of it.
+    quiet : Quiet
+        Baseline on which offset and hum were fitted.
+    hum : HumFit
+    noise_n : float
+        Standard deviation of the baseline after the fit, N.
+    channel : ForceChannel
+        What is declared of the channel.
     """
 
     time_s: Array
     force_n: Array
     u_force_n: Array
+    quiet: Quiet
     hum: HumFit
     noise_n: float
     channel: ForceChannel
@@ -302,12 +316,19 @@ class ForceChannel:
     mains_hz: float | None = None
 
 
+def _two_columns(time_s: ArrayLike, force_n: ArrayLike) -> tuple[Array, Array]:
+    times, force = as_numbers(time_s, "force: time_s"), as_numbers(force_n, "force")
+    if times.ndim != 1 or times.shape != force.shape:
+        raise RigInputError(f"force: found shapes {times.shape} and {force.shape}, allowed two equal columns")
+    return times, force
+
+
 def _refuse_lost(time: Array, force: Array) -> None:
     if not (np.isfinite(time).all() and (np.diff(time) > 0.0).all()):
-        raise TrialError("force: found times that are lost or do not increase, allowed finite ones that increase")
+        raise RigInputError("force: found times that are lost or do not increase, allowed finite ones that increase")
     lost = np.flatnonzero(~np.isfinite(force))
     if lost.size:
-        raise TrialError(
+        raise RigInputError(
             f"force: {lost.size} lost samples, the first at {time[lost[0]]:.4f} s; the model needs every sample; "
             "reject the trial or record it again"
         )
@@ -368,23 +389,23 @@ def find_quiet(
 
     Raises
     ------
-    TrialError
+    RigInputError
         When force samples are lost, times do not increase, less than 20 ms of baseline are left, or the force never
         leaves it.
 
     Examples
     --------
-    >>> import rig, validation
+    >>> import rig
     >>> trial = rig.Session.open("sessions/example_forte").trial(1).read()
-    >>> print(f"{validation.find_quiet(trial.time_s, trial.force_n).onset_s:.2f} s")
+    >>> print(f"{rig.find_quiet(trial.time_s, trial.raw_force_n).onset_s:.2f} s")
     0.41 s
     """
-    time, force = two_columns(time_s, force_n, "force")
+    time, force = _two_columns(time_s, force_n)
     _refuse_lost(time, force)
     step = float(np.median(np.diff(time)))
     first = max(int(round(FIRST_BASELINE_S / step)), 8)
     if time.size <= 2 * first:
-        raise TrialError(
+        raise RigInputError(
             f"record of {1e3 * step * time.size:.0f} ms is too short; record at least 0.3 s before the blow"
         )
     onset = _force_onset(force, first)
@@ -394,12 +415,14 @@ def find_quiet(
         clean = force - hum.baseline_n(time)
         onset = _force_onset(clean, onset - margin)
     if onset is None:
-        raise TrialError("force never leaves its baseline by 5 sigma; was the blow played? check motor and load cell")
+        raise RigInputError(
+            "force never leaves its baseline by 5 sigma; was the blow played? check motor and load cell"
+        )
     moved = onset
     if encoder_count is not None:
         counts = as_numbers(encoder_count, "encoder counts", 2)
         if len(counts) != time.size:
-            raise TrialError(f"encoder counts: found {len(counts)} rows, allowed {time.size}, one for each sample")
+            raise RigInputError(f"encoder counts: found {len(counts)} rows, allowed {time.size}, one for each sample")
         hit = _first_move(counts, first)
         moved = onset if hit is None else min(onset, hit)
     return _quiet(time, moved, float(time[onset]) - group_delay_s, "quiet baseline is", "to find the force offset")
@@ -410,13 +433,13 @@ def quiet_of_motion(time_s: Array, encoder_count: NDArray[np.int64]) -> Quiet:
 
     Raises
     ------
-    TrialError
+    RigInputError
         None moves, or one does too early.
     """
     step = float(np.median(np.diff(time_s)))
     moved = _first_move(encoder_count, max(round(FIRST_BASELINE_S / step), 8))
     if moved is None:
-        raise TrialError("no encoder moves by more than three counts; was the blow played?")
+        raise RigInputError("no encoder moves by more than three counts; was the blow played?")
     return _quiet(time_s, moved, float(time_s[moved]), "encoders rest for", "before the blow")
 
 
@@ -432,7 +455,7 @@ def _quiet(time: Array, moved: int, onset_s: float, what: str, needed: str) -> Q
     step = float(np.median(np.diff(time)))
     stop = moved - round(MARGIN_S / step)
     if stop < round(MINIMUM_QUIET_S / step):
-        raise TrialError(
+        raise RigInputError(
             f"{what} {1e3 * max(stop, 0) * step:.0f} ms; at least {1e3 * MINIMUM_QUIET_S:.0f} ms are "
             f"needed {needed}; record a longer rest, with readings that do not drift"
         )
@@ -463,20 +486,20 @@ def correct_force(
 
     Raises
     ------
-    TrialError
+    RigInputError
         When force samples are lost (NaN), or times do not increase.
 
     Examples
     --------
-    >>> import rig, validation
+    >>> import rig
     >>> trial = rig.Session.open("sessions/example_forte").trial(1).read()
-    >>> quiet = validation.find_quiet(trial.time_s, trial.force_n)
-    >>> corrected = validation.correct_force(trial.time_s, trial.force_n, quiet, preload_n=0.05)
+    >>> quiet = rig.find_quiet(trial.time_s, trial.raw_force_n)
+    >>> corrected = rig.correct_force(trial.time_s, trial.raw_force_n, quiet, preload_n=0.05)
     >>> print(f"{corrected.force_n.max():.0f} N")
     33 N
     """
     channel = ForceChannel(**declared)
-    time, force = two_columns(time_s, force_n, "force")
+    time, force = _two_columns(time_s, force_n)
     _refuse_lost(time, force)
     hum = fit_hum(time[: quiet.stop], force[: quiet.stop], channel.mains_hz)
     corrected = force - hum.baseline_n(time) + channel.preload_n
@@ -484,31 +507,4 @@ def correct_force(
     slope = np.gradient(corrected, time)
     u_delay = slope * channel.u_group_delay_s
     u = np.sqrt(noise**2 + hum.u_baseline_n(time) ** 2 + channel.u_preload_n**2 + u_delay**2)
-    return CorrectedForce(time - channel.group_delay_s, corrected, u, hum, noise, channel)
-
-
-def encoder_change(angle_rad: Array, quiet: Quiet, resolution_rad: Array) -> tuple[Array, Array, Array]:
-    """Angles since rest and their standard uncertainties.
-
-    Zero is the mean over the quiet interval.  The uncertainty holds the quantisation of the sample, the
-    quantisation left in the zero (an encoder that stands still repeats the same rounding error) and the
-    jitter seen while nothing moves.
-
-    Parameters
-    ----------
-    angle_rad : (n, m)
-    resolution_rad : (m,), one count
-
-    Returns
-    -------
-    change_rad : (n, m) array
-    u_rad : (m,) array
-        Standard uncertainty of one sample against its neighbours.
-    u_zero_rad : (m,) array
-        Standard uncertainty of the zero, common to all samples.
-    """
-    angle = np.asarray(angle_rad, dtype=float)
-    still = angle[: quiet.stop]
-    jitter = still.std(axis=0, ddof=1)
-    quantisation = np.asarray(resolution_rad, dtype=float) / np.sqrt(12.0)
-    return angle - still.mean(axis=0), np.hypot(quantisation, jitter), quantisation
+    return CorrectedForce(time - channel.group_delay_s, corrected, u, quiet, hum, noise, channel)
