@@ -33,7 +33,7 @@ def test_the_constructor_says_how_a_session_is_opened():
 
 
 def test_a_trial_shows_itself_in_one_line(session):
-    assert repr(session[1].read()) == "TrialData(1, complete: 1.10 s at 5000 Hz; force, key, whippen, hammer)"
+    assert repr(session[1].read()) == "TrialData(1, complete: 1.26 s at 5000 Hz; force, key, whippen, hammer)"
 
 
 def test_the_plain_name_is_the_corrected_force(session):

@@ -78,7 +78,7 @@ def test_any_trial_survives_a_round_trip_bit_by_bit(tmp_path, data, n, reason, w
         n,
         status=data.draw(st.sampled_from(["complete", "not at rest", "interrupted", "fault"])),
         reason=reason,
-        force_n=data.draw(arrays(np.float64, n, elements=finite)),
+        raw_force_n=data.draw(arrays(np.float64, n, elements=finite)),
         force_raw=data.draw(arrays(np.float64, n, elements=finite)),
         encoder_count=data.draw(arrays(np.int64, (n, 3))),
         camera=CAMERA if with_camera else None,

@@ -21,7 +21,7 @@ ACCELERATION = ChannelInfo("key_acceleration", "acceleration of the key", "m/s^2
 def data() -> TrialData:
     random = np.random.default_rng(4)
     values = random.normal(size=(200, 1)) * np.pi
-    return trial(200, force_n=random.normal(size=200) / 3, channels=(ACCELERATION,), channel_values=values)
+    return trial(200, raw_force_n=random.normal(size=200) / 3, channels=(ACCELERATION,), channel_values=values)
 
 
 def expected(data: TrialData) -> dict[str, tuple[str, np.ndarray]]:
