@@ -10,7 +10,6 @@ import numpy as np
 
 import rig
 import rig.simulated
-import validation
 import vision
 from pianorig.workflows import DrivingForce
 from rig.session.info import NO_FORCE
@@ -147,12 +146,12 @@ CALLS: dict[str, Callable[[], Arguments]] = {
     "rig.simulated.film_trial": lambda: {
         "path": Out("film.mraw"), "frame_time_s": ROWS, "angle_rad_of_time": Gives(lambda t: np.zeros((len(t), 3))),
     },
-    "validation.find_quiet": lambda: {
+    "rig.find_quiet": lambda: {
         "time_s": np.arange(512.0) / 2048.0, "force_n": np.maximum(np.arange(512.0) - 400.0, 0.0),
         "encoder_count": np.zeros((512, 3), np.int64),
     },
-    "validation.correct_force": lambda: {
+    "rig.correct_force": lambda: {
         "time_s": np.arange(512.0) / 2048.0, "force_n": np.maximum(np.arange(512.0) - 400.0, 0.0),
-        "quiet": validation.find_quiet(np.arange(512.0) / 2048.0, np.maximum(np.arange(512.0) - 400.0, 0.0)),
+        "quiet": rig.find_quiet(np.arange(512.0) / 2048.0, np.maximum(np.arange(512.0) - 400.0, 0.0)),
     },
 }  # fmt: skip
