@@ -51,7 +51,7 @@ def planted(kind: str, seed: int, trials: int, what: str, size: float, length_s:
     stroke = stroke_of(kind, seed, PLANTED, "printed", ())
     rng, time_s = np.random.default_rng([seed, len(kind), int(1e3 * length_s)]), stroke.data.time_s
     if what == "rings":
-        at_s = float(time_s[stroke.data.force_n.argmax()] + rng.uniform(0.0, RINGS_S))
+        at_s = float(time_s[stroke.data.raw_force_n.argmax()] + rng.uniform(0.0, RINGS_S))
     else:
         at_s = float(rng.uniform(FIRST_S, LAST_S[what]))
     change = frozen(int(size), at_s, length_s) if what == "frozen" else spiked(FORCE, at_s, length_s, size)

@@ -27,9 +27,9 @@ ANY_SHAPE = (
 HEAVY = {
     "model.inside.draw_sheet": ("model.inside.figure._draw_motion",),
     f"{TOUCH}.feel": (f"{TOUCH}.feel.weigh", f"{TOUCH}.feel.hammer_speeds"),
-    f"{TOUCH}.fastest_repetition": (f"{TOUCH}.feel.sounded",),
+    f"{TOUCH}.fastest_repetition": (f"{TOUCH}.feel.strikes_string",),
     f"{STUDY}.compare": (f"{STUDY}.variants.simulate_many",),
-    f"{STUDY}.felt_law_effects": (f"{STUDY}.effects.touch_and_blow",),
+    f"{STUDY}.felt_law_effects": (f"{STUDY}.effects.touch_and_blow_marks",),
     f"{STUDY}.joint_effects": (f"{STUDY}.effects.blow_marks",),
     f"{STUDY}.joint_sweep": (f"{STUDY}.effects.blow_marks",) * 2,
 }
