@@ -75,14 +75,13 @@ def all_of(n, filmed=1):
         "events": f"{2 * n} of {2 * n}",
         "curve scores": f"{3 * n + 2 * filmed} of {3 * n + 2 * filmed}",
         "force sign and unit": f"{n} of {n}",  # the stand-in does not move as the trials do
-        "force spike": f"{n} of {n}",
     }
 
 
 def test_unchanged_touched_or_renamed_nothing_is_done_again(bench, predict):
     folder, action = bench
     assert again(folder, action) == all_of(3)
-    assert len(predict.calls) == 6  # of the comparison without memory: three predictions, three without a spike
+    assert len(predict.calls) == 3  # of the comparison without memory; no spike of the force asks the model
     for file in folder.rglob("*"):
         os.utime(file, (1, 1))
     moved = folder.with_name("another name")
@@ -115,7 +114,6 @@ def test_a_further_trial_is_the_only_one_scored(bench, make):
         "events": "6 of 8",
         "curve scores": "11 of 14",
         "force sign and unit": "3 of 4",
-        "force spike": "3 of 4",
     }
 
 
