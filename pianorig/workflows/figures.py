@@ -40,7 +40,7 @@ def draw_session(session: rig.Session, path: Path) -> None:
             own = [encoder.name for encoder in data.encoders]
             for axes, name in zip(grid, panels, strict=False):
                 if name == "force":
-                    axes.plot(time, data.force_n[::step], color="black", linewidth=0.8, alpha=0.7)
+                    axes.plot(time, data.raw_force_n[::step], color="black", linewidth=0.8, alpha=0.7)
                 elif name in own:
                     color = BODY_COLORS.get(name, "#555555")
                     axes.plot(time, angles[:, own.index(name)], color=color, linewidth=0.9, alpha=0.8)

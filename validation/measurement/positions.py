@@ -16,11 +16,11 @@ import numpy as np
 
 from rig.mains_hum import fit_mains_hum
 from rig.session import TrialData
+from rig.session.force_correction import Quiet
 from rig.session.info import ChannelInfo
 from rig.session.ruler import Position, ruler_curve
 from validation.conventions import Array
 from validation.errors import TrialError
-from validation.measurement.force_correction import Quiet
 from validation.measurement.geometry import motion_of
 from validation.measurement.position_sensors import (
     PRIOR_U,
@@ -103,12 +103,13 @@ def measure_positions(data: TrialData, calibration: SensorCalibration, seal: str
         u_zero_rad=u,
         u_scale_relative=scale,
     )
+    quiet = Quiet(stop, start_s, float(data.time_s[stop - 1]), _onset_s(data, key))
     return MeasuredTrial(
         number=data.number,
         time_s=data.time_s,
         raw_force_n=lost,
-        force=no_force(data.time_s),
-        quiet=Quiet(stop, start_s, float(data.time_s[stop - 1]), _onset_s(data, key)),
+        force=no_force(data.time_s, quiet),
+        quiet=quiet,
         change_rad=np.column_stack([-sensors.key_turn_rad(), lost, sensors.as_turn(hammer.value_m)]),
         u_rad=u,
         resolution_rad=resolution,

@@ -87,11 +87,11 @@ U_REST_LEVEL_M = 0.1e-3 / np.sqrt(3)
 NONE = "no force was recorded"
 
 
-def no_force(time_s: Array) -> CorrectedForce:
+def no_force(time_s: Array, quiet: Quiet) -> CorrectedForce:
     """The force of a trial without one: NaN at its sample times, no preload."""
     lost = np.full(time_s.size, np.nan)
     hum = HumFit(0.0, 0.0, 0.0, False, (), (), 0.0, 0.0, False, NONE, np.zeros((0, 0)))
-    return CorrectedForce(time_s, lost, lost, hum, float("nan"), ForceChannel())
+    return CorrectedForce(time_s, lost, lost, quiet, hum, float("nan"), ForceChannel())
 
 
 @dataclass(frozen=True)
@@ -219,7 +219,7 @@ def measure(
         notes += _force_doubt(force)
     else:
         quiet, raw = quiet_of_motion(time, counts), np.full(time.size, np.nan)
-        force = no_force(time)
+        force = no_force(time, quiet)
         notes.append(NONE)
     change, u_sample, u_zero = encoder_change(angle, quiet, resolution)
     u_sample = np.hypot(u_sample, u_change)
