@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import model
+from rig import RigInputError
 from rig.session import Session, TrialData
+from rig.session.force_correction import quiet_of_motion
 from rig.session.info import NO_FORCE
-from validation.errors import ValidationInputError
 from validation.infer.observations import ENCODERS, FILM
 from validation.infer.sources import IdentifyOptions, collect
-from validation.measurement.trial import quiet_of_motion
 
 
 def without_force(data: TrialData) -> TrialData:
@@ -67,5 +67,5 @@ def test_what_is_not_used_is_said(two: list[Path]) -> None:
 )
 def test_a_trial_that_does_not_begin_at_rest_is_refused(counts: Callable[[np.ndarray], np.ndarray], said: str) -> None:
     time = np.arange(0.0, 0.3, 2e-4)
-    with pytest.raises(ValidationInputError, match=said):
+    with pytest.raises(RigInputError, match=said):
         quiet_of_motion(time, np.asarray(counts(time), dtype=np.int64)[:, None])
