@@ -73,7 +73,9 @@ def with_methods() -> dict[str, Callable[..., Any]]:
             for own, member in vars(base).items():
                 plain = getattr(member, "__func__", member)
                 made = own == "__init__" and not hasattr(one, "__dataclass_fields__")
-                if inspect.isfunction(plain) and (made or not own.startswith("_")):
+                if not inspect.isfunction(plain) or plain.__name__ != own:  # a former name of another member
+                    continue
+                if made or not own.startswith("_"):
                     found.setdefault(name if made else f"{name}.{own}", plain)
     return found
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from model.arrays import as_numbers
 from model.files.figure_sheet import new_sheet
 from model.inside.labels import BODY_COLORS
 
@@ -90,12 +91,13 @@ def draw_deviations(
 ) -> None:
     """Draw what a calibration left over at each reference; ``words``: title, horizontal and vertical label."""
     title, along, up = words
+    at_1d, away_1d, u_1d = (as_numbers(v, name, 1) for name, v in (("at", at), ("away", away), ("u", u)))
     with new_sheet(path, 7.0, 3.6) as figure:
         axes = figure.subplots()
-        if len(u):
-            axes.errorbar(at, away, yerr=u, fmt="o", color=BODY_COLORS["whippen"], capsize=3)
+        if u_1d.size:
+            axes.errorbar(at_1d, away_1d, yerr=u_1d, fmt="o", color=BODY_COLORS["whippen"], capsize=3)
         else:
-            axes.plot(at, away, "o", color=BODY_COLORS["whippen"])
+            axes.plot(at_1d, away_1d, "o", color=BODY_COLORS["whippen"])
         axes.axhline(0.0, color="#777777", linewidth=0.8)
         axes.set(title=title, xlabel=along, ylabel=up)
         axes.grid(alpha=0.3)
@@ -109,7 +111,8 @@ def blow_events(action: model.Action, solution: model.Solution, force: np.ndarra
     from validation.events.detect import find_events
     from validation.measurement.geometry import geometry_of, motion_of
 
-    away = np.abs(np.asarray(force) - force[0])
+    force = as_numbers(force, "force", 1)
+    away = np.abs(force - force[:1])
     quiet = int(np.argmax(away > ONSET_SHARE * away.max())) if away.size and away.max() > 0 else 0
     if tuple(solution.bodies[: len(BODIES)]) != tuple(BODIES) or quiet < FEWEST_QUIET:
         return {}

@@ -15,7 +15,7 @@ from pianorig.workflows import DrivingForce
 from rig.session.info import NO_FORCE
 from rig.simulated.backend import DEFAULT_BENCH
 from tests.arrays.forms import Gives, Out
-from tests.arrays.model_calls import ROWS, Arguments, action
+from tests.arrays.model_calls import ROWS, Arguments, action, blow
 
 WORKFLOWS, BACKEND = "pianorig.workflows", "rig.simulated.SimulatedBackend"
 CAMERA = "rig.simulated.bench.camera"
@@ -85,6 +85,11 @@ def trial() -> rig.TrialData:
 CALLS: dict[str, Callable[[], Arguments]] = {
     f"{WORKFLOWS}.DrivingForce.at": lambda: {
         "self": DrivingForce(np.array([0.0, 1.0]), np.array([0.0, 4.0])), "time_s": ROWS / 32.0,
+    },
+    f"{WORKFLOWS}.blow_events": lambda: {"action": action(), "solution": blow(), "force": np.repeat([0.0, 1.0], 12)},
+    f"{WORKFLOWS}.draw_deviations": lambda: {
+        "at": np.array([0.0, 1.0, 2.0]), "away": np.array([1.0, -2.0, 4.0]), "u": np.array([1.0, 2.0, 0.5]),
+        "words": ("left over", "swing", "friction, mN m"), "path": Out("left.png"),
     },
     "vision.ccw_to_picture": lambda: {"angle_rad": ROWS},
     "vision.picture_to_ccw": lambda: {"phi_rad": ROWS},
