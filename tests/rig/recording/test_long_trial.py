@@ -70,7 +70,7 @@ def test_a_trial_written_in_parts_is_the_same_trial(tmp_path) -> None:
     whole = trial(200)
     write_trial(tmp_path / "whole.h5", whole)
     for size in (1, 37, 200):
-        arrays = ("time_s", "force_n", "force_raw", "motor_command_v", "encoder_count")
+        arrays = ("time_s", "raw_force_n", "force_raw", "motor_command_v", "encoder_count")
         parts = [
             replace(whole, **{name: getattr(whole, name)[first : first + size] for name in arrays})
             for first in range(0, 200, size)

@@ -92,7 +92,7 @@ def test_trials_with_neither_force_nor_key_motion_are_refused_with_the_reason(tm
         lost = np.full(data.time_s.size, np.nan)
         session.add_trial(
             replace(
-                data, force_n=lost, force_raw=lost, force_info=NO_FORCE,
+                data, raw_force_n=lost, force_raw=lost, force_info=NO_FORCE,
                 encoders=tuple(data.encoders[k] for k in kept), encoder_count=data.encoder_count[:, kept],
             )
         )  # fmt: skip

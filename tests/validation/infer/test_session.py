@@ -116,7 +116,7 @@ def session_of_others(tmp_path: Path) -> Session:
     for number, of in ((5, 1), (6, 3)):
         data = shipped.trial(of).read()
         keep = slice(150, data.time_s.size - 40)
-        cut = {name: getattr(data, name)[keep] for name in ("time_s", "force_n", "force_raw", "motor_command_v")}
+        cut = {name: getattr(data, name)[keep] for name in ("time_s", "raw_force_n", "force_raw", "motor_command_v")}
         cut["time_s"] = cut["time_s"] - cut["time_s"][0]
         count = data.encoder_count[keep] - data.encoder_count[keep][0] + 700
         copy.add_trial(
