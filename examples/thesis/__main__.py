@@ -35,7 +35,7 @@ parser.add_argument("part", nargs="*", choices=[[], *PARTS], metavar="PART", hel
 parser.add_argument("--action", default="hirschkorn2004", help="built-in action or a TOML file")
 parser.add_argument("--out", type=Path, help="folder for the numbers")
 given = parser.parse_args()
-for part in given.filtered_part or PARTS:
+for part in given.part or PARTS:
     run, blow = PARTS[part]
     lines, numbers = run(model.load_action(given.action), *model.force_table(blow))
     print("\n".join(lines), end="\n\n", flush=True)

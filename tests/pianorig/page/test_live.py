@@ -192,7 +192,7 @@ def test_no_sample_is_lost_with_the_page_open_stalled_and_killed(browser: Any, f
     for one, other in zip(Session.open(alone).trials, Session.open(watched).trials, strict=True):
         ours, theirs = one.read(), other.read()
         assert ours.status == theirs.status == "complete"
-        for name in ("force_n", "force_raw", "encoder_count", "motor_command_v"):
+        for name in ("raw_force_n", "force_raw", "encoder_count", "motor_command_v"):
             np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
 
 

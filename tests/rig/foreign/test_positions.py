@@ -16,6 +16,8 @@ from rig.session.info import RulerInfo
 from rig.session.ruler import ABOVE, BELOW, position_of, ruler_curve
 from rig.session.trial_export import columns
 from tests.command_line import run
+from validation.measurement.measure_session import BY_RULER, usable_trials
+from validation.measurement.position_sensors import reference_turns
 from validation.measurement.positions import measure_positions
 
 RATE = 2000.0
@@ -78,6 +80,11 @@ def recording(tmp_path):
     time_s = 36.0 + np.arange(int(4 * RATE)) / RATE
     x = strokes(time_s, (36.6, 37.8, 38.9))
     return write(tmp_path / "long.csv", x, 0.9 * x, time_s), x
+
+
+def measured_strokes(session):
+    """The strokes that can be compared, and by number why others cannot."""
+    return usable_trials(session, lambda trial, data: measure_positions(data, BY_RULER, trial.sha256))
 
 
 def import_text(tmp_path, text, file):
@@ -209,8 +216,8 @@ def test_a_stroke_that_is_cut_off_is_kept_and_named(tmp_path, capsys) -> None:
     session = import_session(tmp_path / "out", [file], load_mapping(tmp_path / "m.toml"))
     data = session.trial(1).read()
     assert (data.status, data.reason) == ("incomplete", "the recording ends during this stroke")
-    (stroke,), _ = measure_positions(session)
-    assert stroke.time_s.size == data.n_valid and "the recording ends during this stroke" in stroke.source
+    (stroke,), _ = measured_strokes(session)
+    assert stroke.time_s.size == data.n_valid and "the recording ends during this stroke" in stroke.notes[0]
     begun = cut_strokes(strokes(time_s, (-0.2,))[:, None], np.array([0.01]), RATE, trigger=0.1, pre_s=0.3, rest_s=0.1)
     assert begun[0].cut_off == "the recording begins during this stroke"
 
@@ -232,14 +239,15 @@ def test_a_recording_with_a_short_rest_is_compared_as_far_as_its_rest_can_be_see
     time_s = np.arange(int(2.5 * RATE)) / RATE
     x = strokes(time_s, (start_s, 1.2))
     session = import_text(tmp_path, mapping(), write(tmp_path / "soon.csv", x, 0.9 * x, time_s))
-    seen, refused = measure_positions(session)
+    seen, refused = measured_strokes(session)
     assert [stroke.number for stroke in seen] == ([1, 2] if start_s > 0.03 else [2])
     assert all("\n" not in why and "at rest" in why for why in refused.values())
     for stroke in seen:
         first = round(float(session.trial(stroke.number).read().provenance["source_start_s"]) * RATE)
         true = x[first : first + stroke.time_s.size]
-        assert np.abs(stroke.key.value_m - true).max() < 2e-4
-        assert np.all(stroke.key.u_zero_m < 1e-4)
+        assert np.abs(stroke.sensors.key_m - true).max() < 2e-4
+        u_m = stroke.u_rad[0] * stroke.sensors.key_travel_m / reference_turns()[0]
+        assert 1e-4 < u_m < np.hypot(1e-4, 1e-4)  # the ruler's, and less than as much of the zero
 
 
 @pytest.mark.parametrize(("apart_s", "trials"), [(0.2, 1), (0.35, 2)])

@@ -226,7 +226,7 @@ def test_each_channel_reads_its_own_terminal_in_its_unit(wired, record_steps) ->
 def test_force_and_counts_are_the_same_with_and_without_them(wired, record_steps) -> None:
     used = {"with": wired, "without": load_rig("pcie6363")}
     trials = [record_steps(rig, name).trials[0].read() for name, rig in used.items()]
-    for name in ("force_n", "force_raw", "encoder_count", "motor_command_v"):
+    for name in ("raw_force_n", "force_raw", "encoder_count", "motor_command_v"):
         np.testing.assert_array_equal(getattr(trials[0], name), getattr(trials[1], name))
     assert trials[1].channels == () and trials[1].channel_values is None
 

@@ -74,7 +74,7 @@ def check(folder: Path, seen: list[tuple[int, int, int]], whole: Session) -> str
         data, reference = trial.read(), wanted.read()
         stored[trial.number] = n = data.n_valid
         np.testing.assert_array_equal(data.time_s, np.arange(n) / 5000)
-        for name in ("force_n", "force_raw", "motor_command_v", "encoder_count"):
+        for name in ("raw_force_n", "force_raw", "motor_command_v", "encoder_count"):
             np.testing.assert_array_equal(getattr(data, name), getattr(reference, name)[:n])
         assert data.encoders == reference.encoders and data.force_info == reference.force_info
         assert trial.status == "incomplete" or n == reference.n_valid

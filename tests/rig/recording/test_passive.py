@@ -254,7 +254,7 @@ def test_the_command_records_strokes_and_refuses_what_does_not_go_together(
 ) -> None:
     arguments = ("record", "--passive", "--backend", "sim://?hand=plays", "--out", tmp_path / "s")
     assert run(*arguments, "--trials", 1) == 0
-    assert "trial 1: complete" in capsys.readouterr().out
+    assert "1 of 1 complete" in capsys.readouterr().out
     for more, words in {
         ("--film", "1"): "--passive: plays no profile",
         ("--profile", "forte"): "--passive: plays no profile; leave out --profile",
