@@ -439,11 +439,14 @@ class Responses:
         return np.moveaxis(scaled.reshape(3, -1, scaled.shape[1]), 0, 1)
 
     def scattered(self, amounts: Array, here: Array) -> Array:
-        """Changes (draws, 3 m) of the first trial's curve with amounts (draws, p) of sources; zero where it fails."""
+        """Changes (draws, 3 m) of the curves of the trials in turn, with amounts (draws, p); zero where a run fails."""
         moved = np.flatnonzero(np.any(amounts != 0.0, axis=0))
-        places = [_Place(tuple((int(j), float(z[j])) for j in moved)) for z in amounts]
-        base = self.measured[0] - here[0]
-        return np.array([0 * base if turn is None else turn - base for turn in self._turns([(p, 0) for p in places])])
+        places = [
+            (_Place(tuple((int(j), float(z[j])) for j in moved)), k % len(self.trials)) for k, z in enumerate(amounts)
+        ]
+        base = self.measured - here
+        found = zip(places, self._turns(places), strict=True)
+        return np.array([0.0 * base[t] if turn is None else turn - base[t] for (_, t), turn in found])
 
     def _place(self, point: Point, t: int) -> _Place:
         amounts: dict[int, float] = {}

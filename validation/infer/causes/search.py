@@ -295,6 +295,9 @@ def find_causes(responses: Responses, effects: bool = True) -> Found:
         pairs = around.refit(around.refit(around.pairs(fits), rounds=2)[:REFITTED])
         if pairs and 2.0 * (pairs[0].log_posterior - fits[0].log_posterior) > threshold.single:
             around, fits = around.exchanged(pairs)
+            alone = around.refit([around.started((i,), fits[0]) for i in fits[0].members])
+            if alone and 2.0 * (fits[0].log_posterior - alone[0].log_posterior) <= threshold.single:
+                around, fits = around.exchanged(alone)  # beside what the pair has right, the other is not needed
             left = around.rest(threshold)
     near = fits[0].log_posterior - max(left, 1.0) * math.log(ODDS)
     kept = tuple(f for f in fits if f.log_posterior >= near)
