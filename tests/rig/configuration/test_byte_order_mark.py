@@ -8,7 +8,6 @@ from pathlib import Path
 
 import model
 import rig
-import validation
 from tests.command_line import run
 from tests.rig.foreign.test_other_programs import MAPPING, TIME
 
@@ -56,7 +55,7 @@ def test_plan_mapping_session_and_scene_files(tmp_path: Path) -> None:
     marked_session = shutil.copytree(out, tmp_path / "t")
     (marked_session / "session.toml").write_bytes(MARK + (out / "session.toml").read_bytes())
     assert run("info", marked_session) == 0
-    assert not validation.has_positions_only(marked_session)
+    assert rig.open_session(marked_session)[1].read().has_force
     scene = tmp_path / "scene.toml"
     scene.write_bytes(MARK + b'effects = ["balance_rail"]\n')
     assert model.choice_of(model.load_action(), str(scene)).effects
