@@ -32,7 +32,7 @@ from validation.measurement.measure_session import (
     measure_session,
     open_session,
 )
-from validation.measurement.sample_fingerprints import are_same_samples
+from validation.measurement.sample_fingerprints import are_same_stroke
 from validation.measurement.trial import U_REST_LEVEL_M, MeasuredTrial, trials_in_words
 from validation.options import utc_now
 from validation.prediction.model_under_test import ModelUnderTest
@@ -257,7 +257,7 @@ def _refuse_same_stroke(strokes: Sequence[tuple[str, MeasuredTrial]]) -> None:
     """One stroke twice, as a copy of its session: fitted it would count twice, held out predict itself."""
     for k, (label, m) in enumerate(strokes):
         for first, other in strokes[:k]:
-            if m.seal == other.seal or are_same_samples(m.samples, other.samples):
+            if m.seal == other.seal or are_same_stroke(m.samples, other.samples):
                 raise ValidationInputError(
                     f"{label}: is the same stroke as {first} (by hash); give each stroke once, to fit or to hold out"
                 )

@@ -3,7 +3,8 @@
 A channel is read in windows of `WINDOW` samples; of their rolling hashes those that are multiples of `ONE_IN` are kept
 (winnowing; Manber 1994, USENIX Winter Technical Conference). Two recordings that share a stretch share its
 fingerprints, wherever it lies in either of them. Encoders are taken by the steps of their counts, so that the first
-count does not matter; windows in which a count hardly changes are left out.
+count does not matter; windows in which a count hardly changes are left out, and so are those in which a reading is
+near its first value: before the blow a virtual bench of one seed reads alike in every session.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from rig.session import TrialData
 WINDOW = 64
 ONE_IN = 64
 FEWEST_SHARED = 2
+SHARE_OF_ONE_STROKE = 0.5  # of the fingerprints of the shorter record: beyond it most of one lies in the other
+MOVED_SHARE = 0.05  # of a reading's range: mains hum and noise of a quiet baseline stay below
 DIGITS = 12
 BASE = np.uint64(0x9E3779B97F4A7C15)  # odd, so that no power of it vanishes modulo 2^64
 
@@ -33,6 +36,12 @@ def are_same_samples(one: Collection[str], other: Collection[str]) -> bool:
     return len(set(one) & set(other)) >= FEWEST_SHARED
 
 
+def are_same_stroke(one: Collection[str], other: Collection[str]) -> bool:
+    """Whether most of one trial's samples are those of the other."""
+    shared = len(set(one) & set(other))
+    return shared >= FEWEST_SHARED and shared > SHARE_OF_ONE_STROKE * min(len(one), len(other))
+
+
 def _channels(data: TrialData) -> Iterator[tuple[NDArray[np.uint64], NDArray[np.bool_]]]:
     """Samples of each channel as words of 64 bits, and which of them tell something."""
     for counts in np.asarray(data.encoder_count, dtype=np.int64).T:
@@ -43,7 +52,8 @@ def _channels(data: TrialData) -> Iterator[tuple[NDArray[np.uint64], NDArray[np.
         readings += list(np.asarray(data.channel_values, dtype=float).T)
     for reading in readings:
         values = np.ascontiguousarray(reading, dtype=np.float64)
-        yield values.view(np.uint64), np.concatenate([[False], np.diff(values) != 0.0])
+        away = np.abs(values - np.median(values[:WINDOW])) > MOVED_SHARE * np.ptp(values) if values.size else values > 0
+        yield values.view(np.uint64), away & np.concatenate([[False], np.diff(values) != 0.0])[: values.size]
 
 
 def _hashes(words: NDArray[np.uint64], tells: NDArray[np.bool_]) -> list[int]:
