@@ -29,9 +29,6 @@ from vision.results.flags import FAILURE
 
 Result = TypeVar("Result")
 EXAMPLE = Path(__file__).parents[3] / "sessions" / "example_forte"
-CHROMIUM = next(
-    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
-)
 
 
 @dataclass
@@ -197,17 +194,3 @@ def looking(folder: Path) -> Iterator[Page]:
 @pytest.fixture
 def writing(folder: Path) -> Iterator[Page]:
     yield from serve(folder, control=True)
-
-
-@pytest.fixture(scope="package")  # while it lives, no other event loop runs in this thread
-def browser() -> Iterator[Any]:
-    if CHROMIUM is None:
-        pytest.skip("no Chromium found: install chromium to look at the page in a browser")
-    api = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
-    with api.sync_playwright() as driver:
-        browser = driver.chromium.launch(
-            executable_path=CHROMIUM,
-            args=["--no-sandbox", "--disable-gpu", "--disable-quic", "--disable-background-networking"],
-        )
-        yield browser
-        browser.close()

@@ -51,7 +51,14 @@ class Pressed:
 
 
 def test_what_the_uncertainties_come_from_is_in_the_key_of_what_is_stored(monkeypatch):
-    trial = SimpleNamespace(number=1, seal="one", time_s=np.arange(3.0), force=Pressed(np.array([0.0, 5.0])))
+    trial = SimpleNamespace(
+        number=1,
+        seal="one",
+        has_force=True,
+        driven_by_key=False,
+        time_s=np.arange(3.0),
+        force=Pressed(np.array([0.0, 5.0])),
+    )
     action, path = model.load_action("hirschkorn2004"), "contact04.friction.A"
     tested, runs = ModelUnderTest(action, rivals=()), []
 
