@@ -77,6 +77,8 @@ def test_a_set_without_a_rest_state_is_one_line_and_writes_nothing(
     floating = ["--parameters", "hammer.mass", "--set", "gravity.g=0"]
     assert run("sensitivity", FORTE, *floating, "--out", str(tmp_path / "out")) == 1  # as `simulate` says it
     told = capsys.readouterr().err.strip().splitlines()
+    if told[0].startswith("differentiating"):  # progress, where kernels are compiled first
+        told = told[1:]
     assert told == [f"pianorig: {NO_REST}"]
     assert not list(tmp_path.glob("out/*"))
 
