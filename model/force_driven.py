@@ -26,7 +26,7 @@ from model.simulation.loads_and_losses import Inside
 from model.simulation.options import ForceDrivenKeywords, ForceDrivenOptions
 from model.simulation.run import SMALLEST_TOLERANCE, Plan, Simulation, State
 from model.simulation.solution import MISSED, Solution
-from model.simulation.statics import RestState, rest_state, solve_rest
+from model.simulation.statics import RestState, solve_rest
 from model.simulation.string_motion import count_modes, string_motion
 
 Array = NDArray[np.float64]
@@ -143,7 +143,7 @@ def simulate(
     options = ForceDrivenOptions(**keywords)
     preload_n = 0.0
     if force_n is None:
-        times, forces, preload_n, sampled = _table_of(time_s)
+        times, forces, preload_n, sampled = _force_table_of_trial(time_s)
         options = options if options.output_time_s is not None else replace(options, output_time_s=sampled)
     else:
         times, forces = check_force_table(time_s, force_n)  # type: ignore[arg-type]  # a trial comes without a force
@@ -155,8 +155,7 @@ def simulate(
     if isinstance(initial, State):
         state = initial.copy()
     else:
-        loaded = rest_state(action, force_n=preload_n, scene=scene) if preload_n and initial is None else initial
-        angle = solve_rest(scene) if loaded is None else loaded.angle_rad
+        angle = solve_rest(scene, preload_n) if initial is None else initial.angle_rad
         state = State(float(times[0]), np.array(angle, dtype=float), np.zeros(scene.size))
     run = ForceDrivenRun(
         scene, times, forces, outputs, options.tolerance, options.method, choice.outputs,
@@ -165,7 +164,7 @@ def simulate(
     return run.from_state(state)
 
 
-def _table_of(trial: Any) -> tuple[Array, Array, float, Array]:
+def _force_table_of_trial(trial: Any) -> tuple[Array, Array, float, Array]:
     """Force table (k,), preload and sample times (n,) of a recorded trial; the table reaches over all samples."""
     if not hasattr(trial, "corrected_force"):
         raise InputError(

@@ -50,10 +50,10 @@ def _channels(data: TrialData) -> Iterator[tuple[NDArray[np.uint64], NDArray[np.
     readings = [data.force_raw] if data.has_force else []
     if data.channel_values is not None:
         readings += list(np.asarray(data.channel_values, dtype=float).T)
-    for reading in readings:
+    for reading in readings if data.n_valid else []:
         values = np.ascontiguousarray(reading, dtype=np.float64)
-        away = np.abs(values - np.median(values[:WINDOW])) > MOVED_SHARE * np.ptp(values) if values.size else values > 0
-        yield values.view(np.uint64), away & np.concatenate([[False], np.diff(values) != 0.0])[: values.size]
+        away = np.abs(values - np.median(values[:WINDOW])) > MOVED_SHARE * np.ptp(values)
+        yield values.view(np.uint64), away & np.concatenate([[False], np.diff(values) != 0.0])
 
 
 def _hashes(words: NDArray[np.uint64], tells: NDArray[np.bool_]) -> list[int]:

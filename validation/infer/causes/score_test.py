@@ -151,7 +151,7 @@ class ScoreTest:
         likelihoods = self.noise.log_likelihoods(turned)
         for k, likelihood in enumerate(likelihoods):
             gram, b = self.gram(k), self.products(k, self.noise.whiten(k, turned)[None])[0]
-            gram, b, at = _beside(gram, b, held)
+            gram, b, at = _condition_on(gram, b, held)
             gain = b**2 / (1.0 + np.maximum(np.diag(gram), 0.0))
             if likelihood + 0.5 * (at + gain.max()) > best:
                 best, size, found = likelihood + 0.5 * (at + gain.max()), k, gain
@@ -207,7 +207,7 @@ def _chunks(count: int) -> list[int]:
     return [CHUNK] * (count // CHUNK) + [count % CHUNK] * bool(count % CHUNK)
 
 
-def _beside(gram: Array, b: Array, held: Sequence[int]) -> tuple[Array, Array, float]:
+def _condition_on(gram: Array, b: Array, held: Sequence[int]) -> tuple[Array, Array, float]:
     """Products with what the causes held explain taken out, and twice the log likelihood that those gain."""
     if not held:
         return gram, b, 0.0

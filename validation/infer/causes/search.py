@@ -106,7 +106,7 @@ class Search:
         k = int(np.argmax(found))
         return float(found[k] - 0.5 * z @ z), k
 
-    def started(self, members: tuple[int, ...], at: Fit | None = None) -> Fit:
+    def start_fit(self, members: tuple[int, ...], at: Fit | None = None) -> Fit:
         """Causes at their amounts in another fit, zero if it has none; its other causes are taken off linearly."""
         base = self.at if at is None else at
         z = np.array([base.z[base.members.index(i)] if i in base.members else 0.0 for i in members])
@@ -183,10 +183,10 @@ class Search:
 
     def rest(self, threshold: Threshold) -> float:
         """Largest score statistic of one more cause beside the fit, over its threshold."""
-        gains, _ = self.gains(self.started(self.at.members), self.at.members)
+        gains, _ = self.gains(self.start_fit(self.at.members), self.at.members)
         return float(gains.max()) / threshold.single
 
-    def exchanged(self, fits: Sequence[Fit]) -> tuple[Search, list[Fit]]:
+    def exchange_causes(self, fits: Sequence[Fit]) -> tuple[Search, list[Fit]]:
         """The linear model around the best fit, and all fits compared there, with those that rank high in its place."""
         best = fits[0]
         around = Search(self.responses, best, self.effects, self)
@@ -194,9 +194,9 @@ class Search:
         started = []
         for i in best.members:
             kept = tuple(j for j in best.members if j != i)
-            for j in around.ranked(around.at, kept)[:EXCHANGED]:
+            for j in around.rank_candidates(around.at, kept)[:EXCHANGED]:
                 if j not in kept and frozenset((*kept, j)) not in known:
-                    started.append(around.started((*kept, j)))
+                    started.append(around.start_fit((*kept, j)))
         again = [replace(f, log_posterior=around.log_posterior(f.each, f.z)[0]) for f in fits[:EXCHANGED]]
         every = around.refit([*again, *started], rounds=ROUNDS // 2)
         if every[0].members != best.members:
@@ -207,12 +207,15 @@ class Search:
         """Pairs to start from: the best single causes with what gains most beside them, and with one another."""
         started: dict[frozenset[int], Fit] = {}
         for one in singles[:SECOND]:
-            for i in [*self.ranked(one, one.members)[:REFITTED], *(f.members[0] for f in singles[: REFITTED // 2])]:
+            for i in [
+                *self.rank_candidates(one, one.members)[:REFITTED],
+                *(f.members[0] for f in singles[: REFITTED // 2]),
+            ]:
                 if i not in one.members:
-                    started.setdefault(frozenset((*one.members, i)), self.started((*one.members, i), one))
+                    started.setdefault(frozenset((*one.members, i)), self.start_fit((*one.members, i), one))
         return list(started.values())
 
-    def ranked(self, fit: Fit, held: Sequence[int]) -> list[int]:
+    def rank_candidates(self, fit: Fit, held: Sequence[int]) -> list[int]:
         """Candidates by their gain beside the causes held of a fit."""
         gains, _ = self.gains(fit, held)
         return [self.named[int(i)] for i in np.argsort(-gains, kind="stable")]
@@ -240,12 +243,12 @@ class Search:
             candidate = self.responses.candidates[self.named[int(n)]]
             best.setdefault((candidate.source, candidate.profile == ALL), self.named[int(n)])
         added = [i for i in self.named if self.source(i).added]
-        started = [self.started((i,)) for i in best.values() if i not in added]
+        started = [self.start_fit((i,)) for i in best.values() if i not in added]
         return self.refit([*started, *self.effects_at_amounts(added)], rounds=1)
 
     def effects_at_amounts(self, added: Sequence[int]) -> list[Fit]:
         """Effects run at each of `AMOUNTS`, the best of each: the response bends where an effect comes in."""
-        fits = [replace(self.started((i,)), z=np.array([z])) for i in added for z in AMOUNTS]
+        fits = [replace(self.start_fit((i,)), z=np.array([z])) for i in added for z in AMOUNTS]
         out: dict[int, Fit] = {}
         for fit, each in zip(fits, self.responses.differences([f.point for f in fits]), strict=True):
             if each is None:
@@ -289,15 +292,15 @@ def find_causes(responses: Responses, effects: bool = True) -> Found:
     singles = search.refit(search.first_round()[:REFITTED])
     if not singles:
         return Found(exceeds=True, search=search)
-    around, fits = search.exchanged(singles)
+    around, fits = search.exchange_causes(singles)
     left = around.rest(threshold)
     if left > 1.0:
         pairs = around.refit(around.refit(around.pairs(fits), rounds=2)[:REFITTED])
         if pairs and 2.0 * (pairs[0].log_posterior - fits[0].log_posterior) > threshold.single:
-            around, fits = around.exchanged(pairs)
-            alone = around.refit([around.started((i,), fits[0]) for i in fits[0].members])
+            around, fits = around.exchange_causes(pairs)
+            alone = around.refit([around.start_fit((i,), fits[0]) for i in fits[0].members])
             if alone and 2.0 * (fits[0].log_posterior - alone[0].log_posterior) <= threshold.single:
-                around, fits = around.exchanged(alone)  # beside what the pair has right, the other is not needed
+                around, fits = around.exchange_causes(alone)  # beside what the pair has right, the other is not needed
             left = around.rest(threshold)
     near = fits[0].log_posterior - max(left, 1.0) * math.log(ODDS)
     kept = tuple(f for f in fits if f.log_posterior >= near)
