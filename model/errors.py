@@ -1,7 +1,4 @@
-"""Errors of the model: a small hierarchy whose messages are one line a user can act on.
-
-``exit_code`` is what the command line returns: 2 for bad input, 1 for a computation that could not be completed.
-"""
+"""Errors of the model: a small hierarchy whose messages are one line a user can act on."""
 
 import difflib
 import math

@@ -1,8 +1,4 @@
-"""Simulate an action under a measured or invented force table: the main function of ``model``.
-
-Force table in (time s, force N, positive downwards on the key, linear between points), trajectory out.
-Bad tables are refused with the row and what is allowed.
-"""
+"""Simulate an action under a measured or invented force table: the main function of ``model``."""
 
 from __future__ import annotations
 

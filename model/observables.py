@@ -1,7 +1,4 @@
-"""Measured quantities as functions of the state: what a ruler or a sensor at the action would read.
-
-Virtual sensors, output columns and validation use the same functions. NumPy only; (m, n) angles in, (m,) out.
-"""
+"""Measured quantities as functions of the state: what a ruler or a sensor at the action would read."""
 
 from __future__ import annotations
 

@@ -1,9 +1,4 @@
-"""Entry point of ``pianorig``: the list of commands and what happens to their errors.
-
-A command's module is imported when the command runs or its own help is asked for, so that ``--help`` starts fast. An
-error that a package raises on purpose carries ``exit_code`` (2 bad input, 3 hardware or safety, 1 defect) and is
-printed in one line; with ``--debug`` its traceback is shown. Ctrl-C ends with 130 and says what it did.
-"""
+"""Entry point of ``pianorig``: the list of commands and what happens to their errors."""
 
 from __future__ import annotations
 

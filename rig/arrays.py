@@ -1,8 +1,5 @@
 """Arrays as users have them, made such as compiled code takes: by `as_numbers` where a function is entered, by
 `ArrayRecord` where a record is made.
-
-Read-only, strided, big-endian, of another precision, a list, a column of pandas, an xarray: all become an array of one
-type whose rows lie one after the other and can be written. One that is so already is not copied.
 """
 
 from __future__ import annotations

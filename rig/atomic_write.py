@@ -1,8 +1,4 @@
-"""Files that are written whole or not at all, hashes of their contents, one wording for what the file system refuses.
-
-A file is written under a temporary name in its own folder and renamed when complete, so that a crash or a full disk
-never leaves a partial file that looks complete. Failures of the file system become :class:`rig.errors.RigInputError`.
-"""
+"""Files that are written whole or not at all, hashes of their contents, one wording for what the file system refuses."""
 
 from __future__ import annotations
 

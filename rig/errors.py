@@ -1,7 +1,4 @@
-"""Errors of the rig: one small hierarchy, each class with the exit code the command line gives it.
-
-A message is one line: what, where (file or channel), the value found, the value allowed, what to do.
-"""
+"""Errors of the rig: one small hierarchy, each class with the exit code the command line gives it."""
 
 from __future__ import annotations
 

@@ -11,11 +11,6 @@ compression lies before the rest: fitted together are the felt's cubic (eq. 2.5)
 the way from first touch to rest; the force at rest is the preload. The compliance of arm and cell is the way of the arm
 over force while it presses a block that does not give way.
 
-Recorded is a slow ramp first, then each speed with each peak force, shaped from what the ramp found. Everything a blow
-has is there too: permission, watchdog, interlocks, journal, sealed trials; the limits of travel and force are the
-felt's, and what is pressed how often, how fast and how hard is checked before anything moves. The curves go to
-``derived/felt/`` of the session.
-
 A torque motor commands force, not motion: a ramp of force slows down in a felt that hardens, and a loop at a changing
 speed is no constant share of the felt's curve (eq. 2.7). From the ramp's curve of force over displacement follows the
 force that moves the arm at one speed, with smooth beginning and end and a rest at the peak, during which nothing rings.

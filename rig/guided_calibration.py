@@ -1,10 +1,5 @@
 """Guided calibrations on the bench, the motor off throughout: load cell, scale of an encoder, friction of a joint.
 
-In: a rig file, an open backend, an operator who is asked. Out: a dated record with uncertainties, and the rig file with
-the values that follow from it, which is how they are used.
-
-Load cell: dead weights, the bridge's shunt, the unloaded reading; readings are means over whole periods of the mains.
-
 Encoder: a scale off its centre by e reads e sin(angle + phase) / radius too much; over the few degrees of an action
 that is a factor, which no certificate of the scale knows. It follows from readings at reference angles (an
 autocollimator's, or gauge blocks over a lever). The encoder counts through all of them in one acquisition: a stopped

@@ -1,8 +1,5 @@
 """Profiles that reproduce a recorded force: from a pianist's blow to a motor command, by iterative learning control.
 
-In: a recorded force; blows on the normal record path. After thesis Section 3.2.1, where the points were set by hand.
-Out: a profile for ``record --profile``, the best blow's, in the key points that were played.
-
 Time zero of the target is `LEAD_S` before the force first rises; the resting force before that is subtracted; the force
 ends at zero. Key bottom is the foot of the steepest rise (thesis Figs 3.6 to 3.8: the force rises gradually, then
 spikes at key bottom), or is given. After it the command is the sustained force without the spike, since arm and finger

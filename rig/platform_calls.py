@@ -1,8 +1,4 @@
-"""What differs between operating systems: opening, syncing, reserving and locking files, signals that end a program.
-
-Failures of the file system are OSError, for the caller to put into words. The branch of the other system is tested by
-substitution.
-"""
+"""What differs between operating systems: opening, syncing, reserving and locking files, signals that end a program."""
 
 from __future__ import annotations
 

@@ -1,15 +1,5 @@
 """The self-test of a bench: what is wired where, which way it counts, and whether it really stops.
 
-In: a rig file with ``[selftest]``, which says what a sound bench does, an open backend, the operator's hand on the key.
-Out: a dated record with one finding a check. ``pianorig selftest`` writes ``selftests/<UTC time>_<rig>.toml``;
-recording on hardware demands a record that passed, of the same rig file on the same device, and recent enough.
-
-With the drive disabled the operator lifts the arm and presses the key (unloaded reading, encoder signs, scales, counts
-below zero); the motor pushes gently, with the drive disabled, then enabled (drive-enable, polarity and scale of the
-motor, delay to the input in samples); the watchdog is not reset while the motor pushes; the bridge's shunt resistor is
-switched in; camera edges are counted. A check that fails says where to look; a fault of the hardware becomes the
-finding of its step.
-
 When a push begins is found to some hundredths of a sample. The arm rings on load cell and key, so that no level
 crossing tells when the torque changed: a crossing comes some 0.3 ms late, by another amount on each bench. Fitted is a
 damped oscillation towards a plateau, ``p (1 - exp(-a t) (cos w t + a/w sin w t))``, whose phase gives the beginning;

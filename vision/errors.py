@@ -1,8 +1,4 @@
-"""Errors and warnings of the vision package.
-
-The command line prints the message in one line and leaves with ``exit_code``: 2 for bad input, 1 for a defect. A
-message says what is wrong, in which file, the value found, the value allowed, and what to do.
-"""
+"""Errors and warnings of the vision package."""
 
 from __future__ import annotations
 

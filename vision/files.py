@@ -1,8 +1,4 @@
-"""Files: written so that they appear under their name only when they are complete; TOML read and written.
-
-They are written under a temporary name in the same folder, which is put in place at the end; whatever goes wrong
-before leaves what stood there as it was, and nothing else behind.
-"""
+"""Files: written so that they appear under their name only when they are complete; TOML read and written."""
 
 from __future__ import annotations
 

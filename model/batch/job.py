@@ -1,9 +1,8 @@
 """One member of a batch as plain data: what to simulate, its content hash, and the function that simulates it.
 
-A job can be pickled and sent anywhere. Its hash covers everything the answer depends on, labels excluded: structure and
-numbers of the scene, start, force table, output times, tolerance, method, outputs, and the text of the model's code.
-Jobs of one parameter set share scene and rest state, jobs of one trial share the force table.
-A job that cannot be made or computed gives a `Member` with its error; nothing is raised, nothing is left out.
+Its hash covers everything the answer depends on: scene, start, force table, output times, tolerance, method, outputs,
+the text of the model's code; labels are excluded. A job that cannot be made or computed gives a `Member` with its
+error.
 """
 
 from __future__ import annotations

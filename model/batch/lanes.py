@@ -1,7 +1,6 @@
 """Jobs that run side by side in lanes: which can, how they are grouped, and their run.
 
-A member's numbers are the same to the last bit whatever the other members of its unit are, so that units may be made
-by what saves time. They are not those of a single run to the last bit: same equations and steps, rounded in
+A member's numbers are the same to the last bit whatever the other members of its unit are; a single run rounds in
 another order (docs/explanation/lanes.md).
 """
 

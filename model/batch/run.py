@@ -1,8 +1,7 @@
 """Submit the jobs of a batch to an executor and collect their members, always in the order of the jobs.
 
-By default on threads: kernels run without Python's global lock. Any ``concurrent.futures.Executor`` can take their
-place (``ProcessPoolExecutor``, Dask's ``Client.get_executor()``). Only a few jobs are submitted ahead, so that an
-interrupt has little to wait for. Members of a lost worker carry its error.
+Only a few jobs are submitted ahead, so that an interrupt has little to wait for. Members of a lost worker carry its
+error.
 """
 
 from __future__ import annotations

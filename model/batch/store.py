@@ -1,9 +1,7 @@
 """Finished members of a batch in a folder, one file each, named by the hash of its job.
 
-A file is written under another name and renamed when complete. It holds a digest of everything in it; a file that is
-truncated or damaged, whose numbers were altered or cut, or that belongs to another job counts as absent. Failures that
-recur (a `ModelError`) are stored with their message, others (a lost worker) are not. The format is NumPy's .npz with a
-line of JSON.
+A file holds a digest of everything in it; one that is damaged, altered or of another job counts as absent. Failures
+that recur (a `ModelError`) are stored with their message, others (a lost worker) are not.
 """
 
 from __future__ import annotations

@@ -1,16 +1,9 @@
 """The cubic of eq. 2.5, f_fit(x) = a x^3 + b x^2 + c x, fitted to the mid-line of a loading experiment.
 
-Each phase is smoothed by a polynomial (degree chosen by the Bayesian information criterion), the mid-line is the mean
-of the two over the displacements both cover, and the cubic is the least-squares fit to it, all linear in the forces.
-Standard errors come from each point's own residual (sandwich estimator, HC3), so that noise that grows with the force
-and noise of the displacement are included. A felt neither pulls nor softens below zero stiffness: a, c >= 0 and
-f_fit' >= 0 for every depth, so that penetrations beyond the measured ones stay physical; a fit on such a bound reports
-it and has the errors of the free fit. The fit is judged: a mid-line farther from the cubic than its own uncertainty
-explains, or a loop that is not a constant share of the cubic as eq. 2.7 has it, is said, and widens the errors.
-Errors that all points share (`LoadingCurve.common`) enter by fits of the curve with each one standard uncertainty off.
-The damping factor D, eq. 2.7, s/m, makes the model follow the loading curve at the mean normal speed of the contact in
-the trial it is calibrated for.
-Source: thesis Section 2.2.3, Figs 2.5 and 2.6.
+Each phase is smoothed by a polynomial (degree chosen by the Bayesian information criterion); the cubic is the
+least-squares fit to their mid-line, with a, c >= 0 and f_fit' >= 0, so that penetrations beyond the measured ones stay
+physical. Standard errors: sandwich estimator (HC3). A loop that is no constant share of the cubic, as eq. 2.7 has it,
+is said and widens them. Source: thesis Section 2.2.3, Figs 2.5 and 2.6.
 """
 
 from __future__ import annotations

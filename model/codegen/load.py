@@ -1,9 +1,4 @@
-"""Generate, compile, cache and load the kernels of a scene's structure.
-
-Machine code lies in the kernel cache under the hash of the structure, in a folder that is keyed by all sources and the
-processor (`model.kernels.compile`), and is verified when it is loaded (`model.kernels.disk_cache`): a structure is
-compiled once per machine, a changed value never. Where no cache can be written it is compiled in memory.
-"""
+"""Generate, compile, cache and load the kernels of a scene's structure."""
 
 from __future__ import annotations
 

@@ -1,9 +1,6 @@
 """Programs of the observables: forces and motion of contacts, tips and bodies at a single state.
 
-``contacts``, ``tips`` and ``bodies`` (with their joints) are kernels of their own, compiled when first
-asked for, that take one state: coordinates and speeds of all bodies, what is remembered (as the step loop keeps it),
-the input, or where a motion is prescribed the acceleration of the way along which the input works. Forces are in N,
-powers in W; world: x right, y up.
+Forces are in N, powers in W; world frame: x right, y up.
 """
 
 from __future__ import annotations

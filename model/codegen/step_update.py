@@ -1,12 +1,7 @@
 """Programs of a step beside forces: stage sums, error norm, dense output, fit of the step; for one run and for lanes.
 
-``fit``: the step in ``FITTED``, shortened to the first event that it cannot cross: surfaces about to touch or part,
-friction about to turn. A step that ends just after a kink of the forces, or just before friction turns round, is rarely
-rejected; one that runs across is nearly always. Each event counts only where it would cost more than the tolerance. All
-estimates are of second order at most and only ever shorten a step.
-``end``: the state at the end of the step from its stages, and what the last stage, the estimate of its error, is of the
-tolerances. ``dense``: sums over the stages that states inside the step are made of. ``inside``: state at ``FRACTION``.
-Nothing here is contracted, so that the numbers are those of the text on every machine.
+Events (surfaces about to touch or part, friction about to turn) only ever shorten a step, and only where they would
+cost more than the tolerance. Nothing here is contracted, so that the numbers are those of the text on every machine.
 """
 
 from __future__ import annotations

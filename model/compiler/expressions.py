@@ -1,9 +1,4 @@
-"""Symbolic expression graph: hash-consed nodes, simplified when made, with forward-mode differentiation.
-
-An element of a scene is a function of such numbers. Run once, it leaves a graph, of which forces, their derivatives by
-states and by parameters, energies and what else is asked for are written out (`model.compiler.native`). Which scene and
-which values plays no part here.
-"""
+"""Symbolic expression graph: hash-consed nodes, simplified when made, with forward-mode differentiation."""
 
 from __future__ import annotations
 

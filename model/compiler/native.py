@@ -1,9 +1,8 @@
 """Lowering of programs to LLVM's intermediate representation, for one run or for lanes.
 
-A kernel takes addresses of arrays of float64, numbers and whole numbers, and returns a whole number. In lanes each
-entry of an array is a row with a number per lane; where a condition decides, a block runs if any lane needs it, and
-what it puts or adds reaches those lanes alone: a choice, never a product with zero. Products may be rounded once with
-the sum that they stand in; nothing else is reordered.
+In lanes each entry of an array is a row with a number per lane; where a condition decides, a block runs if any lane
+needs it, and what it writes reaches those lanes alone. Products may be rounded once with the sum that they stand in;
+nothing else is reordered.
 """
 
 from __future__ import annotations

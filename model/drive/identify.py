@@ -1,8 +1,4 @@
-"""Identify the parameters of a motor's drive from a log, and say which the log does not determine.
-
-`fit_lumps` gives the combinations of numbers that show in a torque. Resistance, inductance and so on are products and
-quotients of these; those that the log, and what is known beside it, does not fix are named and not given.
-"""
+"""Identify the parameters of a motor's drive from a log, and say which the log does not determine."""
 
 from __future__ import annotations
 

@@ -1,10 +1,4 @@
-"""Force and stored energy of felt along a prescribed press, by each constitutive law with its parameters.
-
-``HuntCrossley`` is the thesis's (eqs 2.4 and 2.5), ``Stulov`` has a memory that fades with time, ``Hysteresis`` one
-that fades with the way gone, whatever the speed; ``NamedLaw`` is any that contacts may follow. Depth is positive where
-the surfaces overlap; no law pulls. Each is passive: work done on it is never less than the rise of what it stores
-(docs/explanation/felt.md).
-"""
+"""Force and stored energy of felt along a prescribed press, by each constitutive law with its parameters."""
 
 from __future__ import annotations
 

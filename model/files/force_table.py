@@ -1,7 +1,4 @@
-"""Read and check force tables: time in s, force in N, positive downwards on the key, linear between points.
-
-A table that cannot be used is refused with its row and what is allowed.
-"""
+"""Read and check force tables: time in s, force in N, positive downwards on the key, linear between points."""
 
 from __future__ import annotations
 

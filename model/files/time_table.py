@@ -1,7 +1,4 @@
-"""Checks of tables of one quantity over time, for force and motion tables.
-
-Columns (n,) in, float arrays out; ``InputError`` names the first row that cannot be used. Rows count from 1.
-"""
+"""Checks of tables of one quantity over time, for force and motion tables."""
 
 from __future__ import annotations
 

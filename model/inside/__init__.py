@@ -1,8 +1,4 @@
-"""Inside view of a motion: forces, sliding, losses and accelerations at each contact, joint and body.
-
-`state_observer` evaluates single states, `observe_motion` a whole run (NumPy and the model's kernels only); ``figure``
-draws the result. The record itself, `Inside`, travels in a `Solution`.
-"""
+"""Inside view of a motion: forces, sliding, losses and accelerations at each contact, joint and body."""
 
 import lazy_loader as _lazy
 

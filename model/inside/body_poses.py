@@ -1,8 +1,4 @@
-"""Poses of the bodies along a motion, with place, depth and force of each contact; no losses.
-
-A hundredth of the work of `model.inside.observe_motion`, for drawings that must be ready at once. World frame: x right,
-y up.
-"""
+"""Poses of the bodies along a motion, with place, depth and force of each contact; no losses."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""One sheet of an inside view: force of each contact, energy losses, whether the key stays on its rail.
-
-Each contact's row has its own scale and its largest force; the second column shows the strike alone.
-"""
+"""One sheet of an inside view: force of each contact, energy losses, whether the key stays on its rail."""
 
 from __future__ import annotations
 

@@ -1,8 +1,6 @@
 """Forces, sliding, losses and accelerations at each contact, joint and body along a motion, over the output times.
 
-A finished run goes in (scene, a way to get its states at any time, input table), an `Inside` comes out. Single states
-are evaluated by `Observer`; what accumulates (sliding, dissipation) is integrated on panels that are split until the
-error is a millionth of all losses. World frame: x right, y up. Signs: docs/explanation/signs.md.
+World frame: x right, y up. Signs: docs/explanation/signs.md.
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-"""Side view of the action from the model's own geometry: contact surfaces, pivots and the bodies that connect them.
-
-Per body, in its own frame and metres: the part of each contact surface that the motion meets, and a stick figure
-(shortest tree) through pivot, surfaces and the pivots it carries. The player moves these by the bodies' poses.
-"""
+"""Side view of the action from the model's own geometry: contact surfaces, pivots and the bodies that connect them."""
 
 from __future__ import annotations
 

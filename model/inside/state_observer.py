@@ -1,7 +1,6 @@
 """Contact forces, accelerations and joint forces at single states of a scene.
 
-Forces and accelerations are functions of the state alone, from the same elements as the motion. World frame: x right,
-y up. `model.inside.observe_motion` evaluates them along a motion.
+World frame: x right, y up.
 """
 
 from __future__ import annotations

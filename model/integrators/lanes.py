@@ -1,11 +1,7 @@
 """Step loop of the Rosenbrock methods in lanes: load, step and retire the members of a batch side by side.
 
-In: members of one structure as rows of numbers (`model.kernels.signatures.LaneMembers`); out: the same rows, filled.
 The algorithm is that of `model.integrators.rosenbrock`; each lane has its own time, step, error, input, outputs, end.
-An attempt advances all lanes; each lane then accepts or rejects its own. A lane whose member is done or has failed is
-given to the next member at once. What is computed for one lane never enters another, so that a member's numbers do not
-depend on who sits beside it. Forces, events, the end of a step and states inside it are the scene's kernels, in which a
-number is a row of lanes; what is done lane by lane is here, for the lanes whose bits are set.
+What is computed for one lane never enters another. A lane whose member is done or has failed is given to the next.
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-"""Step-size control: initial step, kinks and end of the run, next step from the error norm, detection of rest.
-
-Part of the compiled step loops. A step ends where the input jumps, just past events (``model.codegen.step_update``) and
-where the input's kinks would cost more than the tolerance.
-"""
+"""Step-size control: initial step, kinks and end of the run, next step from the error norm, detection of rest."""
 
 from math import sqrt
 

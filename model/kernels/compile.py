@@ -1,10 +1,8 @@
 """The decorator of every compiled kernel: numba with a disk cache that cannot return stale code.
 
-Numba's own cache watches one file only: a caller in another file keeps using an old callee and silently
-returns wrong numbers. The cache folder is therefore keyed by a SHA-256 over all sources that
-kernels are made of, the versions of Python, numba and numpy, and the processor they are compiled for.
-Any change of any kernel compiles all of them once (about 20 s) into a new folder.
-Where no user cache can be written, kernels are compiled in memory only.
+Numba's own cache watches one file only: a caller in another file keeps using an old callee and silently returns wrong
+numbers. The cache folder is therefore keyed by a SHA-256 over all sources that kernels are made of, the versions of
+Python, numba and numpy, and the processor. Where no user cache can be written, kernels are compiled in memory only.
 """
 
 from __future__ import annotations

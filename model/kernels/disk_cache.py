@@ -1,15 +1,8 @@
 """Entries of the kernel cache on disk, verified by a SHA-256 at every load.
 
-Machine code that was damaged on the disk crashes the process or computes other numbers without a word, so none is
-loaded that is not exactly what was written. An entry is its content followed by the SHA-256 of its file name and
-content. It is written under a temporary name, synchronised and renamed. An entry that is damaged, cut off, of another
-name or unreadable counts as absent: the kernel is compiled again and the entry replaced, with one warning a process.
-
-`verify_cache` has numba keep the entries of a compiled function in this way. Numba's data file also states the key it
-was compiled for, since numba writes the index, which names it, first.
-
-From ``read_entry`` to ``_VerifiedCache`` the lines are those of `vision.kernel_cache`: neither package may import the
-other, nor a third of ours. ``tests/test_disk_caches.py`` holds them equal.
+An entry is its content followed by the SHA-256 of its file name and content; a damaged one counts as absent and is
+compiled again, with one warning a process. From ``read_entry`` to ``_VerifiedCache`` the lines are those of
+`vision.kernel_cache`, since neither package may import the other; ``tests/test_disk_caches.py`` holds them equal.
 """
 
 from __future__ import annotations

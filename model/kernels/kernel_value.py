@@ -1,9 +1,8 @@
 """A compiled kernel as a value of numba code: a function address, called with addresses of arrays.
 
-Numba's own first-class functions cost what they must not here: each is looked up twice in Python whenever a loop is
-called (a tenth of a millisecond for five), and an array travels as seven numbers, most of them on the stack. Here
-``Kernel`` keeps the address, and where a kernel's signature says ``pointer`` an array gives that of its first number.
-Kernels raise nothing, so nothing is asked after a call.
+Numba's first-class functions are looked up twice in Python whenever a loop is called, and an array travels as seven
+numbers. ``Kernel`` keeps the address, and where a signature says ``pointer`` an array gives that of its first number.
+Kernels raise nothing.
 """
 
 from __future__ import annotations

@@ -1,9 +1,5 @@
 """Vector-register arithmetic for numba: several numbers side by side, rows of them in memory.
 
-``Lanes`` is a row of doubles, ``Rows`` a block of memory whose entry ``k`` is the row of lanes at ``k * width``. A
-float64 beside lanes stands for the same number in each. Derivatives of a motion by many parameters are carried so
-(`model.integrators.tangents`); kernels of a scene for members side by side are written by `model.compiler`.
-
 Every operation is one that IEEE 754 rounds correctly (sum, product, quotient, a b + c rounded once), and no optimiser
 may reorder them. Where a product stands directly in a sum, it is rounded once with it: that is decided here from the
 text alone, never by LLVM, so that a lane's bits cannot depend on which code path was compiled how.

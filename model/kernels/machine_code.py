@@ -1,10 +1,8 @@
 """Faster compilation: machine code is generated only of what Python calls.
 
-Numba makes machine code of every function as soon as it is compiled, though a caller that is compiled takes the
-optimised intermediate code of its callees into its own. Of the functions behind a step loop or a tracker nine in ten
-are never called from Python. ``make_machine_code_when_called`` has numba wait until somebody asks for the address of a
-function; what is made then is the same to the bit. Nothing is changed where numba has another inside than the one known
-here: then compiling only takes longer. docs/explanation/one_text.md.
+Of the functions behind a step loop nine in ten are never called from Python, and a compiled caller takes their
+intermediate code into its own. Where numba has another inside than the one known here nothing is changed.
+docs/explanation/one_text.md.
 """
 
 from __future__ import annotations

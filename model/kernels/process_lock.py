@@ -1,8 +1,6 @@
 """A lock between processes that use one kernel cache, so that two that start together compile once.
 
-``alone(folder, name)`` waits until no other process holds that name; what the other has compiled meanwhile is then
-found on disk. The operating system lets go of a lock whose process died. Where files cannot be locked nobody waits:
-both compile, and write the same.
+The operating system lets go of a lock whose process died. Where files cannot be locked nobody waits.
 """
 
 from __future__ import annotations

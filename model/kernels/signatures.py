@@ -1,10 +1,7 @@
 """What a step loop is given, in named groups, and the types of the kernels that a scene provides to it.
 
-With explicit types a compiled kernel is a plain value (`model.kernels.kernel_value`): one step loop serves all scenes,
-and is compiled once. Numbers come in named tuples, so that two of the same type cannot change places unseen; numba
-converts nothing inside a tuple, so each field must have exactly its type: ``float``, ``int``, C-contiguous float64
-arrays.
-What the kernels do: `model.codegen.step_programs`.
+Numbers come in named tuples, so that two of the same type cannot change places unseen; numba converts nothing inside a
+tuple, so each field must have exactly its type: ``float``, ``int``, C-contiguous float64 arrays.
 """
 
 from typing import Any, NamedTuple

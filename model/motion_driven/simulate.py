@@ -1,13 +1,4 @@
-"""Motion-driven simulation: a measured motion of key, arm or finger goes in, the force that it takes comes out.
-
-The comparison that tests a model of an action: under a prescribed force the heavy key hides what the rest of it does.
-Angles of the key (n,) in, `MotionDriven` out. The key follows the fitted motion exactly; the other bodies are solved
-for; the force is the one under which the key moves so (`prescribed_key`). Its uncertainty comes from a seeded
-ensemble of motions that the measured angles allow (`spline_fit`).
-
-    driven = model.simulate_motion(action, time_s, key_rad)     # encoder counts x width of a count, or noiseless
-    driven.time_s, driven.force_n, driven.u_force_n, driven.angle_rad, driven.lifted
-"""
+"""Motion-driven simulation: a measured motion of key, arm or finger goes in, the force that it takes comes out."""
 
 from __future__ import annotations
 

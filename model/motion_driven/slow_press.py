@@ -1,8 +1,6 @@
 """Simulate a slow press of the key at constant speed: force and all motions.
 
-Built on the equations of motion with all friction, not on statics, so that the jack really slides out and the hammer
-really falls back. The front of the key is prescribed, in any scene; the force is what holds it there.
-Raises ``InputError`` where the key cannot reach a dip.
+Built on the equations of motion with all friction, not on statics, so that the jack really slides out.
 """
 
 from __future__ import annotations

@@ -6,8 +6,6 @@ is out it is *caught*, without a bounce, where the back check first touches it, 
 holds it as high as the jack did at let-off; the action then carries its weight. It rides again, sharing its angular
 momentum, when the jack is back under it: at let-off or above, where the joined path meets it. A hammer in flight weighs
 nothing. So the hammer stays between the joined path and the string; a key that leaves its tables is an error.
-
-Integrated by `time_stepping`. In: force table as for ``simulate``; out: the same `Solution`.
 """
 
 from __future__ import annotations

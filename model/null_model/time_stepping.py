@@ -1,9 +1,8 @@
 """Time stepping of the null model, compiled: key and hammer, the hammer riding, flying or caught.
 
-Tables of the two paths (`reduction`) and the force at half steps in; rows of (s, w, phi, omega, riding) out: the key's
-turn and speed, the hammer's turn above its rest towards the string and its speed, 1 where it rides. SI, rad. Rules of
-the hammer: `run`. Classical Runge-Kutta at a fixed step; an event takes effect at the end of its step. All compiled
-code is in this one file, which numba's disk cache watches as a whole.
+Rows are (s, w, phi, omega, riding): the key's turn and speed, the hammer's turn above its rest and its speed, 1 where
+it rides. Classical Runge-Kutta at a fixed step; an event takes effect at the end of its step. All compiled code is in
+this one file, which numba's disk cache watches as a whole.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Parameter sets of an action: one TOML file each, found by built-in name or by path.
 
 Every number has a unique path (``contact04.friction.A``) and carries unit, source and uncertainty. The built-in
-``hirschkorn2004`` defines which paths exist and in which unit; any other file must have the same ones. ``InputError``
-names key, value and allowed range.
+``hirschkorn2004`` defines which paths exist and in which unit.
 """
 
 from __future__ import annotations

@@ -1,9 +1,6 @@
 """Effects a scene may add: a lifting key, a shank that bends, motor arm and drive, finger, string, joints that give.
 
-Each is a section of parameters (`effects.toml`: defaults with unit and source; paths like ``shank.frequency_hz``) and
-one more coordinate, modes in place of the bar, or two directions in which a joint gives; `model.scene.effect_terms`,
-`string_terms` and `giving_joints` derive their terms in the equations of motion. What they can and cannot claim:
-docs/explanation/effects.md.
+Defaults with unit and source: ``effects.toml``. What they can and cannot claim: docs/explanation/effects.md.
 """
 
 from __future__ import annotations

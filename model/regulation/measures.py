@@ -1,8 +1,7 @@
 """The seven quantities a technician regulates, measured on the model: at rest, in a slow press, in a medium blow.
 
-An action in, lengths in metres out, each as in thesis Section 2.3 and docs/explanation/regulation.md. Rest is
-the static balance with the hammer let down on the jack; slow press and blow are simulated with all friction. What
-cannot be measured (the jack never lets go, the hammer is not caught) is NaN, with the reason in ``remarks``.
+Each as in thesis Section 2.3 and docs/explanation/regulation.md; NaN with the reason in ``remarks`` where it cannot be
+measured.
 """
 
 from __future__ import annotations

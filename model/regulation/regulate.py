@@ -1,9 +1,7 @@
 """Regulate an action: turn the seven screws until the seven targets are met, in a technician's order.
 
-What touches at rest but should not (button, drop screw, back check) is cleared first; then the four targets at rest are
-set together, then let-off, drop and check each with its own screw. Screws disturb each other, so rounds are repeated
-until a measurement of all seven agrees. What already meets its targets is left as it is. An action that cannot be
-regulated raises ``RegulationError``, which names target, distance and the screw in the way.
+What touches at rest but should not is cleared first; then the four targets at rest are set together, then let-off, drop
+and check. Screws disturb each other, so rounds are repeated until all seven agree.
 """
 
 from __future__ import annotations

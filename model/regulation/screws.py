@@ -1,9 +1,7 @@
 """The seven screws of an action, their travel, and the bench that knows their positions and target errors.
 
-Each screw is one geometric parameter. Seven have a target each; the rest rail has none: it is lowered where the hammer
-lies on it instead of the jack. A screw's travel is counted from where the given action has it, as on a bench: what is
-inside the travel is reachable without another part. Lengths in metres; a target that cannot be measured has the error
-NaN. Nothing here decides how a screw is turned. Why: docs/explanation/regulation.md.
+A screw's travel is counted from where the given action has it. Lengths in metres; a target that cannot be measured has
+the error NaN.
 """
 
 from __future__ import annotations

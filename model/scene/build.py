@@ -1,10 +1,7 @@
 """A scene: which bodies, contacts, springs, drives and effects take part in a run.
 
-Turns an `Action` (numbers by path) into what kernels read: integer tables of structure and one float64 vector. What a
-scene leaves out is not in its tables and costs nothing: a contact without stiffness, a spring without torque, an effect
-not named (`model.parameters.effects`). The motor arm of the bench is one more body with its own spring, drive and
-one-sided contact with the key; with it the input is the motor's torque, without it the force on the key. Where the
-motion of the key, the arm or the finger is prescribed, the others are solved for and the input is the time.
+What a scene leaves out is not in its tables and costs nothing. Where the motion of key, arm or finger is prescribed,
+the others are solved for and the input is the time.
 """
 
 from __future__ import annotations

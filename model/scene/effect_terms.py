@@ -1,7 +1,6 @@
 """Terms that the effects of a scene add to the equations of motion: the rail's contact, the two parts of the hammer.
 
-An action in, numbers for `model.scene.build` out. Values that no action can have raise ``InputError``. Derivations and
-limits: docs/explanation/effects.md.
+Derivations and limits: docs/explanation/effects.md.
 """
 
 from __future__ import annotations

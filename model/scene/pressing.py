@@ -1,8 +1,6 @@
 """What presses the key in place of a given force: motor arm with or without its drive, or a finger.
 
-An action in, numbers for `model.scene.build` out: the turning body, its contact with the key, what drives it. A
-`Command` turns the input of a run, volts or metres, into what the kernels take. Equations, what they leave out:
-docs/explanation/string_and_motor.md.
+Equations, and what they leave out: docs/explanation/string_and_motor.md.
 """
 
 from __future__ import annotations

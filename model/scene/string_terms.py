@@ -1,7 +1,6 @@
 """A string in place of the rigid bar: the modes that a hammer at its place moves, as numbers for the kernels.
 
-An action's section ``string`` in; numbers of `model.kernels.layout` (`STRING_HEAD`) out. Derivation, and what is left
-out: docs/explanation/string_and_motor.md.
+Derivation, and what is left out: docs/explanation/string_and_motor.md.
 """
 
 from __future__ import annotations

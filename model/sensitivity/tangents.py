@@ -1,8 +1,4 @@
-"""Derivatives of a recorded motion by parameters: its rest state, its tangents and its normal forces.
-
-In: `Directions` (how parameters change a scene's numbers) and an input table; out: `RecordedMotion`, which
-gives states and their derivatives at any times.
-"""
+"""Derivatives of a recorded motion by parameters: its rest state, its tangents and its normal forces."""
 
 from __future__ import annotations
 

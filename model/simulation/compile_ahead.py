@@ -1,8 +1,4 @@
-"""Compile kernels in a second process while this one compiles others.
-
-In: choices of scenes. Out: nothing but files in the kernel cache. Whoever needs what is being compiled waits for it
-(`model.kernels.process_lock`); what the process beside does not finish is compiled by who needs it.
-"""
+"""Compile kernels in a second process while this one compiles others."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Compliant joints of a run: their motion at the output times, and the force of their bushings.
-
-In: a scene with joints that give, and rows (m, z) of what its step loop remembers (`State.memory`).
-"""
+"""Compliant joints of a run: their motion at the output times, and the force of their bushings."""
 
 from __future__ import annotations
 

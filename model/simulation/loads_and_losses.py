@@ -1,7 +1,5 @@
 """What happens inside the action along a motion: forces, sliding, losses and accelerations over the output times.
 
-`model.inside.observe_motion` computes an `Inside`; `Solution.inside` carries it. World frame: x right, y up.
-
 The model holds the key by a revolute joint; the real key only lies on its rail (thesis Sections 3.2.2, 4.1). Where the
 joint's force on the key points down, the key is predicted to lift (`tensions`). By how much needs a scene with a
 one-sided rail (effect ``balance_rail``), in which the key does lift (`lifts`).

@@ -1,8 +1,4 @@
-"""Errors for felt of an added law whose force is negative: which contact, by how much, what to write.
-
-The kernels give no number there (`model.elements.laws.felt_law.checked_force`),
-so that no step stays; here it is named.
-"""
+"""Errors for felt of an added law whose force is negative: which contact, by how much, what to write."""
 
 from __future__ import annotations
 

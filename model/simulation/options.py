@@ -1,9 +1,4 @@
-"""Options of a simulation: the keywords that a caller may give, and the frozen record that travels inside.
-
-``SimulationKeywords`` types the keywords of a public function (``**keywords: Unpack[SimulationKeywords]``);
-``SimulationOptions(**keywords)`` checks their names (``TypeError``) and holds them with their defaults.
-A function with more keywords extends both classes.
-"""
+"""Options of a simulation: the keywords that a caller may give, and the frozen record that travels inside."""
 
 from __future__ import annotations
 

@@ -1,9 +1,7 @@
 """A simulation of a scene that can be advanced, stopped and resumed.
 
-`Simulation` holds a scene, a method and a tolerance; `State` is plain data (time, angles, speeds, next step), so
-that saving it and going on later gives the same numbers to the last bit as going on at once. Used by
-`simulate` for a whole force table and by the virtual bench block by block.
-A failed integration raises ``IntegrationError`` with time and advice; the state stays the last accepted one.
+`State` is plain data, so that saving it and going on later gives the same numbers to the last bit. A failed integration
+raises ``IntegrationError``; the state stays the last accepted one.
 """
 
 from __future__ import annotations

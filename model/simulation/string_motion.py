@@ -1,8 +1,4 @@
-"""Motion of a scene's string at the output times, the force on it, and its energy.
-
-In: a scene with the effect ``string``, states and the string's states at some times. Between touches these are those
-of the time at which it was left alone (`model.elements.strings`); here they are carried on in closed form.
-"""
+"""Motion of a scene's string at the output times, the force on it, and its energy."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Parameter studies: one blow on variants of an action; those of the thesis (Sections 4.2.2, 4.4) among them.
-
-An action, a force table and `variants` in; solutions and `blow_measures` out. `figure` draws them.
-"""
+"""Parameter studies: one blow on variants of an action; those of the thesis (Sections 4.2.2, 4.4) among them."""
 
 import lazy_loader as _lazy
 

@@ -1,9 +1,6 @@
 """Compare one blow under other laws of felt, and with compliant joints.
 
-An action and a force table in; `Effect` rows out: events, strike, rebound, check, touch, each with the standard
-uncertainty that the declared parameters of the law or the bushings give; everything else stays equal: the
-slow loading curve of every felt, and at rest the place of every pin. The thesis names the rigid joints among its
-simplifications, and the key's motion on its balance rail as a cause of discrepancy (4.1).
+Everything else stays equal: the slow loading curve of every felt, and at rest the place of every pin.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Sheets of studies: the turns of key, whippen and hammer under one blow, all variants in each panel.
-
-Signs and degrees as in the thesis's figures.
-"""
+"""Sheets of studies: the turns of key, whippen and hammer under one blow, all variants in each panel."""
 
 from __future__ import annotations
 

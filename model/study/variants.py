@@ -1,8 +1,4 @@
-"""Simulate one blow on an action and on variants of it, and compare them.
-
-`Variant` names parameters to set or scale; `compare` simulates all variants and measures each (`blow_measures`). The
-first row is the action as given, to which the others are compared.
-"""
+"""Simulate one blow on an action and on variants of it, and compare them."""
 
 from __future__ import annotations
 

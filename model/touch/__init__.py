@@ -1,8 +1,4 @@
-"""Touch of an action: touch weights, hammer speed against force, fastest repetition; several actions side by side.
-
-``feel`` presses slowly, strikes and repeats, ``hammer_speed`` gives the speed at the string, ``figure`` draws several
-actions on one sheet. Why: docs/explanation/regulation.md.
-"""
+"""Touch of an action: touch weights, hammer speed against force, fastest repetition; several actions side by side."""
 
 import lazy_loader as _lazy
 

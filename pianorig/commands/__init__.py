@@ -1,9 +1,4 @@
-"""One module per command, each a call of documented functions of the packages below.
-
-The tables list what ``pianorig --help`` and ``pianorig GROUP --help`` print; a command's module is imported when the
-command runs or its own ``--help`` is asked for. In: options as typed by typer; out: lines or JSON on standard output,
-files, the exit code.
-"""
+"""One module per command, each a call of documented functions of the packages below."""
 
 from __future__ import annotations
 

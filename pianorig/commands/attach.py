@@ -1,9 +1,4 @@
-"""``pianorig attach``: bring a film from the camera's computer into its session.
-
-It is checked against the trial's frame clock, then copied. The film must be the trial's: frame count, frame rate,
-number of the first frame after the trigger, and, if known, the hash that the camera's computer gave. The original stays
-where it is. Nothing half copied is left behind.
-"""
+"""``pianorig attach``: bring a film from the camera's computer into its session."""
 
 from __future__ import annotations
 

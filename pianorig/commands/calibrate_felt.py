@@ -1,7 +1,4 @@
-"""``pianorig calibrate felt``: parameters of an action from measurements on its parts.
-
-Each function answers one measurement: JSON facts, lines to print, and values with standard uncertainty by path.
-"""
+"""``pianorig calibrate felt``: parameters of an action from measurements on its parts."""
 
 from __future__ import annotations
 

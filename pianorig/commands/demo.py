@@ -1,8 +1,4 @@
-"""``pianorig demo``: the main job from end to end on the virtual bench: record, film, track, simulate, report.
-
-`run_demo` composes the public functions a notebook would call; `Figures` are the numbers it prints last, each measured
-in this very run against the known truth of the virtual bench.
-"""
+"""``pianorig demo``: the main job from end to end on the virtual bench: record, film, track, simulate, report."""
 
 from __future__ import annotations
 

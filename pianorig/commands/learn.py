@@ -1,10 +1,4 @@
-"""``pianorig learn``: make the motor reproduce a recorded force.
-
-Every blow is a session of one trial on the normal record path.
-
-The folder gets ``profile.toml`` (for ``record --profile``), ``learning.json``, figures after thesis Figs 3.6 (recorded
-forces) and 3.7, 3.8 (pianist and motor), and the sessions ``blow_01`` … with everything that was recorded on the way.
-"""
+"""``pianorig learn``: make the motor reproduce a recorded force."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""``pianorig simulate``: predict the motion of the action under a force, or the force that a motion of the key takes.
-
-With ``--inside`` the sums of the inside view are printed, as JSON or as text, and drawn.
-"""
+"""``pianorig simulate``: predict the motion of the action under a force, or the force that a motion of the key takes."""
 
 from __future__ import annotations
 

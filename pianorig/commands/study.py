@@ -1,7 +1,4 @@
-"""``pianorig study``: what a blow becomes on variants of an action, under each law of felt, with joints that give.
-
-A study is a function of an action and a blow to what it found; writing, printing and JSON are the same for all.
-"""
+"""``pianorig study``: what a blow becomes on variants of an action, under each law of felt, with joints that give."""
 
 from __future__ import annotations
 

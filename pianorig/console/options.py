@@ -1,7 +1,4 @@
-"""Options that several commands have, so that each is named and explained in one way; a command gives its default.
-
-Names a shell can complete, built-in profiles, rigs, actions and scenes, are found without importing what reads them.
-"""
+"""Options that several commands have, so that each is named and explained in one way; a command gives its default."""
 
 from __future__ import annotations
 

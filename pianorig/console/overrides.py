@@ -1,8 +1,4 @@
-"""Reading changes of an action from the command line: ``--scene``, ``--set``, ``--scale`` and whole variants.
-
-A variant is one text, ``name: --set path=value --scale name=factor``, in double quotes in every shell; paths and
-numbers hold no blanks, so blanks separate and nothing inside needs a quote.
-"""
+"""Reading changes of an action from the command line: ``--scene``, ``--set``, ``--scale`` and whole variants."""
 
 from __future__ import annotations
 

@@ -1,11 +1,6 @@
 """Progress of long work, on standard error, so that standard output stays the result; silent where JSON is printed.
 
-On a terminal it is one line drawn over (`live_line`). Elsewhere work that takes longer than `PATIENCE_S` says in plain
-lines what it does; shorter work says nothing, so that an error is the only line.
-
-When kernels are compiled, one line says so, once. Numba tells its listeners when a compilation begins; a kernel found
-on disk begins none. The listener is added when numba is imported, whoever does it, so that a command that compiles
-nothing does not pay for numba (docs/explanation/one_text.md).
+Numba's listener is added when numba is imported, so that a command that compiles nothing does not pay for it.
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
 """The terminal: a line that changes in place, lines that stay above it, what it can print, its width, a question.
 
-Everything that reports progress writes to one line of standard error, so that two reports never fight for it. Nothing
-but a carriage return and blanks moves the cursor: that works in every terminal and console, whatever its width, colours
-and encoding (docs/explanation/page.md). A Windows console or pipe may know cp1252, cp437 or ASCII only: what it lacks
-is spelled plainly, never a crash and seldom a question mark.
+Nothing but a carriage return and blanks moves the cursor: that works in every terminal and console. What its encoding
+lacks is spelled plainly.
 """
 
 from __future__ import annotations

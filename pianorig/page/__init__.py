@@ -1,8 +1,4 @@
-"""The bench in a browser: one local page, served from this computer to this computer, that works without internet.
-
-In: a folder of sessions. Out: pages, tables and curves over HTTP on the loopback; notes and reports on disk, with
-``--control``. Drawing in the browser is done by Bokeh's own JavaScript, from its package; needs the extra ``bench``.
-"""
+"""The bench in a browser: one local page, served from this computer to this computer, that works without internet."""
 
 import lazy_loader as _lazy
 

@@ -1,8 +1,4 @@
-"""What answers at each address of the page: a function of what was asked for, of the catalogue, jobs and films.
-
-``ADDRESSES`` is the list of them. A function is called in a thread; what it returns is sent as JSON, an error that a
-user can cause as one line (`pianorig.page.reply`).
-"""
+"""What answers at each address of the page: a function of what was asked for, of the catalogue, jobs and films."""
 
 from __future__ import annotations
 

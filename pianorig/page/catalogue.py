@@ -1,7 +1,4 @@
-"""Sessions, films and reports below a folder: rows for the table, the way from a name in a request to a file on disk.
-
-Read from the files alone; a folder that cannot be read is a row that says why. Nothing here is remembered on disk.
-"""
+"""Sessions, films and reports below a folder: rows for the table, the way from a name in a request to a file on disk."""
 
 from __future__ import annotations
 

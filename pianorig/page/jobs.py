@@ -1,8 +1,4 @@
-"""Long work that the page begins: a command of ``pianorig`` in a process of its own, one at a time.
-
-A process of its own keeps the page answering, and can be stopped as Ctrl-C stops it: files are written whole or not at
-all. Its lines on standard error are its progress, the last one of a failure is the reason.
-"""
+"""Long work that the page begins: a command of ``pianorig`` in a process of its own, one at a time."""
 
 from __future__ import annotations
 

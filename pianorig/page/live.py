@@ -1,9 +1,4 @@
-"""What is new in a recording since the last look: samples of every channel, and the state of the trial.
-
-A sample is sent once. A page that was away for longer than `rig.session.journal.KEEP_S` finds the samples
-from then on; the place of each block among the samples is sent with it, so that a gap is seen, not closed. The journal
-is read and never touched: nothing here can slow or end a recording.
-"""
+"""What is new in a recording since the last look: samples of every channel, and the state of the trial."""
 
 from __future__ import annotations
 

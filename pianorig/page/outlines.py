@@ -1,8 +1,4 @@
-"""Outlines, points and lines on a film as the page edits them: read, proposed, checked, saved; tracking frames again.
-
-In: a film of a session's trial, or one that lies on its own in the folder of the sessions. Out: plain data; outlines
-and tables where `pianorig track` has them.
-"""
+"""Outlines, points and lines on a film as the page edits them: read, proposed, checked, saved; tracking frames again."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""One trial under one time cursor: curves, film with outlines, the action moving as measured and as the model says.
-
-Numbers come from the same functions as the report's: force corrected, each model driven by it from rest. Angles are
-changes since rest in degrees with the thesis's signs; jack and repetition lever come from the film. Nothing is written.
-"""
+"""One trial under one time cursor: curves, film with outlines, the action moving as measured and as the model says."""
 
 from __future__ import annotations
 

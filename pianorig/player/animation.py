@@ -1,7 +1,6 @@
 """An animation as one HTML file: the page's own player with its data and scripts in it; needs no other file.
 
-It starts where the motion does, shows the force at every contact on one scale, and the measured action where there is
-one. ``#t=0.112`` in the address stops it at that time.
+``#t=0.112`` in the address stops it at that time.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """The action drawn from the model's own geometry, moving: shapes of the bodies, their poses, forces at the contacts.
 
-In: a motion seen, and perhaps measured angles; out: plain data for the page's drawing. Lengths in m, x right, y up.
-Arrays go to the browser as 32-bit numbers in base64, a third of the size of the same numbers as text.
+Lengths in m, x right, y up.
 """
 
 from __future__ import annotations

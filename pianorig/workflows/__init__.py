@@ -1,8 +1,4 @@
-"""Work that joins several packages, one function per job; its names are imported when they are first used.
-
-In: paths and options; out: sessions, films, tables, reports on disk, and records of what was found.
-Here lies what several commands share, or command and page; what one command does stands in its own file.
-"""
+"""Work that joins several packages, one function per job; its names are imported when they are first used."""
 
 import lazy_loader as _lazy
 

@@ -1,7 +1,4 @@
-"""What the guided calibrations of the bench share: record beside ``--out``, free swings of a body, its weight.
-
-Neither the file to write nor the record may be there before.
-"""
+"""What the guided calibrations of the bench share: record beside ``--out``, free swings of a body, its weight."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Pictures of what a command found: a session's force and angles, targets of a regulation, checks, calibrations.
-
-Conventions: degrees, newtons, millimetres; one colour for each body (`model.inside.labels`); .png, .svg or .pdf.
-"""
+"""Pictures of what a command found: a session's force and angles, targets of a regulation, checks, calibrations."""
 
 from __future__ import annotations
 

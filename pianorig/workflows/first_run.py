@@ -1,8 +1,4 @@
-"""What a first demo compiles beyond the step loop and its scenes: called in a process beside it, on tiny inputs.
-
-The kernels of null model, virtual film, tracking and scores are compiled when they are first called; here they
-are, with arguments of the kinds that the demo gives them. What is already on disk costs nothing but the call.
-"""
+"""What a first demo compiles beyond the step loop and its scenes: called in a process beside it, on tiny inputs."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""What a recording by another program holds, and a mapping for its import that a person completes.
-
-The separator, decimal sign and line of names of a text file are searched for: those under which most columns are
-numbers. What no file states (counts per revolution, signs, scales) stands in the mapping with a mark to be checked.
-"""
+"""What a recording by another program holds, and a mapping for its import that a person completes."""
 
 from __future__ import annotations
 

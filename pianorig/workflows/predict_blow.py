@@ -1,8 +1,4 @@
-"""The model's prediction of a profile's blow on a bench, for the rig's dry run.
-
-The nominal action is played by the arm of the rig file, the command held between samples as the bench holds it, from
-rest to half a second after the profile's end. `predictor` gives the callable that `rig.safety.dry_run` calls.
-"""
+"""The model's prediction of a profile's blow on a bench, for the rig's dry run."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""Recording on a bench: the permission to move it, its dry run, a session, what Ctrl-C did to it, going on later.
-
-On the virtual bench trials are filmed, as a real camera would have saved the film beside the trial: the plant's true
-angles are rendered into frames that follow the frame pulses of the trial's counter.
-"""
+"""Recording on a bench: the permission to move it, its dry run, a session, what Ctrl-C did to it, going on later."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""A film and the session it belongs to: its trial, its outlines, its frame times, and where its angles are stored.
-
-A film beside a trial takes its frame times from the trial's frame clock and its outlines from the session's
-``bodies.toml``; its angles are stored as the derived step ``angles``, with the hashes of what they were made from.
-"""
+"""A film and the session it belongs to: its trial, its outlines, its frame times, and where its angles are stored."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Tracking a film, alone or as part of a session: outlines proposed, frames tried, angles, marks, single frames again.
-
-Film and outlines in, table and pictures out. A frame is fitted again from a place that is given in the table's own
-columns (angle, x, y), so that a neighbour's row shows how to write one."""
+"""Tracking a film, alone or as part of a session: outlines proposed, frames tried, angles, marks, single frames again."""
 
 from __future__ import annotations
 

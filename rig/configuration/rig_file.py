@@ -1,11 +1,7 @@
 """The rig file: which device, channels, scales, signs and limits the bench has (TOML, checked, frozen).
 
-It is read before anything else; its text and SHA-256 go into every session. ``[[devices]]`` are cards or chassis beside
-the one whose AI clock everything follows; ``[felt]`` says how the arm presses a felt, what gives way between them, and
-what is allowed.
-
 Conventions: SI units, names carry units, encoder order key, whippen, hammer, sign +1 when counts rise as the body turns
-counter-clockwise. pydantic refuses a value outside its range, :mod:`rig.configuration.toml_file` says so in one line.
+counter-clockwise.
 """
 
 from __future__ import annotations

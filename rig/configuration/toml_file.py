@@ -1,8 +1,4 @@
-"""TOML files read, checked against a pydantic model, and written.
-
-Every complaint is one line with file, key, value found and value allowed. The models refuse unknown keys (a misspelt
-key must not pass unnoticed), and NaN and infinity as a setting.
-"""
+"""TOML files read, checked against a pydantic model, and written."""
 
 from __future__ import annotations
 

@@ -1,10 +1,5 @@
 """What stands behind an NI-DAQmx driver or server: devices, modules, serial numbers, driver version.
 
-In: a driver of this computer or a channel to a gRPC Device Server. Out: plain records, for sessions, ``pianorig info
---backend`` and the rig file it proposes. For this only questions are asked, nothing is reserved. The pattern of a
-proposal is the built-in rig file of the product: names are those found; what only the lab can know (scales, signs,
-limits, certificates) stays as it is there, and the head of the file says so.
-
 A server keeps its sessions when a client dies, and refuses their names to the next. So a recording marks its sessions
 by one more, named after rig and computer, and holds a lock file on this computer while it lives. Who gets the lock and
 finds the mark knows that the program that made it is dead, that it was this rig's and this computer's, and clears what

@@ -1,8 +1,4 @@
-"""Translation of what NI-DAQmx raises into the rig's typed faults.
-
-Every call of the client runs inside :func:`translated`, so that no exception of ``nidaqmx`` or ``grpc`` reaches the
-recorder. A message has the driver's code and the first sentences of its text on one line.
-"""
+"""Translation of what NI-DAQmx raises into the rig's typed faults."""
 
 from __future__ import annotations
 

@@ -4,10 +4,6 @@ Between trials the tasks reserve nothing; after a fault all are cleared and made
 first trial and after its watchdog has tripped. Every way out ends at 0 V. Software is the second safety layer only: the
 drive's own torque limit, hard stops and emergency stop are the first.
 
-What only a self-test needs of the hardware is here, too: the bridge's shunt step, edges on a terminal, what an input
-wired to the motor's output reads. Each opens and closes tasks of its own while those of the trials are idle; only
-:meth:`NidaqmxBackend.let_watchdog_expire` needs a running trial.
-
 How long one call of the driver takes decides whether the bench can be watched over. A block needs a number of calls one
 after the other, and the watchdog is reset between them. Both must fit: the calls of a block into the block's own time,
 or the program falls behind the motor; and the longest time between two resets into the watchdog's timeout. It is

@@ -1,9 +1,5 @@
 """What the NI-DAQmx backend holds on the device, and how it makes that safe: outputs, tasks, watchdog, reset.
 
-A stop tries every step, whatever happens to the others, logs every failure, and goes by what the watchdog says: where
-it has tripped the device is reset before the outputs are written, because a chassis refuses everything else, and all
-tasks are made afresh.
-
 Two outputs decide whether the bench can move: motor at 0 V, drive enabled or not; they are written on demand. A stopped
 DAC holds its last value, so 0 V must be written; a static line keeps its state. The tasks are reused and reserve
 nothing between writes. Where a reused task fails (a restarted server does not know it) a new one is tried before the

@@ -1,8 +1,4 @@
-"""What a recording reserves: every task with its channels, clock, trigger and routes, as rows to print.
-
-``pianorig record --dry-run`` prints it after the tasks were really reserved. It describes what :mod:`rig.daq.tasks`
-does; a test compares the two on the virtual device.
-"""
+"""What a recording reserves: every task with its channels, clock, trigger and routes, as rows to print."""
 
 from __future__ import annotations
 

@@ -8,9 +8,6 @@ Tasks are made once and used for every trial: stopped and unreserved in between,
 the state model of NI-DAQmx (verified → committed → running and back). An unreserved task keeps its settings and
 reserves no hardware: the watchdog of a chassis can start before the others, and other tasks can have the channels.
 Errors are those of ``nidaqmx``, translated by the caller.
-
-The next samples of every input task are read as one block: force calibrated and as measured, counts as whole numbers; a
-count that is not whole is a fault.
 """
 
 from __future__ import annotations

@@ -7,9 +7,6 @@ when the recording began, any other must stay the same, because its order of day
 cells at the end are left out. A row that is too short or long is refused with its number (from 1 below the names), a
 column with a cell that is not a number when that column is used.
 
-Text is UTF-8, UTF-16 with or without its mark, or the western Latin-1 of Windows. Numbers are ASCII in all of them; an
-encoding guessed wrongly could only garble a name or a unit, which the mapping would then not find.
-
 The standard library's parser is used, not pandas': it keeps a short row short, where pandas fills it with NaN.
 """
 

@@ -1,8 +1,4 @@
-"""The mapping file of an import: which channel of a foreign recording is what, in which unit, with which scale (TOML).
-
-Nothing is guessed: units, senses and counts per revolution are stated here, and a unit the recording itself states
-must agree. Of position sensors it holds the calibration, and how a long recording is cut into strokes.
-"""
+"""The mapping file of an import: which channel of a foreign recording is what, in which unit, with which scale (TOML)."""
 
 from __future__ import annotations
 

@@ -1,10 +1,5 @@
 """Foreign recordings made into a session: one file, one trial; all are read and checked before anything is written.
 
-The force keeps its recorded values (``force_raw``) beside newtons. Angles become counts of the stated resolution; a
-motor command that was not recorded is NaN. Where the mapping does not say when the blow starts, it is detected in the
-force, and the session notes that. The interval between samples is that of the recording's times, its own statement or
-the mapping, which must agree.
-
 A recording of positions is one long table cut into strokes, without force and encoders. The readings are kept as they
 were, after offset and gain; the displacement follows from the ruler points in every trial file. A saturated sensor is
 refused; a stroke that is not whole, because the recording begins or ends with it, becomes a trial with the status

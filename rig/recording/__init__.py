@@ -1,8 +1,4 @@
-"""Recording: trials of one profile or a plan on a backend, into a session; resuming and recovering it.
-
-In: profile or plan, rig file, an open backend, :class:`rig.recording.options.RecordingOptions`.
-Out: a session folder of sealed trials; a journal where the program was killed.
-"""
+"""Recording: trials of one profile or a plan on a backend, into a session; resuming and recovering it."""
 
 import lazy_loader as _lazy
 

@@ -1,8 +1,4 @@
-"""The options of a recording: one frozen record, made once, handed down unchanged to the single trial.
-
-With them what an observer gets: the progress after each block with the time left, and a bounded feed of blocks for live
-viewers, which drops the oldest and never blocks the recorder.
-"""
+"""The options of a recording: one frozen record, made once, handed down unchanged to the single trial."""
 
 from __future__ import annotations
 

@@ -1,9 +1,4 @@
-"""Session folders: raw trials sealed in HDF5, annotations, and results derived from them.
-
-In: trials of the recorder or an import; films and annotations added later.
-Out: the same, for ``vision`` and ``validation``; reading imports neither the NI-DAQmx client nor numba.
-Conventions: SI units, time first, time zero is the AI start trigger of the trial.
-"""
+"""Session folders: raw trials sealed in HDF5, annotations, and results derived from them."""
 
 from rig.session.annotation_file import Annotation
 from rig.session.folder import Session, Trial

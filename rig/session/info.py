@@ -1,11 +1,7 @@
 """``session.toml``: who recorded what, on which action, with which rig, in which room, with which software.
 
-The recorder writes the file; it may be completed by hand. A value nobody measured is the word ``unknown``.
-
-To interpret encoders, the force, further channels and position sensors there are calibrations, delays and standard
-uncertainties as they were when a trial was recorded. In: tables of the rig file. Out: frozen records that travel in the
-file of the trial. The place at which a position sensor looks and the point that was calibrated are two things: a sensor
-at the back of a key may be calibrated by a ruler at its front. The displacement is always that of the calibrated point.
+A value nobody measured is the word ``unknown``. The place at which a position sensor looks and the point that was
+calibrated are two things: a sensor at the back of a key may be calibrated by a ruler at its front.
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-"""A sealed trial as a file of another program: CSV, MATLAB, TDMS or Parquet, each column with its unit and meaning.
-
-In: a trial as it was read. Out: one file a trial, whole or not at all; CSV, which has no place for units, gets a second
-file beside it, ``<name>-metadata.json``, as *CSV on the Web* (W3C) names it. Values are those of the sealed trial.
-"""
+"""A sealed trial as a file of another program: CSV, MATLAB, TDMS or Parquet, each column with its unit and meaning."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""Values and property numbers of NI-DAQmx that several modules of the virtual device use.
-
-Numbers and names are those of ``NIDAQmx.h`` (``DAQmx_Val_…`` and ``DAQmx_…``) without the prefix. Values that only one
-module needs are defined there.
-"""
+"""Values and property numbers of NI-DAQmx that several modules of the virtual device use."""
 
 from __future__ import annotations
 

@@ -1,10 +1,4 @@
-"""What the NI-DAQmx driver does for a client: creates, configures, starts and stops tasks, reads and writes samples.
-
-In: calls with checked types, from :mod:`rig.simulated.rpc`. Out: samples, or the driver's status code for what the
-product refuses. Channels are looked up on the product, a sample clock is coerced to a rate it has. A read lets time
-pass until its samples have been acquired; a write goes into the task's buffer, or to the outputs at once when the task
-has no sample clock.
-"""
+"""What the NI-DAQmx driver does for a client: creates, configures, starts and stops tasks, reads and writes samples."""
 
 from __future__ import annotations
 

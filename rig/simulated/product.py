@@ -8,11 +8,6 @@ The cards of the thesis's bench, and an analog output card in place of its motio
 6034E/6035E and of the SCXI-1520, specifications of NI 660x and NI 6731/6733. The SCXI-1520 is read through the card;
 its filter is a four-pole Butterworth, here at 10 kHz (delay 2.61 / (2 pi f)), its gain that of a range of 5 mV/V. None
 of them has a watchdog timer.
-
-An inventory is a device under the name it has in the system: channels, lines and terminals, looked up as a client names
-them, with the driver's refusals. Of several devices, each with its own channels, terminals and timebase, the first is
-the main one: its terminals are known by their own names, those of the others in full, with a slash. A cable carries
-clocks between them.
 """
 
 from __future__ import annotations

@@ -1,12 +1,7 @@
 """What is on the terminals of the virtual device: pulses and their edges, input readings, output levels.
 
-In: the device's state and what the bench's sensors give at edges of the sample clock.
-Out: samples, as an input task would acquire them, and the levels its outputs are at.
-
-Counter outputs, the A signals of the encoders and the camera's exposure signal drive terminals; a terminal where
-nothing is connected has no edges. Terminals are named relative
-to the device. An open input reads nothing but itself. Scaling is the one the client set up in its task, so that a wrong
-calibration, swapped terminals or a wrong number of pulses show up in the data as they would in the lab.
+An open input reads nothing but itself. Scaling is the one the client set up in its task, so that a wrong calibration,
+swapped terminals or a wrong number of pulses show up in the data as they would in the lab.
 """
 
 from __future__ import annotations

@@ -1,4 +1,1 @@
-"""The bodies to track: outlines drawn on the reference, their file, pixel masks, and which body hides which.
-
-In: polygons from a TOML file. Out: masks of usable pixels, and the template pixels hidden in a frame.
-"""
+"""The bodies to track: outlines drawn on the reference, their file, pixel masks, and which body hides which."""

@@ -1,7 +1,4 @@
-"""Pixel masks of the bodies: inside the outline, without its rim, bodies in front and saturated pixels.
-
-In: outlines and the size of the picture; out: one mask per body. A body of which too little is left raises `BodyError`.
-"""
+"""Pixel masks of the bodies: inside the outline, without its rim, bodies in front and saturated pixels."""
 
 from __future__ import annotations
 

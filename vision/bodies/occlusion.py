@@ -2,8 +2,6 @@
 
 The outlines of the bodies in front, widened by the clearance, move with their predicted poses, so that a lever that
 sweeps over the whippen never counts as whippen. What no outline describes is left to the weights of the fit.
-
-Conventions: picture axes (y down); ``pose`` is (phi, tx, ty) as in `vision.fitting.base`.
 """
 
 from __future__ import annotations

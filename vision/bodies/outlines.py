@@ -1,7 +1,5 @@
 """Outlines of the bodies on the reference, as polygons, and their file.
 
-`load_bodies` reads what the user drew, `vision.bodies.masks.build_masks` turns it into one pixel mask per body.
-
 Conventions: polygon points are picture coordinates (x right, y down, pixel centres at whole numbers) on the
 still frames. ``parent`` names the body relative to which the angle is wanted and through whose motion the
 body is predicted. ``layer`` says what is in front: a body covers those with a smaller layer; bodies of one

@@ -1,12 +1,7 @@
 """Camera models: an assumed one with uncertainties, or a calibrated projection of the plane of motion.
 
-Every camera model contributes to the uncertainty of the angles; a calibrated one also corrects them.
-
 A model lists *variants*: projections one standard uncertainty away from the nominal one, each with a weight and
 the budget term it belongs to. The variance of an angle is the weighted sum of its squared differences.
-
-The file of a calibration is TOML; ``pianorig calibrate camera`` writes it and ``track --calibration`` reads it. Lengths
-in m, pixels of the film, standard uncertainties as a covariance.
 
 From the plane of motion to the picture it is a planar homography, then radial distortion. Conventions: points (x, y) in
 pixels, y down. *Rectified* points are what a perfect camera, square to the plane, would show; *seen* points are those

@@ -1,8 +1,6 @@
 """Bytes of a large file through a memory-mapped window that moves along it.
 
-Used by the MRAW and AVI readers. Only the pages that are accessed are read from disk, and they count as used memory
-only until their window is released, so that memory in use does not grow with the file. A range outside the file, or a
-file that cannot be mapped, raises `FilmError`.
+Only the pages that are accessed are read, and they count as used memory only until their window is released.
 """
 
 from __future__ import annotations

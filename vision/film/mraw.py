@@ -8,17 +8,10 @@ that document by its tags, since viewers differ in the rest. ``startFrame`` coun
 trigger; ``skipFrame`` is the step with which frames were saved. A header that lacks a field, or holds a value no film
 can have, raises `FilmError`.
 
-The reader takes 8, 12 or 16 bit per pixel. A window of the file is memory-mapped and moves along with the reading; a
-region touches only the pages of its own rows. So memory does not grow with the film.
-
 Format of the pictures: frames follow one another without padding, row after row. 8 bit: one byte; 16 bit: little-endian
 words; 12 bit: two pixels in three bytes, the first pixel in the upper twelve bits (checked on a film of a
 FASTCAM Nova S16). Geometry, depth and times come from the header next to it. A file whose
 size is not exactly the one its header implies is refused with both sizes (`FilmError`).
-
-The writer adds the CIHX header that Photron's viewers read. Films are written frame by frame, so memory does not grow
-with them. A file appears under its name only when it is complete: it is written under a temporary name and renamed, the
-data before the header that makes it readable.
 """
 
 from __future__ import annotations

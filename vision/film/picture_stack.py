@@ -1,9 +1,6 @@
 """Films stored as pictures: a folder with one PNG, TIFF, BMP or JPEG per frame; and single pictures.
 
-OpenCV decodes one picture at a time, so memory does not grow with the film. A folder is read in the order of the
-numbers in the file names, which count negative before a trigger. These formats carry no frame rate: the caller gives
-the frame times. Pictures that cannot be decoded, or differ in size or depth from the first, raise `FilmError`. A
-picture that its file wants turned is turned.
+A folder is read in the order of the numbers in the file names, which count negative before a trigger.
 """
 
 from __future__ import annotations

@@ -3,10 +3,6 @@
 Tracker, overlay and calibration see films only through `FrameSource`. Frames are grey, (height, width), row 0 on
 top; `read_region` returns only the wanted rectangle and, where the format allows, touches only its bytes.
 
-Compression is described by the quantisation table of JPEG frames, or as frames predicted from others. JPEG (ITU-T T.81,
-annex A.3) stores every block of 8 x 8 pixels as cosine coefficients rounded to multiples of a table's steps. What that
-adds to the error of an angle is in `vision.uncertainty.budget_terms`.
-
 A frame may repeat the one before, byte for byte: a camera's software fills a dropped frame with its neighbour. Two
 exposures differ by their noise in some of thousands of pixels, so equal bytes mean that no light was taken in between,
 and the frame says nothing about its own time.

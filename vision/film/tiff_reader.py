@@ -4,10 +4,6 @@ One axis beside the picture's own is time, whichever its name; channels are neve
 Frames that lie uncompressed in the file are read region by region; others are decoded whole, each from its own place,
 so that the last costs what the first does. What tifffile decodes only with a package of its own (LZW, JPEG, palettes,
 packed 12 bit) goes to OpenCV as a file of one page.
-
-A file must hold all the pages it points to; readers stop at a broken pointer as if it were the last. Format: TIFF 6.0
-(Adobe, 1992) and BigTIFF: a header with the place of the first directory; each directory ends with the place of the
-next, zero after the last. Directories list where the strips or tiles of their picture lie.
 """
 
 from __future__ import annotations

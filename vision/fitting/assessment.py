@@ -1,9 +1,5 @@
 """Assessment of a fit: noise, correlation, covariance, coherence of residuals; compiled in one call.
 
-One call holds Python's lock for a fraction of the time that three and the sums between them took. All compiled callees
-stay in this file (`vision.fitting.kernels` says why). Methods: `vision.fitting.pose_covariance`, where the same is
-written with NumPy.
-
 Coherence is how far the residuals are from white noise, in the directions that matter to the pose. White residuals move
 the pose by many small, independent amounts. Residuals that go together over many pixels (dust, a shadow, a change of
 scale, the edge of something in front, noise smoothed by the camera) move it by more, and the residual variance alone

@@ -1,8 +1,5 @@
 """Cubic B-spline representation of a picture: prefilter, gradient, and how much sampling smooths the noise.
 
-OpenCV does the two-pass filter; sampling itself is in `vision.fitting.kernels`, since OpenCV's own warps round
-coordinates to 1/32 pixel.
-
 Source: M. Unser, Splines: a perfect fit for signal and image processing, IEEE Signal Process. Mag. 16(6),
 1999: the interpolating prefilter has the impulse response ``sqrt(3) * z**|k|`` with pole ``z = sqrt(3) - 2``.
 It is cut after 7 taps on each side, which changes a coefficient by at most 1.3e-4 of the largest per axis,

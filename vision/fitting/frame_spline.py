@@ -2,10 +2,6 @@
 
 The tracker says before a frame where it expects its bodies; a fit that needs a rectangle inside reads nothing more.
 What lies outside (a search, a body that has gone elsewhere) is read and filtered for itself.
-
-The filter is compiled: coefficients as those of `bspline.coefficients`, in half the time. Along x the filter is a sum,
-along y the recursion of M. Unser (`bspline`), which runs over whole rows at once. Nothing is reordered by fast
-arithmetic, so that the same rectangle always gives the same bits.
 """
 
 from __future__ import annotations

@@ -5,9 +5,6 @@ composition); gain and offset are solved in the same 5 x 5 system as turn and sh
 the pose. The frame, not the template, is sampled, by cubic B-splines. Weights start from those of the previous frame
 and follow the residuals of each iteration. The loop itself is compiled (`vision.fitting.kernels`). A fit that breaks
 down or does not converge returns ``converged = False``; nothing is raised.
-
-What a fitter carries over from frame to frame lies in arrays that may be parts of larger ones: `vision.frame_fit` lays
-those of all bodies of a film side by side, so that compiled code and the fitters in Python work on the same.
 """
 
 from __future__ import annotations

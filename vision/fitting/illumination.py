@@ -7,10 +7,6 @@ adds), is what the light has changed by. Between the middles of the squares it i
 back to even light. A square whose residuals scatter by much more than noise once that is taken out shows something else
 than the body under another light: it is left as it is, and loses its weight as before. The local light takes
 information from the pose; the covariance grows by that.
-
-Light goes on from frame to frame, noise does not: a change of light is taken up when two fits in a row show the same
-one, so that noise that is smooth over the picture, which looks like light in any single frame, is left to the
-uncertainty.
 """
 
 from __future__ import annotations

@@ -6,8 +6,6 @@ loops of this package, `mark_covered` and `composite`, call no compiled function
 
 Conventions: picture axes (x right, y down). A template pixel at offset (dx, dy) from the body's centre lies in a frame
 at ``centre + (tx, ty) + R(phi) (dx, dy)``, ``R = [[cos, -sin], [sin, cos]]``. Failure is a status number.
-
-They take and give named tuples, which numba reads and Python may name.
 """
 
 from __future__ import annotations

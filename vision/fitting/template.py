@@ -1,7 +1,5 @@
 """The template of a body: the pixels of the averaged still picture that are fitted, with their sensitivities.
 
-Built once per film and used for every frame, by the tracker and by the prediction of uncertainty.
-
 Conventions: picture axes (y down), the body's centre is the centroid of its mask. Column order of the normal
 matrix: turn (rad), x, y (px), gain, offset (grey). The reference grey values are centred, so that gain and
 offset hardly correlate.

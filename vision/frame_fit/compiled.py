@@ -1,10 +1,5 @@
 """The compiled frame fit: all bodies through one frame in one call, and through many frames of a film in memory.
 
-`fit_remaining_bodies` expects, covers, fits, assesses and accepts a body, and goes on to its children, until a fit is
-doubtful: that body Python fits at length (`tracking.body_tracker`, `fitting.icgn`). `track_rows` does so for frame
-after frame: compare with the frame before, expect the bodies, filter the part of the frame that holds them, fit them,
-store the fits. At the first doubt it stops in the middle of the frame, and Python goes on there, by the same functions.
-
 Elements of arrays are copied one by one: whole slices would compile messages about their shapes, for seconds.
 
 Records: arrays of all bodies of a film, in one order. Pixels of all bodies lie one after the other; those of body i are

@@ -1,7 +1,4 @@
-"""Arrays of all bodies of a film, and the Python interface of the compiled frame fit.
-
-Compiled code reads frames itself where they lie in memory or in a mapped file.
-"""
+"""Arrays of all bodies of a film, and the Python interface of the compiled frame fit."""
 
 from __future__ import annotations
 

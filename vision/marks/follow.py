@@ -1,10 +1,4 @@
-"""Track marks, points and lines, through a film.
-
-Each mark is predicted, fitted, accepted or searched for as a body is (`vision.tracking.body_tracker`), by the fit of
-`vision.marks.mark_fitter`. There is no pass backward. Uncertainties are widened where residuals are coherent.
-
-The result holds places of points, offsets and turns of lines, standard uncertainties and flags.
-"""
+"""Track marks, points and lines, through a film."""
 
 from __future__ import annotations
 

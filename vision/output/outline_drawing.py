@@ -1,7 +1,4 @@
-"""Outlines drawn over a picture, and pictures written whole or not at all.
-
-Frames to draw outlines on have film pixels along their sides and a grid.
-"""
+"""Outlines drawn over a picture, and pictures written whole or not at all."""
 
 from __future__ import annotations
 

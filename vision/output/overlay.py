@@ -1,11 +1,4 @@
-"""Overlay films with the tracked outlines, and contact sheets of the worst frames.
-
-Drawn with OpenCV: the outlines are moved to the poses found; a body lost in a frame is drawn red where it was last
-seen. A result that does not belong to the film, or a path that cannot be written, raises `VisionInputError`.
-
-The contact sheet shows each frame with what is wrong, below a legend of the bodies; text stands in strips of its own,
-never over the picture.
-"""
+"""Overlay films with the tracked outlines, and contact sheets of the worst frames."""
 
 from __future__ import annotations
 

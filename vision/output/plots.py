@@ -1,7 +1,4 @@
-"""Plots of a tracked film: angles with their uncertainty, residual noise, share of agreeing pixels.
-
-Angles in degrees, time in seconds, relative to the parent where there is one. Lost frames leave a gap and a tick below.
-"""
+"""Plots of a tracked film: angles with their uncertainty, residual noise, share of agreeing pixels."""
 
 from __future__ import annotations
 

@@ -1,10 +1,5 @@
 """A film resampled to square pixels of the plane of motion: pixel aspect, fields of interlaced frames, calibration.
 
-A rigid fit needs a picture in which a turning body keeps its shape. Where pixels are not square, or a calibrated camera
-shows the plane stretched, every frame is resampled by the cubic B-spline that the fit itself uses, so that nothing is
-left to correct to first order afterwards. Of interlaced frames only one field, every second row, is kept; the rows
-between are interpolated.
-
 Resampling makes more pixels than there is information. The variance of a pose grows by the ratio of the two densities
 (`RectifiedFilm.oversampling`): a pose is a weighted sum of grey values with weights that are smooth over a pixel, so
 that its variance depends on the density of the independent values alone.

@@ -1,15 +1,9 @@
 """Detect the static frames at the start of a film, average them and estimate their noise.
 
-The average is the template's picture and the still frames set the zero of all angles, so their number sets the error
-common to all frames: ten give a third of one frame's noise.
-
 Method: frames are compared one by one with the running mean inside the bodies' regions, after fitting gain, offset
 and two gradients, which takes out flicker. The still run ends where the difference exceeds what the noise of the first
 frames explains. That test is quick but sees only coarse motion; `count_still_frames` judges the
 poses of the bodies themselves.
-
-A fit resolves motion of a hundredth of a pixel, long before grey values differ by more than their noise; a reference
-that contains such frames would be smeared and its zero shifted.
 
 Method of `count_still_frames`: each pose coordinate of each body, over its standard uncertainty, is compared with the
 mean of the frames before, alone and as the mean of the last 2, 4, 8 and 16 frames. The first window that differs by

@@ -1,8 +1,4 @@
-"""Synthetic films with known truth: textures, outlines, scenes, lens, sensor.
-
-In: bodies with a texture, poses, a lens. Out: noise-free pictures and stored frames. Used by the virtual camera, the
-tests and the benchmarks; nothing here is part of tracking.
-"""
+"""Synthetic films with known truth: textures, outlines, scenes, lens, sensor."""
 
 from __future__ import annotations
 

@@ -1,20 +1,12 @@
 """Synthetic bodies and the pictures they make: exact poses, motion blur, flicker, noise.
 
-Tests, benchmarks and the virtual camera build a `Scene`, render frames and give them to a writer; the tracker then has
-to find the poses again.
-
 Truth: a texture is tabulated from its formula at four points per pixel and sampled by cubic splines, which
 differs from the formula by less than 0.01 grey; whatever the table holds *is* the body, so the pose is exact.
 Motion blur is the mean over equally spaced instants of the exposure; the truth of a blurred frame is both the
 angle at its middle and the mean angle.
 
-A `Projection` as lens films the same plane with a tilted camera and a distorting lens, point by point exact.
-
 Conventions: picture axes (y down); bodies are listed from back to front; a pose is a counter-clockwise angle
 (rad, y up) and the place of the body's origin (px).
-
-Outlines are boxes, bars with round ends, unions by listing points. Points (x, y), shape (m, 2), in the body's own axes
-and in the unit of the arguments; valid with y up and with y down.
 """
 
 from __future__ import annotations

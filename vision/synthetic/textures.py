@@ -1,8 +1,5 @@
 """Textures with a closed form: speckle and wood grain, sums of Gaussian blobs that can be evaluated anywhere.
 
-Because the grey value is a formula of the place on the body, a film rendered from it has a pose that is known by
-construction.
-
 Conventions: coordinates in pixels on the body (its own axes), grey values of 8 bit. A texture is reproducible
 from its seed.
 """

@@ -4,14 +4,6 @@ Order of attempts in a frame: from the constant-acceleration prediction; from th
 parent; from the candidates of the wide search. The first fit that passes every test is accepted. A frame without one
 is lost: NaN with the reasons of the first attempt, and the body stays at its newest known placement until it is found
 again.
-
-Where a body is expected is in `vision.frame_fit.motion`, what a fit is judged by in `vision.frame_fit.judgement`.
-
-The wide search over turn and shift needs no good initial guess. Method: the template is turned in steps and slid over
-the region where the body is expected, at half the resolution, with normalised correlation under its mask (OpenCV
-`matchTemplate`). The best few, one per turn, are the initial guesses for a fit. A body that is not near its last place
-is looked for in the whole picture and at every turn, at a quarter of the resolution; the best places are then searched
-around as before.
 """
 
 from __future__ import annotations

@@ -1,11 +1,7 @@
 """Checkpoint of a tracking run, from which the same command resumes after an interruption.
 
-The rows done and the trackers' state are saved every `EVERY_ROWS` rows under the name the caller gives, and read back
-when they belong to the same job; the file is removed when the film is done. A resumed run gives the numbers of one that
-was never interrupted, to the bit.
-
-Format: NumPy ``.npz`` without pickled objects, under a temporary name until it is whole. ``job`` is a SHA-256 of
-everything that decides the result. A file of another job, or a damaged one, is ignored.
+A resumed run gives the numbers of one that was never interrupted, to the bit. ``job`` is a SHA-256 of everything that
+decides the result; a file of another job, or a damaged one, is ignored.
 """
 
 from __future__ import annotations

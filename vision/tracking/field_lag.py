@@ -1,8 +1,5 @@
 """Estimate the exposure delay between even and odd rows of a film from the bodies' motion.
 
-An interlaced frame holds two fields, its even and its odd rows, exposed half a frame apart. Which comes first a file
-states seldom and not always rightly, and many files do not even state that their frames are interlaced.
-
 Method: in rows of fast motion each field alone is interpolated at the places where the body's pixels were found, and
 one Gauss–Newton step is made in pose, gain and offset. What the steps of the two fields differ by is regressed on the
 motion per frame, all in the body's own axes and weighted by the inverse covariance of the difference. What they differ

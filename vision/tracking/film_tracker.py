@@ -1,8 +1,4 @@
-"""Track all bodies of one film from frame to frame, parents before children.
-
-Holds one `BodyTracker` per body and decides in which order they are fitted and which template pixels are left out
-because another body is in front.
-"""
+"""Track all bodies of one film from frame to frame, parents before children."""
 
 from __future__ import annotations
 

@@ -10,9 +10,6 @@ gradients of the light and focus. Over all rows and bodies e is then fitted by w
 stretch and shear of each body (the reference's noise), and ones in proportion to its speed (a rolling shutter). Its
 standard uncertainty is enlarged by the root of chi-squared
 over the degrees of freedom, the Birge ratio. e is believed where it differs from zero at the level `LEVEL`.
-
-How well e is known grows with the turn as its effect does: a film tells its own stretch about as well as its angles.
-Before it is asked, a stated pixel aspect is known to `U_STATED`, another one to `U_NOT_STATED`.
 """
 
 from __future__ import annotations

@@ -1,9 +1,5 @@
 """Detect frames that a predicting codec repeats: similar to the one before, not equal to it.
 
-A camera's software fills a gap with the frame before, and a codec that predicts frames stores that again with small
-corrections. In such a frame the picture has changed less than in its neighbours and no body has moved, while it moves
-on in the same direction before and after.
-
 Method: likelihood ratio of the step of all bodies from row to row, along the direction in which each moves: normal
 about zero where the frame is repeated, about the median of the `NEAR` steps around it where not. The standard deviation
 is that of all steps about these medians, from their median absolute deviation. The threshold is Bonferroni's for

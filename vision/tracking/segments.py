@@ -4,10 +4,6 @@ A film is cut into stretches that are tracked at the same time. Each starts some
 where a quick walk found the bodies. The rows it shares with the stretch before must agree;
 where they do not, the tracker of the stretch before goes on through it instead. Which rows make a stretch depends on
 the film alone, so that the result is the same to the bit however many threads there are.
-
-In the quick walk bodies are fitted by the pixels that tell most, in as few frames as their motion allows: the steps
-grow while they are where they were expected and are halved where a body is not found. What it finds is only where a
-stretch starts from; the stretch before confirms it. Where a body is lost even from one row to the next the walk ends.
 """
 
 from __future__ import annotations

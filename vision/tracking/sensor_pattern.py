@@ -7,10 +7,6 @@ is averaged pixel by pixel over the frames in which the body has moved there by 
 noise alone would leave. Pixels whose differences scatter by more than noise keep their grey values: something else
 moves there.
 The film less its pattern is then tracked again, and taken if its residuals are smaller.
-
-A pattern is estimated from poses that it has spoilt, so it takes rounds: each refines the pattern by poses fitted less
-that of the round before. The rounds fit only the rows the pattern is estimated from; the whole film is tracked again
-when a pattern has been found that lets them fit better, and once more only where that found bodies in further rows.
 """
 
 from __future__ import annotations

@@ -1,9 +1,4 @@
-"""Prepare a film so that a rigid body keeps its shape: pixel aspect, fields, camera distortion.
-
-Interlaced frames show two times and are refused, or the field exposed first is tracked. Pixels that are not square, by
-the file or the user, and a calibrated view that changes the shape of a body by more than `LINEAR_PX`, are resampled
-(`vision.reference.rectified_film`); a smaller change is corrected to first order after the fit.
-"""
+"""Prepare a film so that a rigid body keeps its shape: pixel aspect, fields, camera distortion."""
 
 from __future__ import annotations
 

@@ -5,11 +5,6 @@ by ``sqrt(2 / blocks)`` even on white noise. They are therefore averaged over ne
 film seldom lasts for one frame, and count only where they exceed what white noise gives by `SIGNIFICANT_SCORE` standard
 deviations; a single row counts by itself when it exceeds by `ALONE`. A clean film keeps its uncertainty to the last
 digit.
-
-Tilt and distortion displace the pixels of a body in a way that no rigid motion follows; what is left is coherent, but
-known, and the angle is corrected for it (`vision.uncertainty.budget_terms`). It must not widen the uncertainty again.
-Method: the residuals of that displacement, to first order, are put through the blocks of `vision.fitting.assessment`;
-the ratio is found for `MOST_ROWS` rows and interpolated between them.
 """
 
 from __future__ import annotations

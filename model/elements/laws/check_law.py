@@ -1,8 +1,7 @@
 """Checks of a user's force law when it is added: what its methods return, and how its force and rates behave.
 
-The law's expressions are evaluated along presses of a felt with the law's usual numbers: three speeds, each pressed,
-parted and pressed again. A press shows a force below zero, a number that is not finite, and a jump of force or rate
-across any condition that it crosses. What other numbers or strokes would show is not seen here.
+The law is evaluated along presses at three speeds, each pressed, parted and pressed again. Found are a force below
+zero, a number that is not finite, and a jump of force or rate across any condition that a press crosses.
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-"""Slow loading curve f(x) of felt at penetration x (m): a x^3 + b x^2 + c x, or a power law.
-
-In a scene it is the cubic; a press by itself (`model.felt`) may follow a power. `loading_force` and `loading_stiffness`
-of the cubic take plain numbers, too. Where it dips: docs/explanation/felt.md.
-"""
+"""Slow loading curve f(x) of felt at penetration x (m): a x^3 + b x^2 + c x, or a power law."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Base class of a constitutive law of felt: parameters, force, rates of internal variables, energy.
-
-The interface only: the forces are in `hunt_crossley`, `stulov` and `hysteresis`, called by `model.elements.contacts`.
-"""
+"""Base class of a constitutive law of felt: parameters, force, rates of internal variables, energy."""
 
 from __future__ import annotations
 

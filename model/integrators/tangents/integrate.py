@@ -1,8 +1,4 @@
-"""Integrate the tangents along a recorded motion, with error control over every parameter.
-
-Steps land on the kinks of the forces, where the Jacobian jumps; the tangents themselves are continuous there, because
-the forces are.
-"""
+"""Integrate the tangents along a recorded motion, with error control over every parameter."""
 
 from typing import NamedTuple
 

@@ -1,7 +1,4 @@
-"""Linearised equations of a motion at the collocation nodes of a step, with each parameter's load.
-
-M, K and D are the kernels' linearisation; what a parameter adds to the forces is derived as they are (`loads`).
-"""
+"""Linearised equations of a motion at the collocation nodes of a step, with each parameter's load."""
 
 from typing import NamedTuple
 

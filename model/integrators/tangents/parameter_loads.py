@@ -1,7 +1,4 @@
-"""Derivatives of forces by parameters along a motion, put together from those by the scene's numbers.
-
-The derivatives by numbers come from the scene's elements (`model.codegen.parameter_derivatives`); a parameter changes
-some numbers, by so much per unit of it: a row of `Sources`."""
+"""Derivatives of forces by parameters along a motion, put together from those by the scene's numbers."""
 
 from typing import NamedTuple
 

@@ -1,9 +1,7 @@
 """A recorded motion for the tangents: its state at any time, and the kinks of its forces.
 
-The step loop keeps each step's dense output (`model.kernels.signatures.Outputs`). `interpolate_state` reads it.
-`find_kinks` finds, to a picosecond, when a contact begins or ceases to push, passes from the arc of a surface to its
-tangent, slides the other way, or, where its felt remembers, is pressed out again: there the Jacobian jumps, or turns
-within a layer so thin that a step could pass over it unseen.
+At a kink a contact begins or ceases to push, passes from an arc to its tangent, slides the other way, or is pressed out
+again: there the Jacobian jumps, or turns within a layer so thin that a step could pass over it unseen.
 """
 
 from typing import Any, NamedTuple

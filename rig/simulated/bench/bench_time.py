@@ -5,14 +5,6 @@ what stands at the terminals: the load cell's millivolts per volt and the encode
 whenever a task with a sample clock of its own starts while nothing else runs. Time moves only when a read needs samples
 that have not been acquired yet: the virtual clock just counts; the paced clock also waits, so that the bench runs at
 wall-clock speed or a multiple of it.
-
-The virtual operator acts with ``sim://?hand=yes`` in every acquisition whose motor command is
-0 V throughout, which is when ``pianorig selftest`` asks for it: lifts the arm off the key, puts it back, presses the
-key down and lets go. Pressing is a torque on the arm, so that all bodies move as the mechanism makes them.
-
-The virtual pianist plays with ``sim://?hand=plays`` in every acquisition in which the motor has no task, as in
-``pianorig record --passive``: strokes of random strength and length, each a force on the arm's tip, so that it reaches
-the key through the load cell; the same seed and trial give the same strokes.
 """
 
 from __future__ import annotations

@@ -1,9 +1,5 @@
 """The sensors of the virtual bench: a load cell with an output in millivolts per volt, encoders that count.
 
-What is set here is the truth of the bench; the rig file states what the lab believes. Force is positive downwards,
-counts rise with counter-clockwise rotation when the sign is +1; everything that scatters from trial to trial is drawn
-from (bench seed, trial).
-
 The 9237's decimation filter is modelled by its group delay only (linear interpolation between sample edges); before a
 trial starts the force has its value at the first edge. Noise and hum are added after the delay, so that they are read
 in their stated size.

@@ -1,9 +1,5 @@
 """The state of the virtual device: tasks, reservations, outputs, faults, watchdogs, and the bench it is wired to.
 
-Everything else in the device is a function that takes this state: :mod:`rig.simulated.signals` (what is on which
-terminal), :mod:`rig.simulated.timing` (how time passes) and :mod:`rig.simulated.driver` (what a client may ask). What a
-task has reserved (counters, converters, timing engines, pins) no other task gets.
-
 Faults are what goes wrong in a lab, on demand, by time or by call. The service asks the plan before each call; passing
 time lets it change what stands at the sensors' terminals. Faults are written ``KIND@TRIAL/SECONDS``,
 ``KIND:BODY@TRIAL/SECONDS`` or ``KIND@CALL#NUMBER``, several with commas, in the option ``fault`` of a ``sim://``

@@ -1,9 +1,4 @@
-"""Calls that create virtual channels.
-
-Each checks what the product can do before the channel joins the task. Counter inputs are encoders and counts of edges;
-each has default terminals per counter (:class:`rig.simulated.product.CounterPins`); where the product has none the
-client must set them. Frequency and delay of an output are coerced to whole ticks of the counter's timebase.
-"""
+"""Calls that create virtual channels."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""Calls that move samples: reading of analog and counter tasks, writing of analog and digital ones.
-
-Samples are put into the layout the call asks for, by channel or by scan. A read that times out returns what came, with
-the driver's status, as the real server does.
-"""
+"""Calls that move samples: reading of analog and counter tasks, writing of analog and digital ones."""
 
 from __future__ import annotations
 

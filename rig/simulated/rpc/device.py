@@ -1,8 +1,4 @@
-"""Calls of a DAQmx client about what is no task: the system and its devices, watchdogs.
-
-Properties of devices (the card, or the chassis and its modules) come from the product's table. Starting, stopping and
-clearing a watchdog timer task are the calls of any task.
-"""
+"""Calls of a DAQmx client about what is no task: the system and its devices, watchdogs."""
 
 from __future__ import annotations
 

@@ -2,10 +2,6 @@
 
 No other module touches the generated classes: they are private parts of ``nidaqmx`` (pinned >= 1.7, < 2). A test checks
 that every call the virtual device answers exists.
-
-Here too: what a handler of a call is (a function from device, task and request to the fields of the response), how a
-refusal travels to a client (gRPC status, text and trailing metadata, as NI's server sends them), and whether a client
-gets a new session or attaches to one that exists.
 """
 
 from __future__ import annotations

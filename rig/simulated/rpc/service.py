@@ -1,10 +1,4 @@
-"""NI's DAQmx RPC service, answered by the virtual device: one handler per call, by the call's name.
-
-The in-process ``grpc.Channel`` hands requests in, and so does a server (``examples/serve_sim.py``), in bytes; both get
-the same answers. A driver status below zero travels as the real server sends it (``ni-error`` in the trailing metadata,
-or a status with partial data for reads that time out). A call or property that is not in the table of
-:mod:`rig.simulated.rpc.calls` is refused by its name.
-"""
+"""NI's DAQmx RPC service, answered by the virtual device: one handler per call, by the call's name."""
 
 from __future__ import annotations
 
