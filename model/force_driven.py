@@ -205,7 +205,6 @@ class ForceDrivenRun:
     fewer_modes: Scene | None = None
 
     def from_state(self, state: State) -> Solution:
-        """The motion from ``state``, which is left as it is."""
         energy = "energy" in self.outputs
         under_way = self._run(state, energy=energy)
         stored = under_way.stored_energy() if energy else 0.0
@@ -225,7 +224,6 @@ class ForceDrivenRun:
         return float(self.output_time_s[-1]) if len(self.output_time_s) else float(self.time_s[-1])
 
     def plan_run(self, state: State, *, companion: bool = False) -> tuple[Simulation, Plan]:
-        """The run from ``state`` or its companion, and what the step loop is to be given."""
         under_way = self.companion(state) if companion else self._run(state)
         return under_way, under_way.plan(self._end(), self.time_s, self.force_n, output_time_s=self.output_time_s)
 

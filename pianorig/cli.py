@@ -104,7 +104,6 @@ class LazyGroup(TyperGroup):
 
 
 def _group(name: str) -> LazyGroup:
-    """A group of commands by its name."""
     return LazyGroup(
         name,
         name=name,
@@ -115,7 +114,6 @@ def _group(name: str) -> LazyGroup:
 
 
 def _usage_piece(argument: TyperArgument) -> Any:
-    """``SESSION``, ``[SESSION]`` or ``SESSION...``, alike in every version of typer."""
     text = f"{argument.metavar}{'...' if argument.nargs != 1 else ''}"
     return lambda ctx: [text if argument.required else f"[{text}]"]
 
@@ -164,10 +162,6 @@ def refuse_shadowed_packages() -> None:
 
     They have common names (``model``, ``rig`` …): a file ``model.py`` in the current folder, or another project
     installed beside this one, would be imported in place of ours (docs/explanation/page.md).
-
-    Raises
-    ------
-    CommandInputError : another package or file has the name, or one of ours is missing
     """
     for name in PACKAGES:
         spec = importlib.util.find_spec(name)

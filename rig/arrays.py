@@ -46,7 +46,6 @@ class ArrayRecord:
     """A dataclass whose fields that are annotated as arrays pass through `as_numbers` when it is made."""
 
     def __post_init__(self) -> None:
-        """Take the arrays as they are given."""
         for name, dtype in _array_fields(type(self)):  # type: ignore[arg-type]  # a class can be hashed
             values = getattr(self, name)
             if values is not None:

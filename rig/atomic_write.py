@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, hashes of their contents, one wording for what the file system refuses."""
+"""Files that are written whole or not at all, hashes of their contents, and the errors of the file system."""
 
 from __future__ import annotations
 
@@ -24,10 +24,7 @@ def refused(path: Path, action: str, advice: str = "") -> Iterator[None]:
 
 @contextlib.contextmanager
 def replace_when_complete(path: Path) -> Iterator[Path]:
-    """Yield a temporary path to write to, and rename it to ``path`` if the block ends without an exception.
-
-    Raises RigInputError when the file system refuses to create, write or rename the file.
-    """
+    """Yield a temporary path to write to, and rename it to ``path`` if the block ends without an exception."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with refused(path, "written", "choose a writable place"):
@@ -47,7 +44,6 @@ def write_text(path: Path, text: str) -> None:
 
 
 def sha256_of_bytes(data: bytes) -> str:
-    """Return the SHA-256 of some bytes as 64 hexadecimal digits."""
     return hashlib.sha256(data).hexdigest()
 
 

@@ -154,10 +154,6 @@ Opener = Callable[[str, RigConfig], Backend]
 
 
 def check_contract(backend: object, contract: type = Backend) -> None:
-    """Refuse a backend that lacks a member of the contract.
-
-    Raises RigInputError naming the members that are missing.
-    """
     declared = {name for base in contract.__mro__ for name in vars(base) if not name.startswith("_")}
     if missing := sorted(name for name in declared if not hasattr(backend, name)):
         raise RigInputError(

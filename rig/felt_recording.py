@@ -80,11 +80,6 @@ def readings(trial: TrialData, felt: FeltConfig, lowest: float = LOWEST) -> Read
     Parameters
     ----------
     lowest : from which share of the way on; 0 takes the beginning as well, where the speed is still growing
-
-    Raises
-    ------
-    RigInputError
-        The encoder did not turn, or the trial is too short.
     """
     force, rate = trial.force_info, trial.sample_rate_hz
     body = [encoder.name for encoder in trial.encoders].index(felt.encoder)
@@ -181,11 +176,6 @@ def first_touch(
     moved_m, force_n : (n,) compression since rest, force of the felt
     u_n : (n,) standard uncertainty of a reading as a force
     preload_n : force at rest
-
-    Raises
-    ------
-    RigInputError
-        The readings do not rise from the preload.
     """
     from scipy.optimize import least_squares  # start-up: 0.2 s that only the press of a felt needs
 
@@ -226,8 +216,6 @@ PHASES = ("loading", "unloading")
 
 @dataclass(frozen=True, eq=False)
 class PressCurve:
-    """One press."""
-
     # displacement_m, force_n: (n,) compression since first touch and force of the felt, in the order measured
     displacement_m: Array
     force_n: Array
@@ -271,11 +259,6 @@ def press_curve(trial: TrialData, felt: FeltConfig) -> PressCurve:
     Parameters
     ----------
     felt : ``[felt]`` of the rig file it was recorded with
-
-    Raises
-    ------
-    RigInputError
-        The encoder did not turn, a phase is too short, or no first touch is found.
     """
     read, force = readings(trial, felt), trial.force_info
     scale = next(encoder for encoder in trial.encoders if encoder.name == felt.encoder)
@@ -332,13 +315,7 @@ class Compliance:
 
 
 def compliance(trials: Sequence[TrialData], felt: FeltConfig) -> Compliance:
-    """Fit way over force of presses on a block.
-
-    Raises
-    ------
-    RigInputError
-        Too little force, or an arm that does not give way in step with the force.
-    """
+    """Fit way over force of presses on a block."""
     slopes, crooked = [], 0.0
     for trial in trials:
         read = readings(trial, felt)
@@ -387,19 +364,12 @@ class FeltOrder:
     rest_s: float = 2.0
 
     def __post_init__(self) -> None:
-        """Take speeds and forces as they are given."""
         for name in ("speeds_m_per_s", "peaks_n"):
             object.__setattr__(self, name, tuple(as_numbers(getattr(self, name), f"felt: {name}", 1).tolist()))
 
 
 def checked(order: FeltOrder, config: RigConfig, source: str) -> FeltConfig:
-    """Return the rig file's ``[felt]`` after a check of the order against it.
-
-    Raises
-    ------
-    RigInputError
-        No ``[felt]``, or a speed, force or number out of range.
-    """
+    """Return the rig file's ``[felt]`` after a check of the order against it."""
     felt = config.felt
     if felt is None:
         raise RigInputError(
@@ -461,11 +431,6 @@ def at_speed(moved_m: Array, force_n: Array, speed_m_per_s: float, peak_n: float
     moved_m, force_n : (k,) way since the arm's rest and force above its preload, both rising from 0, as the ramp found
     speed_m_per_s, peak_n : wanted
     slew_n_per_s : fastest change of force that the rig file allows
-
-    Raises
-    ------
-    RigInputError
-        The felt is too hard for this speed; the message says how fast it may be.
     """
     way = float(np.interp(peak_n, force_n, moved_m))
     phase = np.linspace(0.0, 1.0, POINTS)
@@ -484,13 +449,7 @@ def at_speed(moved_m: Array, force_n: Array, speed_m_per_s: float, peak_n: float
 
 
 def checked_command(profile: Profile, config: RigConfig, deepest_rad: float, body: int) -> MotorCommand:
-    """Return the motor command of a press after a dry run without inertia: the force follows the command.
-
-    Raises
-    ------
-    RigInputError
-        Outside the limits of motor or rig file; nothing has moved.
-    """
+    """Return the motor command of a press after a dry run without inertia: the force follows the command."""
     rate = config.device.sample_rate_hz
     force = profile.sample(rate)
     angle = np.zeros((force.size, 3))
@@ -604,7 +563,6 @@ class _Press:
 
     @property
     def count(self) -> int:
-        """Trials in all."""
         order = self.order
         return (
             BLOCK_PRESSES

@@ -54,11 +54,6 @@ def fit_line(reference: ArrayLike, reading: ArrayLike, where: str) -> LineFit:
 
     The scatter is that about the line (n - 2 degrees of freedom), so that nonlinearity and hysteresis are in the
     uncertainty.
-
-    Raises
-    ------
-    RigInputError
-        With fewer than four readings at three different references, or a slope of zero.
     """
     from scipy.stats import linregress  # start-up: half a second that only a calibration needs
 
@@ -84,11 +79,6 @@ def changed(text: str, table: str, values: Mapping[str, Value], *, named: str | 
     ----------
     table : ``force`` for ``[force]``, ``encoders`` for ``[[encoders]]``
     named : ``name`` of the table where there are several
-
-    Raises
-    ------
-    RigInputError
-        When there is no such table.
     """
     heads = list(re.finditer(r"(?m)^\[\[?[^\[\]]+\]\]?[^\n]*$", text))
     for head, following in zip(heads, [*heads[1:], None], strict=True):
@@ -190,13 +180,6 @@ def dead_weights(
     masses_kg : masses above 0, rising; zero is read before, between and after
     u_mass_kg : standard uncertainty of a mass, kg
     gravity : local acceleration, m/s^2, known to 1e-4; None takes the standard value with an uncertainty of 0.015
-
-    Raises
-    ------
-    RigInputError
-        Masses that are not rising, beyond the range of the channel, or readings that do not follow them.
-    HardwareFault
-        As when recording.
     """
     force = rig.config.force
     g, u_g = (STANDARD_GRAVITY, U_GRAVITY) if gravity is None else (gravity, 1e-4 * gravity)
@@ -244,13 +227,7 @@ def dead_weights(
 
 
 def shunt(rig: Rig, backend: SelftestBackend) -> Calibration:
-    """Switch the module's shunt resistor in and correct the gain by what it should and does change.
-
-    Raises
-    ------
-    RigInputError
-        Without a bridge, without a shunt resistor in ``[selftest]``, or where the change is off by more than a tenth.
-    """
+    """Switch the module's shunt resistor in and correct the gain by what it should and does change."""
     force, selftest = rig.config.force, rig.config.selftest
     if force.kind != "bridge" or selftest is None or selftest.shunt_ohm == 0:
         raise RigInputError(f"{rig.source}: has no bridge with a shunt resistor (force.kind, selftest.shunt_ohm)")
@@ -327,13 +304,6 @@ class Arc:
 
 
 def there_and_back(angles_rad: ArrayLike) -> tuple[float, ...]:
-    """Return the reference angles up and down again.
-
-    Raises
-    ------
-    RigInputError
-        Fewer than three angles, or not rising.
-    """
     up = tuple(as_numbers(angles_rad, "reference angles", 1).tolist())
     if len(up) < 3 or list(up) != sorted(set(up)) or not np.all(np.isfinite(up)):
         raise RigInputError(f"reference angles {list(up)} rad: allowed from three, each once, rising")
@@ -341,15 +311,7 @@ def there_and_back(angles_rad: ArrayLike) -> tuple[float, ...]:
 
 
 def read_plateaus(backend: Backend, config: RigConfig, body: str, references: Sequence[float]) -> list[float]:
-    """Return the mean readings, rad, at as many rests as there are references, in the order they came.
-
-    Raises
-    ------
-    RigInputError
-        Fewer rests within half an hour.
-    HardwareFault
-        As when recording.
-    """
+    """Return the mean readings, rad, at as many rests as there are references, in the order they came."""
     index = BODIES.index(body)
     encoder = config.encoders[index]
     apart = APART * float(np.min(np.abs(np.diff(references)))) / abs(encoder.rad_per_count)
@@ -378,11 +340,6 @@ def fit_arc(references: Sequence[float], readings: Sequence[float], u_angle_rad:
     """Fit readings over references; up and down together, so that play of the references is in the uncertainty.
 
     Readings that happen to scatter less than counts are rounded are known no better than a count / sqrt 12.
-
-    Raises
-    ------
-    RigInputError
-        Readings that do not follow, or a correction beyond 10 %.
     """
     x = np.asarray(references, dtype=float)
     fit = fit_line(x, readings, encoder.counter)
@@ -447,15 +404,7 @@ class Swing:
 
 
 def read_swing(backend: Backend, config: RigConfig, body: str) -> tuple[Array, float]:
-    """Return the angle of a body, rad, from before it is let go until it has rested, and the sample rate, Hz.
-
-    Raises
-    ------
-    RigInputError
-        Nothing swung within a minute.
-    HardwareFault
-        As when recording.
-    """
+    """Return the angle of a body, rad, from before it is let go until it has rested, and the sample rate, Hz."""
     index = BODIES.index(body)
     encoder = config.encoders[index]
     counts: list[NDArray[np.int64]] = []
@@ -480,13 +429,7 @@ def read_swing(backend: Backend, config: RigConfig, body: str) -> tuple[Array, f
 
 
 def friction_of_swing(angle_rad: Array, rate_hz: float, body: str) -> Swing:
-    """Find the friction of a joint from the angle of its freely swinging body, (n,).
-
-    Raises
-    ------
-    RigInputError
-        Fewer than three half swings: more friction than can be seen so, or let go too low.
-    """
+    """Find the friction of a joint from the angle of its freely swinging body, (n,)."""
     half = max(int(SMOOTHED_S * rate_hz / 2), 2)
     k = np.arange(-half, half + 1)
     speed = np.convolve(angle_rad, -k / (k @ k) * rate_hz, mode="valid")

@@ -319,7 +319,6 @@ def corrected(
 def within_limits(
     command_n: NDArray[np.float64], force_limit_n: float, slew_limit_n_per_s: float, rate_hz: float
 ) -> NDArray[np.float64]:
-    """Return the nearest command within the limits of force and slew rate, from both ends."""
     step = 0.98 * slew_limit_n_per_s / rate_hz  # a little less: key points are rounded
     limited = np.clip(command_n, -0.98 * force_limit_n, 0.98 * force_limit_n)
     for order in (range(1, limited.size), range(limited.size - 2, -1, -1)):

@@ -66,10 +66,7 @@ def is_deleted(descriptor: int) -> bool:
 
 
 def reserve(descriptor: int, path: Path, size: int) -> None:
-    """Make sure that ``size`` bytes fit; where the system can, set them aside as zeros at the end of the file.
-
-    Raises OSError when there is not enough room.
-    """
+    """Make sure that ``size`` bytes fit; where the system can, set them aside as zeros at the end of the file."""
     allocate = getattr(os, "posix_fallocate", None)
     if allocate is not None:
         allocate(descriptor, 0, size)

@@ -89,7 +89,6 @@ def bench_of(capabilities: Capabilities) -> str:
 
 
 def read_record(path: Path) -> SelftestRecord:
-    """Read and check one record."""
     return toml_file.check(SelftestRecord, toml_file.parse_toml(toml_file.read_text(path), str(path)), str(path))
 
 
@@ -102,11 +101,6 @@ def valid_record(
     ----------
     place : a record, or the folder of records
     address : of the bench, for the advice
-
-    Raises
-    ------
-    NotPermitted
-        When there is none, or the newest did not pass or is too old.
     """
     now = now or datetime.now(UTC)
     advice = f"run  pianorig selftest --backend {address} --rig {rig.source}"
@@ -194,7 +188,6 @@ def encoder_advice(config: RigConfig, body: int, turned_rad: float) -> str:
 
 
 def joined(blocks: list[Block]) -> Block:
-    """Join successive blocks to one."""
     return Block(
         blocks[0].first_sample,
         np.concatenate([block.force_n for block in blocks]),

@@ -36,7 +36,6 @@ class CompareOptions(TypedDict, total=False):
 
 
 def utc_now() -> datetime:
-    """The time of day."""
     return datetime.now(UTC)
 
 
@@ -66,13 +65,7 @@ class ComparisonOptions:
 
     @classmethod
     def of(cls, keywords: CompareOptions) -> ComparisonOptions:
-        """The record of the keywords of a public function.
-
-        Raises
-        ------
-        TypeError
-            A keyword that is not known.
-        """
+        """The record of the keywords of a public function."""
         values: dict[str, Any] = dict(keywords)
         if "suspect" in values:
             raise TypeError(
@@ -83,7 +76,6 @@ class ComparisonOptions:
         return cls(stand_ins=StandIns(**injected), **values)
 
     def wants_causes(self, is_difference_shown: bool) -> bool:
-        """Whether causes are looked for."""
         return is_difference_shown if self.explain is None else self.explain
 
     def say(self, text: str) -> None:

@@ -110,7 +110,6 @@ def headline(result: ValidationResult) -> str:
 
 
 def alone(result: ValidationResult) -> SideBySide:
-    """One result as the only one of its kind."""
     return SideBySide((result,), (), files=result.files)
 
 

@@ -47,7 +47,6 @@ def as_numbers(values: ArrayLike, where: str, ndim: int | None = None, dtype: DT
 
 
 def as_points(values: ArrayLike) -> NDArray[np.float64]:
-    """``values`` as points (..., 2), as `as_numbers` makes them."""
     points = as_numbers(values, "points")
     if points.ndim == 0 or points.shape[-1] != 2:
         raise VisionInputError(f"points: found shape {points.shape}, allowed (..., 2)")
@@ -58,7 +57,6 @@ class ArrayRecord:
     """A dataclass whose fields that are annotated as arrays pass through `as_numbers` when it is made."""
 
     def __post_init__(self) -> None:
-        """Take the arrays as they are given."""
         for name, dtype in _array_fields(type(self)):  # type: ignore[arg-type]  # a class can be hashed
             values = getattr(self, name)
             if values is not None:

@@ -28,12 +28,7 @@ def remove(path: Path) -> None:
 
 @contextmanager
 def whole_file(path: Path, error: type[VisionError], advice: str) -> Iterator[Path]:
-    """Give a name to write to; the file takes the name ``path`` when the block ends without an exception.
-
-    Raises
-    ------
-    VisionError : of the kind ``error``, ending in ``advice``, where the block or the last step raised an ``OSError``
-    """
+    """Give a name to write to; the file takes the name ``path`` when the block ends without an exception."""
     temporary = temporary_name(path)
     try:
         yield temporary
@@ -55,6 +50,5 @@ def read_toml(path: Path, error: type[VisionError], advice: str) -> dict[str, An
 
 
 def toml_text(text: str) -> str:
-    """A text as TOML has it."""
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
     return '"' + "".join(c if c >= " " and c != "\x7f" else f"\\u{ord(c):04x}" for c in escaped) + '"'

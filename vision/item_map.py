@@ -16,5 +16,4 @@ class ItemMap(Protocol):
 
 
 def serial_map(work: Callable[[A], B], items: Iterable[A], /) -> list[B]:
-    """One after the other."""
     return [work(item) for item in items]

@@ -32,7 +32,6 @@ _warned: set[str] = set()
 
 @cache
 def digest_of_sources() -> str:
-    """SHA-256 of the content of all files of `SOURCES`."""
     digest = hashlib.sha256()
     for source in SOURCES:
         path = Path(__file__).parent / source

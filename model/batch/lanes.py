@@ -112,7 +112,6 @@ SUPPORTED = {"contact_forces"}  # outputs beyond angles and speeds
 
 
 def can_run_in_lanes(job: Job) -> bool:
-    """Whether lanes give all that a job asks for."""
     if job.run is None or job.failure is not None or not set(job.run.outputs) <= SUPPORTED:
         return False
     return job.run.method in METHODS and METHODS[job.run.method].loop is integrate

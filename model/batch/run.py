@@ -43,7 +43,6 @@ class BatchInterrupt(KeyboardInterrupt):
 
 
 def count_processors() -> int:
-    """Processors this process may use."""
     if sys.platform == "linux":
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -82,11 +81,6 @@ def run_job_groups(
     executor, workers : where to compute, as for `simulate_many`
     progress : called with members done and members in all
     count : members done already, and in all
-
-    Raises
-    ------
-    InputError : less than one worker
-    KeyboardInterrupt : Ctrl-C; what was started is finished and handed over, the rest cancelled
     """
     if workers is not None and workers < 1:
         raise InputError(f"workers: found {workers}, allowed 1 or more")

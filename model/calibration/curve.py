@@ -112,12 +112,7 @@ def check_curve(
     where: str = "loading curve",
     common: CommonErrors | None = None,
 ) -> LoadingCurve:
-    """Check points (n,) with their phase, and their common errors (2, n) by name, and sort them.
-
-    Raises
-    ------
-    InputError : not finite, one phase only, too few points, displacement reverses within a phase, phases do not overlap
-    """
+    """Check points (n,) with their phase, and their common errors (2, n) by name, and sort them."""
     x, f = two_columns(displacement_m, force_n, where)
     words = np.asarray(phase, dtype=str)
     for name, column in (("displacement_m", x), ("force_n", f)):
@@ -216,12 +211,7 @@ def read_curve(path: str | Path) -> LoadingCurve:
 
 
 def find_common_errors(columns: Sequence[str], where: str) -> dict[str, tuple[str, str]]:
-    """Names of the common errors among a file's columns, each with its column of displacement and of force.
-
-    Raises
-    ------
-    InputError : a column with the prefix that says neither m nor n
-    """
+    """Names of the common errors among a file's columns, each with its column of displacement and of force."""
     found: dict[str, tuple[str, str]] = {}
     for column in columns:
         if column.startswith(PREFIX):

@@ -31,12 +31,7 @@ SMALLEST_LOSS = 1e-9  # of the speed: below this damping cannot be distinguished
 
 
 def check_numbers(what: str, values: Mapping[str, float], uncertainties: Mapping[str, float], unit: str = "") -> None:
-    """Refuse values that are not above 0 and standard uncertainties that are negative; names come with their numbers.
-
-    Raises
-    ------
-    InputError : names the first number of ``what`` that cannot be used
-    """
+    """Refuse values that are not above 0 and standard uncertainties that are negative."""
     unit = f" {unit}" if unit else ""
     for name, value in values.items():
         if not (math.isfinite(value) and value > 0.0):

@@ -87,7 +87,6 @@ def load_press_kernel(law: Law, memories: int, numbers: int, power: bool) -> Ker
 
 
 def is_cached(tables: Tables) -> bool:
-    """Whether the kernels of a structure are in the disk cache."""
     path = _path(tables, STEP, 1)
     return path is not None and path.is_file()
 
@@ -137,7 +136,6 @@ def _compile_kernels(tables: Kind, functions: dict[str, Any], lanes: int) -> dic
 
 
 def write_kernel(program: Program, module: ir.Module, name: str, lanes: int = 1) -> None:
-    """Write a program as function ``name`` of a module."""
     writer = KernelWriter(module, name, program.arguments, lanes, has_wide_vectors(), program.exact)
     writer.write(program.statements)
     result = program.result
@@ -194,7 +192,6 @@ def link_kernels(tables: Kind, functions: dict[str, Any], lanes: int, machine: A
 
 
 def optimise_module(module: ir.Module, machine: Any, side_by_side: bool = False) -> Any:
-    """A module after LLVM's passes."""
     parsed = binding.parse_assembly(str(module))
     parsed.verify()
     options = binding.create_pipeline_tuning_options(speed_level=2)

@@ -41,7 +41,6 @@ SHALLOWEST = 1e-15  # m: at the depth 0 a memory that fades along the way has no
 
 
 def _append_partials(found: Expression, by: tuple[Expression, ...]) -> list[Statement]:
-    """A number and its derivatives, one behind the other."""
     return [Assign(slot("y", k), x) for k, x in enumerate((found, *(differentiator({x: ONE})(found) for x in by)))]
 
 
@@ -170,7 +169,6 @@ class SingleElement:
         fades = -differentiator({z: ONE})(moves)
 
         def memory_rate(share: Expression, where_z: Expression) -> tuple[Expression, Expression]:
-            """Rate of a memory that were 0, and how fast it fades, as they are where it is ``where_z``."""
             by = {DEPTH: value_of("depth") + share * way, z: where_z}
             return substitute(moves + fades * z, by), substitute(fades, by)
 

@@ -101,7 +101,6 @@ class StepPrograms:
         return slot("w", start + self._width * i + j)
 
     def _stored_entry(self, start: int, i: int, j: int) -> Expression:
-        """Entry of a matrix as it was put."""
         return read("w", start + self._width * i + j)
 
     def _acceleration(self, i: int) -> int:
@@ -155,7 +154,6 @@ class StepPrograms:
     # linearise ----------------------------------------------------------------------------------------------------
 
     def linearise(self) -> Program:
-        """See the module."""
         s, moving = self._s, ONE - read("w", W.STATIC)
         find, (pq, pv, pa, jerk) = self._prescribed_motion(moving)
         z = [read("w", W.Z + m) for m in range(len(s.memory))]
@@ -469,12 +467,10 @@ class StepPrograms:
         return Program(self._arguments("gh", arrays="w"), out, sound)
 
     def inverse_pattern(self) -> set[tuple[int, int]]:
-        """Entries of the inverse that can differ from zero."""
         self.prepare()
         return self._filled
 
     def skip(self) -> Program:
-        """See the module."""
         s = self._s
         out: list[Statement] = []
         mask: list[tuple[int, Expression]] = []
@@ -507,7 +503,6 @@ class StepPrograms:
     # stages -------------------------------------------------------------------------------------------------------
 
     def stage(self) -> Program:
-        """See the module."""
         s = self._s
         rate, k = self._condition("rate"), argument("k")
         find, (pq, pv, pa, _) = self._prescribed_motion(ONE)
@@ -529,7 +524,6 @@ class StepPrograms:
         return Program(given, [*out, *self._solve_stage(e, k)], "exceeded")
 
     def _stage_state(self, k: Expression, moved: tuple[Row, Row]) -> tuple[list[Statement], Row, Row, Row]:
-        """State at the stage, as names: sums over the stages so far, and what is ``moved``."""
         s = self._s
         rows = [(f"{i}", W.Q + i, W.V + i, W.U + i, W.U + W.WIDTH + i, 2 * W.WIDTH) for i in range(s.own)]
         at_z, at_u = s.pin_places(W.Z), s.pin_places(W.Z_U)
@@ -689,7 +683,6 @@ class StepPrograms:
     # energy -------------------------------------------------------------------------------------------------------
 
     def energy(self) -> Program:
-        """See the module."""
         s, prescribed = self._s, list(self._s.bodies)[self._s.own :]
         find, (pq, pv, pa, _) = self._prescribed_motion(ONE)
         z = [read("w", W.AUDIT_Z + m) for m in range(len(s.memory))]

@@ -35,7 +35,6 @@ STAGE = 2 * W.WIDTH
 
 
 def _divide_exactly(a: Expression, b: Expression) -> Expression:
-    """A quotient, rounded once."""
     return intern("quotient", a, b)
 
 
@@ -63,7 +62,6 @@ class StepUpdate:
     # events -------------------------------------------------------------------------------------------------------
 
     def fit(self) -> Program:
-        """See the module."""
         bound = _w(W.SPEED_LIMIT)
 
         def body(i: Expression) -> list[Statement]:
@@ -148,7 +146,6 @@ class StepUpdate:
         return Program(given, out, finite & (value_of("error") < INFINITE), exact=True)
 
     def dense(self) -> Program:
-        """See the module."""
         stages = argument("stages")
 
         def state_row(m: Expression) -> list[Statement]:
@@ -187,7 +184,6 @@ class StepUpdate:
         return Program(given, out, exact=True)
 
     def interpolate(self) -> Program:
-        """See the module."""
         x, rows = _w(W.FRACTION), argument("rows")
 
         def reversed_row(m: Expression) -> Expression:

@@ -25,7 +25,6 @@ PADE = tuple(math.comb(6, j) * math.factorial(12 - j) / math.factorial(12) for j
 
 
 def _multiply_add(x: Number, y: Number, z: Number) -> Expression:
-    """X y + z, rounded once where the processor can."""
     return intern(
         "fused", as_expression(x), as_expression(y), as_expression(z)
     )  # opaque: a sum less one of its terms would be simplified away
@@ -39,13 +38,11 @@ def _evaluate_polynomial(z: Expression, coefficients: tuple[float, ...]) -> Expr
 
 
 def sine(x: Expression) -> Expression:
-    """Sine up to 45 degrees."""
     z = x * x
     return x + x * z * _evaluate_polynomial(z, SINE)
 
 
 def cosine(x: Expression) -> Expression:
-    """Cosine up to 45 degrees."""
     z = x * x
     return ONE - (0.5 * z - z * z * _evaluate_polynomial(z, COSINE))
 

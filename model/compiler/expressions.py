@@ -146,7 +146,6 @@ def constant(x: float) -> Expression:
 
 
 def as_expression(x: Number) -> Expression:
-    """A known number as an expression."""
     if isinstance(x, Expression):
         return x
     if isinstance(x, bool) or not isinstance(x, SupportsFloat):
@@ -262,7 +261,6 @@ ZERO, ONE = constant(0.0), constant(1.0)
 
 
 def root(a: Expression) -> Expression:
-    """Square root."""
     return intern("root", a)
 
 
@@ -282,12 +280,10 @@ def tanh(a: Expression) -> Expression:
 
 
 def cosine(a: Expression) -> Expression:
-    """Cosine."""
     return intern("cosine", a)
 
 
 def sine(a: Expression) -> Expression:
-    """Sine."""
     return intern("sine", a)
 
 
@@ -314,7 +310,6 @@ def where(condition: Expression, a: Number, b: Number) -> Expression:
 
 
 def compute_where(condition: Expression, a: Number) -> Expression:
-    """A number that is computed where the condition holds, and 0 elsewhere."""
     a = as_expression(a)
     return ZERO if a is ZERO else intern("guarded", condition, a)
 
@@ -360,7 +355,6 @@ def subexpressions(wholes: Iterable[Expression], but: Iterable[Expression] = ())
 
 
 def solve_by_newton(unknown: Expression, residual: Expression, start: Number) -> Expression:
-    """The number at which a residual, a function of ``unknown``, vanishes: Newton's iteration from ``start``."""
     return intern("newton", unknown, residual, differentiator({unknown: ONE})(residual), as_expression(start))
 
 
@@ -369,7 +363,6 @@ _interiors: dict[Expression, frozenset[Expression]] = {}
 
 
 def _interior_nodes(law: Expression) -> frozenset[Expression]:
-    """What a law is made of beside what it is differentiated by."""
     if law not in _interiors:
         value, *by = law.args
         _interiors[law] = frozenset(subexpressions([value], by))

@@ -59,7 +59,6 @@ class _ValueScope:
         return found
 
     def reads_changing(self, e: Expression) -> bool:
-        """Whether the expression reads what changes in a loop."""
         if e not in self._changes:
             read = e.op == "read" and (e.args[0] in self.changing or (e.args[0], e.args[1]) in self.changing)
             parts = [a for a in e.args if isinstance(a, Expression)]
@@ -313,7 +312,6 @@ class KernelWriter:
         return call_intrinsic(self.b, INTRINSICS[op], *a)
 
     def _lower_conditional(self, truth: Any, compute: Any) -> Any:
-        """A value computed where needed, 0 elsewhere."""
         before = self.b.block
         with self.b.if_then(self._any_lane(truth)):
             with self._block():

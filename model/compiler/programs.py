@@ -37,8 +37,6 @@ class Compute:
 
 @dataclass(frozen=True)
 class If:
-    """Do one or the other."""
-
     condition: Expression
     then: list[Statement]
     otherwise: list[Statement] = field(default_factory=list)
@@ -91,7 +89,6 @@ class Program:
 
 
 def slot(array: str, place: int, further: Expression | None = None) -> Place:
-    """A place of an array of the kernel."""
     return array, place, further
 
 
@@ -101,12 +98,10 @@ def variable(text: str) -> Place:
 
 
 def compute(*values: Expression) -> Compute:
-    """See `Compute`."""
     return Compute(values)
 
 
 def compute_vectorised(*values: Expression) -> Compute:
-    """See `Compute`."""
     return Compute(values, True)
 
 
@@ -117,7 +112,6 @@ def loop_over(label: str, count: Expression, body: Callable[[Expression], list[S
 
 
 def is_unmasked(bit: int) -> Expression:
-    """That the bit of the kernel's ``mask`` is not set."""
     return intern("bit", bit)
 
 
@@ -148,7 +142,6 @@ def map_assignments(
 
 
 def accumulated_places(statements: list[Statement]) -> list[Place]:
-    """Places that statements add to."""
     out: list[Place] = []
 
     def one(s: Assign | Accumulate) -> list[Statement]:

@@ -91,7 +91,6 @@ class DriveIdentified:
     rms_nm: float
 
     def __getitem__(self, name: str) -> Estimate:
-        """The estimate of a number by its name."""
         return next(e for e in (*self.drive, *self.combinations, *self.arm) if e.name == name)
 
     def lines(self) -> list[str]:

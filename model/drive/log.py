@@ -41,7 +41,6 @@ class DriveLog(ArrayRecord):
     current_a: Array | None = None
 
     def __post_init__(self) -> None:
-        """Refuse a log that cannot be used."""
         super().__post_init__()
         rows = {k: v for k, v in vars(self).items() if v is not None}
         for name, row in rows.items():
@@ -95,7 +94,6 @@ class DriveOptions:
     known: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be."""
         if self.mode not in MODES:
             raise InputError(f"mode of the drive: found {self.mode!r}, allowed {' or '.join(MODES)}")
         if not 0.0 < self.length_m <= 2.0:

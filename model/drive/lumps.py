@@ -177,12 +177,7 @@ class _Problem:
 
 
 def fit_lumps(log: DriveLog, options: DriveOptions) -> LumpFit:
-    """The numbers under which the log's torques balance best.
-
-    Raises
-    ------
-    InputError : force and motion are not those of an arm that this command drives
-    """
+    """The numbers under which the log's torques balance best."""
     problem = _Problem(log, options)
     starts = _initial_guesses(problem)
     x, prior = _fit_least_squares(problem, starts[0], starts[0], SHORT)[0], starts[0]
@@ -203,7 +198,6 @@ def fit_lumps(log: DriveLog, options: DriveOptions) -> LumpFit:
 
 
 def _set_residual_scale(problem: _Problem, x: Array) -> None:
-    """Set the scatter of both kinds of residual to what it is at ``x``."""
     rest, m = problem.rest(x), problem.arm.shape[1]
     for k, part in enumerate((rest[:m], rest[m:])):
         if len(part):
@@ -245,7 +239,6 @@ def _prior(problem: _Problem) -> Array:
 
 
 def _free_indices(problem: _Problem) -> NDArray[np.int64]:
-    """Places of what is searched for."""
     return np.flatnonzero(np.concatenate([problem.free, np.ones(len(ARM), dtype=bool)]))
 
 

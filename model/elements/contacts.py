@@ -73,7 +73,6 @@ class Contact:
     c: int
 
     def number(self, k: int) -> Expression:
-        """Number ``k`` of the contact."""
         return self.s.number(1, L.CONTACT_SIZE, self.c, k)
 
     @property
@@ -186,11 +185,9 @@ class Contact:
 
     @property
     def law(self) -> Law:
-        """Law of its felt."""
         return self.s.law(self.c)
 
     def pressed_by(self, depth: Expression, rate: Expression) -> Felt:
-        """Its felt at a depth (m) and a rate (m/s), as the law sees it."""
         z = tuple(self.k.state.z[m] for m in self.memories)
         return Felt(depth, rate, z, self.curve, self.number(L.DAMP), self.s.law_numbers(self.c))
 

@@ -30,8 +30,6 @@ def amplifier(
 
 
 class Drives:
-    """All drives of a scene."""
-
     def __init__(self, s: Structure, k: Kinematics) -> None:
         self._s, self._k = s, k
         self._rows = [

@@ -38,7 +38,6 @@ class Elements:
 
     @cached_property
     def bodies(self) -> Bodies:
-        """The bodies."""
         return Bodies(self.s, self.k, read("p", L.GRAVITY))
 
     @cached_property
@@ -58,7 +57,6 @@ class Elements:
         return [contact for contact in self.contacts.values() if isinstance(contact, StringContact)]
 
     def string_seen(self) -> list[Statement]:
-        """Where the string is at a single state, of scenes that have one."""
         strings = [self.contact(c) for c in self.s.string]
         return [line for one in strings if isinstance(one, StringContact) for line in one.string_state()]
 
@@ -68,17 +66,14 @@ class Elements:
 
     @cached_property
     def tips(self) -> list[Tip]:
-        """Tips on keys."""
         return [Tip(self.s, self.k, which) for which in range(len(self.s.probe))]
 
     @cached_property
     def contactless_elements(self) -> list[Spring | Drives]:
-        """What acts on coordinates without contacts."""
         s = self.s
         return [*springs(s, self.state), Drives(s, self.k), *dampers(s, self.state)]
 
     def contactless_forces(self) -> list[Statement]:
-        """Forces of all but contacts and tips."""
         return self.bodies.forces() + [line for e in self.contactless_elements for line in e.forces()]
 
     def energy(self) -> list[Statement]:

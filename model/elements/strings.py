@@ -83,7 +83,6 @@ class Modes:
         return read(self.array, row + self.first + L.STRING_STATES, self.half(half, i))
 
     def place(self, row: int, half: int, i: Expression) -> Place:
-        """Where it is."""
         return slot("w", row + self.first + L.STRING_STATES, self.half(half, i))
 
     def head(self, row: int, k: int) -> Place:
@@ -183,7 +182,6 @@ class StringContact(Contact):
 
     @cached_property
     def modes(self) -> Modes:
-        """The string's."""
         return Modes(self.s, *self.states)
 
     @cached_property

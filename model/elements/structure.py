@@ -84,7 +84,6 @@ class Structure:
         return law_numbered(self._law[c][0])
 
     def law_numbers(self, c: int) -> tuple[Expression, ...]:
-        """Numbers that this law has packed for contact ``c``."""
         first = self.offset[6] + sum(count for _, count in self._law[:c])
         return tuple(read("p", first + k) for k in range(self._law[c][1]))
 
@@ -102,5 +101,4 @@ class Structure:
         return read("p", self.offset[block] + size * which + k)
 
     def body(self, i: int, k: int) -> Expression:
-        """Number ``k`` of body ``i``."""
         return read("p", L.GLOBALS + L.BODY_SIZE * i + k)

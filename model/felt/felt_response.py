@@ -40,7 +40,6 @@ class FeltLaw:
     """A law of felt with its numbers."""
 
     def _kernel_arguments(self) -> Pressed:
-        """What its kernel takes."""
         raise NotImplementedError
 
     def response(self, time_s: ArrayLike, depth_m: ArrayLike) -> Response:

@@ -91,10 +91,6 @@ def check_pressing(name: str, time_s: ArrayLike, displacement_m: ArrayLike, forc
     ----------
     name : what to call the press in results and errors
     time_s, displacement_m, force_n : (n,) s, m, N
-
-    Raises
-    ------
-    InputError : too few samples, not finite, not evenly spaced, never pressed or never released
     """
     t, x, f = (as_numbers(v, name, 1) for v in (time_s, displacement_m, force_n))
     if not len(t) == len(x) == len(f) or len(t) < FEWEST_SAMPLES:

@@ -12,12 +12,7 @@ from model.errors import InputError
 
 @contextmanager
 def whole_file(path: Path, advice: str = "choose another file") -> Iterator[Path]:
-    """Yield a temporary name in the same folder; rename it to ``path`` when the block succeeds.
-
-    Raises
-    ------
-    InputError : writing or renaming raised an ``OSError``; the message ends in ``advice``
-    """
+    """Yield a temporary name in the same folder; rename it to ``path`` when the block succeeds."""
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         yield part

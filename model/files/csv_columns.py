@@ -52,10 +52,6 @@ def read_columns(
     wanted : columns that must be there
     optional : columns that may be there too; None allows any others
     prefix : columns whose names begin with it may be there too
-
-    Raises
-    ------
-    InputError : the file cannot be read, a column is missing, unknown or given twice, or a row has too few cells
     """
     where, allowed = str(path), ",".join(wanted)
     if optional:

@@ -18,10 +18,7 @@ ENDINGS = (".svg", ".pdf", ".png")
 
 @contextmanager
 def new_sheet(path: str | Path, width_inch: float, height_inch: float) -> Iterator[Figure]:
-    """An empty sheet without a window, which becomes the file ``path`` (.svg, .pdf or .png) when it is drawn.
-
-    Raises ``InputError`` for another ending, before anything is drawn, and where the file cannot be written.
-    """
+    """An empty sheet without a window, which becomes the file ``path`` (.svg, .pdf or .png) when it is drawn."""
     target = Path(path)
     if target.suffix not in ENDINGS:
         raise InputError(f"{target}: ending found {target.suffix!r}, allowed {', '.join(ENDINGS)}")

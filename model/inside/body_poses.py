@@ -28,7 +28,6 @@ class SeenMotion:
 
     @property
     def contacts(self) -> tuple[str, ...]:
-        """Names of the contacts."""
         return self.scene.contacts
 
     @property
@@ -55,21 +54,6 @@ def observe_poses(
     force_n : (m,) input
     normal_n : (m, c) normal forces of the run; needed where felt remembers or a string is struck, for there angles and
         speeds do not decide them
-
-    Raises
-    ------
-    InputError : felt that remembers, or a string, without its forces
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import model
-    >>> from model.inside.body_poses import see_motion
-    >>> action, (time_s, force_n) = model.load_action(), model.force_table("forte")
-    >>> blow = model.simulate(action, time_s, force_n)
-    >>> seen = see_motion(model.build_scene(action), time_s, blow.angle_rad, blow.speed_rad_per_s, force_n)
-    >>> seen.pose.shape
-    (3501, 5, 3)
     """
     scene_of_places = scene
     if normal_n is None:

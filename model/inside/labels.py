@@ -14,7 +14,6 @@ BODY_COLORS = {
 
 
 def input_label(scene: Scene) -> tuple[str, str]:
-    """Name and unit of the input of a scene's run."""
     if scene.wound:
         return "command of the motor's drive", "V"
     return {FINGER: ("way of the hand", "m"), ARM: ("torque of the motor", "N m")}.get(
@@ -23,6 +22,5 @@ def input_label(scene: Scene) -> tuple[str, str]:
 
 
 def contact_label(action: Action, name: str) -> str:
-    """Number and name of a contact."""
     number, description = name.removeprefix("contact"), action.structure.get(f"{name}.description", "")
     return f"{number} {description}" if description else number.replace("_", " ")

@@ -69,7 +69,6 @@ def side_view(inside: Inside | SeenMotion) -> SideView:
 
 
 def _rows_near_contact(inside: Inside | SeenMotion, c: int) -> NDArray[np.bool_]:
-    """Rows in which the surfaces of a contact are near each other, or else the row in which they are nearest."""
     depth = inside.penetration_m[:, c]
     near = depth > -NEAR_M
     return near if near.any() else depth == depth.max()
@@ -96,7 +95,6 @@ class _Surface:
 
     @property
     def is_closed(self) -> bool:
-        """Whether it is drawn as a whole circle."""
         return self.normal is None and self.radius <= WHOLE_CIRCLE_M
 
     def curve(self, met: Array) -> Array:

@@ -88,7 +88,6 @@ def write_row(lane, width, starts, members, space):
 
 @uncounted
 def fill_lane_outputs(lane, width, until, members, space):
-    """Fill the outputs wanted up to ``until`` with the state of a lane as it is."""
     at = space.whole[N_WHOLE * lane : N_WHOLE * lane + N_WHOLE]
     while at[ROWS_DONE] < at[N_OUT] and members.wanted[at[FIRST_WANTED] + at[ROWS_DONE]] <= until:
         write_row(lane, width, (Q, V, Z), members, space)
@@ -96,7 +95,6 @@ def fill_lane_outputs(lane, width, until, members, space):
 
 @uncounted
 def load_lane(lane, width, m, members, space):
-    """Put member ``m`` into a lane."""
     memory, numbers, number, whole, _, _ = space
     n_z = members.memory.shape[1]
     for k in range(LANE_SIZE if n_z == 0 else WITH_MEMORY):
@@ -241,7 +239,6 @@ def read_start_input(bits, width, n_contacts, members, space):
 
 @inlined_uncounted
 def read_stage_input(bits, width, node, members, space):
-    """Read the input at the times of a stage, at the fraction ``node`` of the steps."""
     number, whole, memory = space.number, space.whole, space.step
     late = 0
     for lane in range(width):  # of all lanes, so that they are computed together
@@ -309,7 +306,6 @@ def accept_or_reject(trying, sound, rejected, exponent, width, space):
 
 @inlined_uncounted
 def step_end_time(lane, width, number):
-    """Time at which the step of a lane ends."""
     t, step, end = number[TIME * width + lane], number[STEP * width + lane], number[END * width + lane]
     return end if step == end - t else t + step
 
@@ -341,7 +337,6 @@ def write_rows(bits, width, members, space):
 
 @inlined_uncounted
 def store_accepted(within, width, members, space):
-    """State and time of the lanes that were accepted."""
     memory = space.step
     for start, end, n in (
         (Q, Q1, members.angle.shape[1]),
@@ -396,8 +391,6 @@ def retire_finished_lanes(busy, rejected, sound, width, members, space):
 
 @cache
 def compile_lane_loop(width: int) -> Any:
-    """The step loop for ``width`` lanes."""
-
     @uncounted_loop(INTEGRATE_LANES)
     def integrate(members, parent, n_contacts, kernels, method, space):
         """Advance every member to its end, or as far as it comes; returns how many attempts that took."""

@@ -55,7 +55,6 @@ class RosenbrockTableau:
 
     @property
     def stages(self) -> int:
-        """Number of stages."""
         return len(self.b)
 
 

@@ -75,7 +75,6 @@ def fill_rest_outputs(until, k_out, out, w, n):
 
 @inlined
 def count_bits(mask):
-    """How many bits of ``mask`` are set."""
     count = 0
     while mask:
         mask &= mask - 1

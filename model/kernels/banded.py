@@ -11,7 +11,6 @@ from model.kernels.compile import kernel
 
 @kernel
 def add_outer_products(matrix, first, rows, weight):
-    """Add sum_r weight_r row_r row_r^T."""
     b = matrix.shape[0] - 1
     for r in range(rows.shape[0]):
         for k in range(rows.shape[1]):
@@ -20,7 +19,6 @@ def add_outer_products(matrix, first, rows, weight):
 
 
 def add_weighted_rows(vector, first, rows, weight):
-    """Add sum_r weight_r row_r."""
     at = first[:, None] + np.arange(rows.shape[1])
     vector += np.bincount(at.ravel(), (weight[:, None] * rows).ravel(), len(vector))
 

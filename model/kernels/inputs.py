@@ -38,7 +38,6 @@ def interpolate_input(t, k, first, last, drive):
 
 @inlined_uncounted
 def interpolate_own_input(t, k, drive):
-    """`interpolate_input` of a table that has its arrays for itself."""
     return interpolate_input(t, k, 0, drive.time.shape[0] - 1, drive)
 
 

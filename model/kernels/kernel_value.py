@@ -45,11 +45,9 @@ class KernelType(types.Callable):  # type: ignore[misc]
         return call_signature(self.of.return_type, *wanted, recvr=self)
 
     def get_call_signatures(self) -> Any:
-        """Signatures that a call may have."""
         return [self.of], False
 
     def get_impl_key(self, sig: Any) -> Any:
-        """Under which calls are lowered."""
         return type(self)
 
 
@@ -79,7 +77,6 @@ class Kernel:
 
 
 def numba_kernel(dispatcher: Any, of: Signature) -> Kernel:
-    """A function that numba has compiled for a signature, as a value."""
     compiled = dispatcher.get_compile_result(of)
     address = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)
     return Kernel(address, of, dispatcher, of_numba=True)

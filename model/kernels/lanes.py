@@ -44,18 +44,13 @@ def allocate_aligned(*shape: int) -> NDArray[np.float64]:
 
 
 class _Row(types.Type):  # type: ignore[misc]
-    """One value per lane."""
-
     def __init__(self, width: int) -> None:
         self.width = width
         super().__init__(name=f"{type(self).__name__}({width})")
 
 
 class Lanes(_Row):
-    """A double per lane."""
-
     def can_convert_from(self, typingctx: Any, other: Any) -> Any:
-        """A number stands for the same number in every lane."""
         return Conversion.unsafe if isinstance(other, (types.Float, types.Integer)) else None
 
     def unify(self, typingctx: Any, other: Any) -> Any:
@@ -161,7 +156,6 @@ class _Set(AbstractTemplate):  # type: ignore[misc]
 
 
 def _place(builder: Any, rows: Any, index: Any, width: int) -> Any:
-    """Pointer to a row of lanes."""
     at = builder.gep(rows, [builder.mul(index, ir.Constant(index.type, width))])
     return builder.bitcast(at, ir.VectorType(DOUBLE, width).as_pointer())
 
@@ -194,7 +188,6 @@ def rows(typingctx: Any, array: Any, width: Any) -> Any:
 
 @intrinsic
 def broadcast_like(typingctx: Any, value: Any, like: Any) -> Any:
-    """``value`` in every lane, as many as ``like`` has."""
     lanes = Lanes(like.width)
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:

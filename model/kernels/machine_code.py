@@ -56,7 +56,6 @@ def make_machine_code_when_called() -> bool:
                 set_now(self._codegen, name, waiting[name])
 
         def get_pointer_to_function(self, name: str) -> int:
-            """Address of a function, 0 where it is not in this library."""
             self._ensure_finalized()
             if not self._made:
                 try:

@@ -59,7 +59,6 @@ class Press:
 
 
 def key_angle_at_dip(action: Action, rest_rad: Array, dip_m: float) -> float:
-    """Angle of the key (rad) at which its front is ``dip_m`` below rest."""
     x, y = action["drive.point.x"], action["drive.point.y"]
     length, offset = math.hypot(x, y), math.atan2(y, x)
     height = length * math.sin(float(rest_rad[KEY]) + offset) - dip_m

@@ -274,10 +274,6 @@ def fit_key_motion(
     time_s, key_rad : (n,) increasing times (s) and angles (rad, counter-clockwise); NaN where an angle is lost
     resolution_rad : width of an encoder count; by default seen in the angles, 0 where they are not quantised
     jitter_rad : standard deviation of a sample beyond its rounding; by default estimated
-
-    Raises
-    ------
-    InputError : columns that cannot be used
     """
     times, angles = check_motion_table(time_s, key_rad)
     for name, value in (("resolution", resolution_rad), ("jitter", jitter_rad)):

@@ -191,7 +191,6 @@ def _parse_toml(text: str) -> dict[str, Any]:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Table of a TOML file, not to be changed."""
     try:
         return _parse_toml(path.read_text(encoding="utf-8"))
     except OSError as problem:
@@ -233,7 +232,6 @@ def _template() -> tuple[dict[str, str], dict[str, str]]:
 
 
 def find_action(name_or_path: str | Path) -> Path:
-    """File of a built-in name or of a path."""
     text = str(name_or_path)
     built_in = ACTIONS / f"{text}.toml"
     if built_in.parent == ACTIONS and built_in.is_file():

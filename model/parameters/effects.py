@@ -25,13 +25,11 @@ STRING_EFFECT = "string"
 
 @cache
 def effect_defaults() -> Mapping[str, Quantity]:
-    """Quantities of all effects by path, from `effects.toml`."""
     table = tomllib.loads(FILE.read_text(encoding="utf-8"))
     return {path: read_quantity(path, item, item["unit"], str(FILE)) for path, item in quantity_tables(table)}
 
 
 def effect_of(path: str) -> str | None:
-    """Name of the effect a parameter path belongs to."""
     section = path.split(".")[0]
     return section if section in EFFECTS else None
 

@@ -115,7 +115,6 @@ def _listed_range(path: str) -> tuple[float, float, bool]:
 
 
 def describe_range(path: str) -> str:
-    """The allowed range in words, for a message."""
     low, high, open_low = allowed_range(path)
     return f"{'above' if open_low else 'from'} {low:g} to {high:g}"
 

@@ -50,12 +50,7 @@ def _all_names(action: Action) -> dict[str, list[str]]:
 
 
 def named_paths(action: Action, name: str, where: str) -> list[str]:
-    """Paths of the values that a path, pattern, law or group stands for.
-
-    Raises
-    ------
-    InputError : nothing has that name; the message begins with ``where`` and lists near names
-    """
+    """Paths of the values that a path, pattern, law or group stands for."""
     names = _names(action)
     # a pattern means single parameters; a law or group is named in full
     paths = names.get(name) or [path for path in action.quantities if fnmatchcase(path, name)]

@@ -28,8 +28,6 @@ def check_numbers(what: str, **numbers: tuple[float, float, float]) -> None:
 
 @dataclass(frozen=True)
 class String:
-    """One string."""
-
     # length_m, mass_kg, tension_n: of the speaking length
     length_m: float
     mass_kg: float
@@ -41,7 +39,6 @@ class String:
     struck_at: float  # place of the hammer as a share of the length
 
     def __post_init__(self) -> None:
-        """Refuse what is no string."""
         check_numbers(
             "string",
             length_m=(self.length_m, 0.01, 3.0),
@@ -55,7 +52,6 @@ class String:
 
     @property
     def modal_mass_kg(self) -> float:
-        """Half of the string's mass, for every mode."""
         return 0.5 * self.mass_kg
 
     def wave_number(self, n: ArrayLike) -> Array:

@@ -275,7 +275,6 @@ def measure_press(action: Action, rest_rad: Array, dip_m: float) -> tuple[dict[s
 
 
 def medium_blow() -> tuple[Array, Array]:
-    """Times (s) and force (N) of the medium blow."""
     rise = np.linspace(0.0, BLOW_RISE, 61)
     return np.append(rise, BLOW_READ), np.append(BLOW_N * (rise / BLOW_RISE) ** 2, BLOW_N)
 

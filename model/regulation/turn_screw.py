@@ -149,12 +149,6 @@ def _secant(bench: Bench, name: str, turn: float, error_at: Callable[[float], fl
 
 
 def set_rest(bench: Bench, report: Report) -> None:
-    """Meet the four targets at rest.
-
-    Raises
-    ------
-    RegulationError : they cannot be met; names the screw in the way and how far it would have to go
-    """
     given = dict(bench.turn_m)
     if (_is_met(bench) and not bench.aim_m) or _solve(bench, report, [(0.0, 0.0)]):
         return

@@ -129,7 +129,6 @@ def presser_numbers(action: Action, body: str, key_rad: float) -> Presser:
 
 
 def drive_numbers(action: Action, bodies: list[str]) -> tuple[list[int], list[float]]:
-    """Kind and coordinate of the drive, and its numbers."""
     if WINDING in bodies:
         check_drive(action)
         numbers = [action[f"{MOTOR_DRIVE}.{name}"] for name in ("resistance", "torque_constant", *DRIVE_NUMBERS)]
@@ -141,7 +140,6 @@ def drive_numbers(action: Action, bodies: list[str]) -> tuple[list[int], list[fl
 
 
 def check_drive(action: Action) -> None:
-    """Refuse a drive in neither of the two modes."""
     d = {name: action[f"{MOTOR_DRIVE}.{name}"] for name in ("loop_gain", "current_gain", "voltage_gain")}
     torque = d["current_gain"] != 0.0 and d["loop_gain"] > 0.0 and d["voltage_gain"] == 0.0
     voltage = d["current_gain"] == 0.0 and d["loop_gain"] == 0.0 and d["voltage_gain"] != 0.0

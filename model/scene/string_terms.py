@@ -36,7 +36,6 @@ def string_of(action: Action) -> String:
 
 
 def modes_asked(action: Action, tolerance: float = USUAL_TOLERANCE) -> int:
-    """Number of string modes: ``string.modes``, or where that is 0, the number that the tolerance (rad) needs."""
     asked = round(action["string.modes"])
     if asked == 0:
         return min(MOST_MODES, max(FEWEST, math.ceil(math.sqrt(LEFT_OUT_ERROR / tolerance))))

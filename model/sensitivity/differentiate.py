@@ -161,7 +161,6 @@ def _is_at_kink(start: RestState) -> tuple[str, ...]:
 
 
 def _largest_difference(d_angles: Array, others: Array) -> float:
-    """Largest difference of a derivative of an angle from another computation's, of its largest value."""
     size = np.max(np.abs(others), axis=0, initial=0.0)
     apart = np.max(np.abs(d_angles - others), axis=0, initial=0.0)
     return float(np.max(np.divide(apart, size, out=np.zeros_like(apart), where=size > 0.0), initial=0.0))

@@ -295,7 +295,6 @@ class Events:
 
     @staticmethod
     def _rate_along_motion(value: Callable[[Array], Array], state: tuple[Array, Array]) -> float:
-        """Rate of a function of the angles along the motion."""
         h = 1e-7
         return float((value(state[0] + h * state[1])[0] - value(state[0] - h * state[1])[0]) / (2.0 * h))
 

@@ -124,7 +124,6 @@ def local_table(found: Sensitivities) -> LocalTable:
 
 
 def unit_of(event: str) -> str:
-    """Unit of an event by the end of its name."""
     return "m/s" if event.endswith("_per_s") else event.rpartition("_")[2]
 
 

@@ -155,7 +155,6 @@ def motion_sensitivities(
 
 
 def _fit_motion(motion: tuple[ArrayLike, ArrayLike] | KeyMotion) -> tuple[KeyMotion, Array]:
-    """The motion that drives, and the times of its table."""
     if isinstance(motion, KeyMotion):
         return motion, motion.break_s
     fit = fit_key_motion(*motion)
@@ -163,7 +162,6 @@ def _fit_motion(motion: tuple[ArrayLike, ArrayLike] | KeyMotion) -> tuple[KeyMot
 
 
 def _refuse_force_options(options: SensitivityOptions) -> None:
-    """Refuse what only a blow by a force has."""
     asked = {
         "contact_forces": options.contact_forces,
         "estimate_error": options.estimate_error,

@@ -53,7 +53,6 @@ class _RecordingAction(Action):
 
 
 def paths_read(action: Action, quantity: Callable[[Action], object]) -> set[str]:
-    """Paths of the values that a function of an action asks for."""
     noting = as_action_type(_RecordingAction, action)
     noting.__dict__["read"] = set()
     quantity(noting)

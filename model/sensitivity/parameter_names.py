@@ -120,7 +120,6 @@ def _difference_step(unit: str, value: float, u: float) -> float:
 
 
 def describe_parameters(action: Action, parameters: Sequence[Parameter]) -> dict[str, Any]:
-    """What `Sensitivities` say of the parameters themselves."""
     return {
         "parameters": tuple(p.name for p in parameters),
         "values": np.array([p.value for p in parameters]),
@@ -177,7 +176,6 @@ class _UncheckedAction(Action):
 
 
 def as_action_type(kind: type[T], action: Action) -> T:
-    """The same action, read in another way."""
     return kind(**{f.name: getattr(action, f.name) for f in fields(Action)} | {"changed": {}})
 
 
@@ -209,12 +207,7 @@ def shift_parameters(action: Action, parameters: Sequence[Parameter], by: Iterab
 def directions(
     action: Action, choice: SceneChoice, parameters: Sequence[Parameter], key_motion: KeyMotion | None = None
 ) -> Directions:
-    """Slopes of a scene's numbers by central differences; those numbers are smooth functions of the parameters.
-
-    Raises
-    ------
-    InputError : a parameter has no effect in this scene, or only switches something on that is off
-    """
+    """Slopes of a scene's numbers by central differences; those numbers are smooth functions of the parameters."""
     choice.check(action)
     scene = build_scene(action, choice, key_motion)
     build = partial(build_scene, choice=choice, key_motion=key_motion)

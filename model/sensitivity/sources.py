@@ -82,8 +82,6 @@ def input_derivatives(directions: Directions, table: tuple[Array, Array], time_s
 
 
 def rest_input_derivatives(directions: Directions, value: float) -> Array:
-    """Change (P,) of the kernels' input where the run's input rests at ``value``."""
-
     def kernel_input(command: Command | None, value: Array) -> Array:
         return np.asarray(value[0] if command is None else command.value(float(value[0])))
 

@@ -135,14 +135,12 @@ class _Run:
         )  # fmt: skip
 
     def put_rest_state(self, angle: Array, memory: Array) -> None:
-        """Put a state at rest into the workspace."""
         self.space.point[:] = 0.0
         self.space.point[W.Q : W.Q + len(angle)] = angle
         self.space.point[W.Z : W.Z + len(memory)] = memory
 
 
 def _record_motion(run: _Run, simulation: Simulation, plan: Plan) -> Motion:
-    """Record the whole run."""
     parts: list[Array] = []
     n, depth = run.scene.size, 2 + len(plan.method.dense)
     size = 2 * n + len(plan.span.memory)
@@ -334,12 +332,7 @@ class RecordedMotion:
         return max(1, round(STRIDE * (STRIDE_AT / self.simulation.tolerance) ** STRIDE_EXPONENT))
 
     def follow(self, times: Array, tolerance: float, forces: bool = False) -> TangentResult:
-        """Integrate the tangents; return derivatives at times (m,) in any order, and work counters.
-
-        Raises
-        ------
-        IntegrationError : the derivatives could not be carried on
-        """
+        """Integrate the tangents; return derivatives at times (m,) in any order, and work counters."""
         run, motion = self.run, self.motion
         n, p = self._d_rest.shape
         filled, count = _pad_to_lanes(p), len(run.space.channels.many)

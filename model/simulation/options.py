@@ -48,8 +48,6 @@ class ForceDrivenKeywords(SimulationKeywords, total=False):
 
 
 class BatchKeywords(ForceDrivenKeywords, total=False):
-    """Keywords of a batch; see `BatchOptions`."""
-
     lanes: bool | None
 
 
@@ -72,7 +70,5 @@ class ForceDrivenOptions(SimulationOptions):
 
 @dataclass(frozen=True)
 class BatchOptions(ForceDrivenOptions):
-    """How to simulate a batch."""
-
     # advance members side by side; None leaves it to how many there are (`model.batch.lanes.select_lane_jobs`)
     lanes: bool | None = None

@@ -104,10 +104,6 @@ def with_memory(scene: Scene, state: State, u: float = 0.0) -> State:
     """The state with internal variables: its own, or those of felt at rest at its angles.
 
     Joints that give are in balance under the input ``u``.
-
-    Raises
-    ------
-    InputError : memories of another scene
     """
     string, give = straight_string_state(scene), len(scene.pins)
     count, found = len(scene.tables.memory) + 2 * give + len(string), np.shape(state.memory)

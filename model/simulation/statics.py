@@ -110,11 +110,6 @@ def solve_rest(
     """Angles (n,) at which the scene rests under the constant input ``u``; coordinates ``held`` stay at ``start``.
 
     With ``whole``, what joints give (g,) follows.
-
-    Raises
-    ------
-    StaticsError : no stable balance found.
-    InputError : the input or the start is not finite.
     """
     if not abs(u) <= LARGEST_INPUT:
         raise InputError(f"rest state: input found {u:g}, allowed a finite number up to {LARGEST_INPUT:g}")

@@ -249,7 +249,6 @@ def estimate_effect(of: str, law: str, actions: Sequence[Action], marks: Callabl
 
 
 def touch_and_blow_marks(action: Action, blow: Blow) -> Marks:
-    """Marks of the blow, and of a slow press, in the action's scene."""
     marks = blow_marks(action, blow, choice_of(action))
     out = {name: x for name, x in marks.items() if name not in OF_JOINTS}
     try:
@@ -260,7 +259,6 @@ def touch_and_blow_marks(action: Action, blow: Blow) -> Marks:
 
 
 def blow_marks(action: Action, blow: Blow, choice: SceneChoice) -> Marks:
-    """Marks of a blow as listed under `Effect`, without the touch."""
     times, forces = blow
     at = output_times(float(times[0]), float(times[-1]), RATE_HZ)
     moved = simulate(action, times, forces, scene=choice, tolerance=TOLERANCE, output_time_s=at, contact_forces=True)

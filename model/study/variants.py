@@ -63,7 +63,6 @@ class Study(ArrayRecord):
     measures: tuple[BlowMeasures, ...]
 
     def __getitem__(self, name: str) -> tuple[Solution, BlowMeasures]:
-        """Solution and measures of a variant."""
         k = [v.name for v in self.variants].index(name)
         return self.solutions[k], self.measures[k]
 
@@ -90,7 +89,6 @@ class Study(ArrayRecord):
         return out
 
     def _repr_html_(self) -> str:
-        """The rows as a table, for a notebook."""
         import pandas as pd  # start-up: 0.6 s, only a notebook's display needs it
 
         return str(pd.DataFrame(self.rows()).to_html(index=False, float_format="{:.4g}".format))

@@ -46,7 +46,6 @@ class CheckLoad:
     without_m_per_s: float
 
     def __str__(self) -> str:
-        """One sentence."""
         speeds = [
             "never strikes" if math.isnan(v) else f"strikes at {v:.2f} m/s"
             for v in (self.strike_m_per_s, self.without_m_per_s)

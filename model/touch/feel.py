@@ -135,7 +135,6 @@ class Feel(ArrayRecord):
         return (*self.weights.remarks, *(f"{force:g} N: {load}" for force, load in loads if load is not None))
 
     def _repr_html_(self) -> str:
-        """The rows as a table, for a notebook."""
         import pandas as pd  # start-up: 0.6 s, only a notebook's display needs it
 
         return str(pd.DataFrame({self.name: self.rows()}).to_html(float_format="{:.3g}".format))

@@ -137,7 +137,6 @@ def _simulate_press(action: Action, rest: Array, dip_m: float, slower: float) ->
 
 
 def _mid_dip_samples(press: Press, dip_m: float, leg: int) -> NDArray[np.int64]:
-    """Samples of a leg in the middle of the dip."""
     inside = (press.dip_m > MIDDLE[0] * dip_m) & (press.dip_m < MIDDLE[1] * dip_m)
     return np.flatnonzero(inside & (press.leg == leg))
 

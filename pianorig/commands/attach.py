@@ -89,10 +89,6 @@ def attach_film(
     sha256 : the film file's SHA-256 as computed on the camera's computer
     first_frame : number of the film's first frame after the trigger, for films whose header does not say it
     frame_rate_hz : rate it was filmed at, for films that say none, or their play-back rate
-
-    Raises
-    ------
-    CommandInputError : the film does not belong to the trial, was cut or altered; nothing is left beside the trial
     """
     # start-up: 0.5 s of h5py and pandas that --help does not need
     from rig.session.annotation_file import utc_now
@@ -198,7 +194,6 @@ def _check_range(film: Path, trial: rig.Trial, camera: rig.CameraInfo, first: in
 
 
 def _say_gaps(film: Path, steps: NDArray[np.int64]) -> None:
-    """Say which pulses of the frame clock have no frame in the film."""
     import numpy as np  # start-up: 0.1 s that --help does not need
 
     gaps = np.flatnonzero(np.diff(steps) > 1)

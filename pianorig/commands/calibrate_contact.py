@@ -71,13 +71,7 @@ class PadOrder:
 def calibrate_contact(
     order: PadOrder, rig_name: str, backend: str, out: Path, action: str, ask: Callable[[str], object]
 ) -> dict[str, Any]:
-    """Let a body swing without and with the pad; write the action ``out`` and a record beside it; return the facts.
-
-    Raises
-    ------
-    CommandInputError : a file exists, no such body or contact, or the pad says nothing above the joint
-    rig.RigError : nothing swung, too few swings, or a fault of the bench
-    """
+    """Let a body swing without and with the pad; write the action ``out`` and a record beside it; return the facts."""
     record = workflows.calibration_record(out, "pad")
     workflows.check_swings(order.body, order.swings)
     u = order.u_load_n, order.u_radius_m

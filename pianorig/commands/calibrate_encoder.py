@@ -63,13 +63,7 @@ def command(
 def calibrate_encoder(
     body: str, angles_rad: ArrayLike, u_angle_rad: float, rig_name: str, backend: str, out: Path
 ) -> dict[str, Any]:
-    """Read an encoder at reference angles, up and down; write the rig file ``out`` and a record beside it.
-
-    Raises
-    ------
-    CommandInputError : a file exists, no such body, an uncertainty below 0
-    rig.RigError : angles that cannot be used, rests not seen, readings that do not follow, or a fault of the bench
-    """
+    """Read an encoder at reference angles, up and down; write the rig file ``out`` and a record beside it."""
     # start-up: --help needs none of it
     from rig import guided_calibration
     from rig.configuration.rig_file import BODIES

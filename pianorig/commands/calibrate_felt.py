@@ -180,7 +180,6 @@ def _blow_speeds(
 
 
 def _speed_table(blows: dict[str, model.calibration.MeanSpeeds]) -> list[str]:
-    """Mean speeds, and with two blows what that means for D."""
     first, *others = blows
     lines = [
         f"mean normal speed while pressed and faster than {model.calibration.REST_SHARE:.0%} of the contact's largest, "

@@ -69,13 +69,7 @@ class CalibrationOrder:
 def calibrate_force(
     rig_name: str, backend: str, out: Path, order: CalibrationOrder, ask: Callable[[str], object]
 ) -> dict[str, Any]:
-    """Calibrate, write the rig file ``out`` and beside it the record; return what was found.
-
-    Raises
-    ------
-    CommandInputError : a file exists, or nothing of that kind can be calibrated
-    rig.RigError : readings that do not follow, or a fault of the bench
-    """
+    """Calibrate, write the rig file ``out`` and beside it the record; return what was found."""
     # start-up: --help needs none of it
     from rig import guided_calibration
     from rig.simulated import SimulatedBackend

@@ -53,13 +53,7 @@ def command(
 def calibrate_joint(
     body: str, rig_name: str, backend: str, out: Path, action: str, swings: int, ask: Callable[[str], object]
 ) -> dict[str, Any]:
-    """Let a body swing ``swings`` times; write the action ``out`` and a record beside it; return what was found.
-
-    Raises
-    ------
-    CommandInputError : a file exists, or no such body
-    rig.RigError : nothing swung, too few swings, or a fault of the bench
-    """
+    """Let a body swing ``swings`` times; write the action ``out`` and a record beside it; return what was found."""
     record = workflows.calibration_record(out, "swing")
     workflows.check_swings(body, swings)
     given, rig_file = model.load_action(action), rig.load_rig(rig_name)

@@ -128,8 +128,6 @@ class Figures:
 
 @dataclass(frozen=True)
 class Demo:
-    """What the demo made."""
-
     session: rig.Session
     film: FilmTruth
     track: vision.TrackResult
@@ -197,10 +195,6 @@ def run_demo(out: Path, *, trials: int = 5, profile: str = "forte", quiet: bool 
     out : session folder to create
     trials, profile : what is played
     quiet : show no progress
-
-    Raises
-    ------
-    pianorig.console.failures.Interrupted : Ctrl-C; the message says what is kept
     """
     # on a first run the bench's own scene compiles here, and what comes after it on the other processor
     whole = model.load_scene("whole")
@@ -285,7 +279,6 @@ def seen_in_words(demo: Demo) -> list[str]:
 
 
 def next_commands(session: Path) -> list[tuple[str, str]]:
-    """Commands to go on with, each with what it does."""
     return [
         (f"pianorig open {session}", "the report, in the browser"),
         (f"pianorig info {session}", "what was recorded"),
@@ -295,7 +288,6 @@ def next_commands(session: Path) -> list[tuple[str, str]]:
 
 
 def figure_lines(figures: Figures) -> list[str]:
-    """What the demo measured of itself, as a table."""
     mdeg = 1e3 * 180 / math.pi
     rows = [
         ("simulation of 0.7 s of trial 1, warm", f"{figures.simulation_s * 1e3:.0f} ms"),

@@ -49,11 +49,6 @@ def export_session(path: Path, form: str, *, trials: list[int] | None = None, ou
         off, as ``validate`` corrects it, as a CSV table of ``time_s,force_n``
     trials : their numbers; by default all, rejected ones included
     out : folder to write to, made where it is missing; by default ``export`` inside the session
-
-    Raises
-    ------
-    CommandInputError : another form, or a force that cannot be corrected
-    rig.RigInputError : no such trial, a file that exists or cannot be written, or a missing package
     """
     from rig.session.trial_export import FORMATS, export_trial  # start-up: 0.5 s of h5py and pandas
 

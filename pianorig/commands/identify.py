@@ -206,13 +206,6 @@ def next_strokes(found: validation.Identification) -> tuple[list[Prospect], list
     -------
     prospects, refused : lists
         The second says what cannot be played or predicted, and why.
-
-    Raises
-    ------
-    rig.errors.RigInputError
-        The session's copy of its rig file is missing or was changed.
-    pianorig.errors.CommandInputError
-        No trial of a session was fitted that a force drives.
     """
     from validation.infer.further import prospects, shelf  # start-up: --help needs none of it
 
@@ -227,15 +220,7 @@ def next_strokes(found: validation.Identification) -> tuple[list[Prospect], list
 
 
 def check_plan(sessions: Sequence[Path], motion_driven: bool) -> None:
-    """Refuse, before a fit is made, what nothing can be ranked for: the shelf is of strokes that a force drives.
-
-    Raises
-    ------
-    rig.errors.RigInputError
-        The first session's copy of its rig file is missing or was changed.
-    pianorig.errors.CommandInputError
-        The key's motion is to drive the model, or there are only tables.
-    """
+    """Refuse, before a fit is made, what nothing can be ranked for: the shelf is of strokes that a force drives."""
     if motion_driven:
         raise CommandInputError("--plan: ranks strokes by the force on the key; leave out --motion-driven or --plan")
     rig.session_rig(rig.Session.open(sessions[0]))
@@ -285,7 +270,6 @@ def write_next(found: validation.Identification, ranked: list[Prospect], plan: P
 def reading_lines(
     found: validation.Identification, ranked: list[Prospect], refused: list[str], most: int = 5
 ) -> list[str]:
-    """The plain sentences and the ranking, if there is one, as lines for the terminal."""
     # start-up: --help needs none of it
     from validation.infer.page import plain_sentences, prospect_words, together
 
@@ -301,12 +285,7 @@ def reading_lines(
 
 @contextmanager
 def cluster_executor(address: str) -> Iterator[Executor]:
-    """Connect to the scheduler at ``address`` and yield an executor of its workers.
-
-    Raises
-    ------
-    CommandInputError : Dask is not installed, nothing answers there, or the cluster has no workers
-    """
+    """Connect to the scheduler at ``address`` and yield an executor of its workers."""
     try:
         import distributed  # start-up: 0.5 s, an extra
     except ImportError:

@@ -171,13 +171,7 @@ def _rows(devices: list[FoundDevice]) -> list[dict[str, Any]]:
 
 
 def write_proposal(backend: str, path: Path, rig_name: str | None = None) -> dict[str, Any]:
-    """Write a rig file for the devices behind an address; the file is checked before it is written.
-
-    Raises
-    ------
-    CommandInputError : the file exists
-    rig.RigInputError : no device for which a file can be proposed
-    """
+    """Write a rig file for the devices behind an address; the file is checked before it is written."""
     # start-up: 0.2 s of nidaqmx, which --help does not need
     from rig.atomic_write import write_text
     from rig.daq.address import discover

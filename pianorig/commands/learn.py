@@ -214,14 +214,6 @@ def learn_profile(
     operator: str = "unknown",
     progress: Callable[[rig.Blow], None] | None = None,
 ) -> rig.Learned:
-    """Learn one profile and write the folder ``out``.
-
-    Raises
-    ------
-    CommandInputError : the folder exists
-    rig.RigError : the target, a command or the dry run leaves the limits, or the bench stopped a blow; what was
-        recorded is kept
-    """
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise CommandInputError(f"{out}: exists already and is not an empty folder; choose another --out")
     rig_file = rig.load_rig(access.rig)
@@ -252,7 +244,6 @@ def learn_profile(
 
 
 def learning_summary(learned: rig.Learned) -> dict[str, Any]:
-    """What was reached, as plain values."""
     best = learned.best
     return {
         "target": learned.target.name,

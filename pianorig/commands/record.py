@@ -202,12 +202,7 @@ def _press_felt(
 def press_felt(
     out: Path, order: rig.FeltOrder, access: workflows.BenchAccess, **keywords: Unpack[RecordingKeywords]
 ) -> tuple[rig.FeltSession, dict[str, Any]]:
-    """Press a felt, or the block, on a bench; on the virtual one it is mounted by itself.
-
-    Raises
-    ------
-    rig.RigError : bad rig file, order or path, no permission, a fault; readings that cannot be evaluated
-    """
+    """Press a felt, or the block, on a bench; on the virtual one it is mounted by itself."""
     # start-up: 0.5 s of NumPy and h5py, which --help does not need
     from rig.atomic_write import write_text
     from rig.felt_recording import checked
@@ -279,7 +274,6 @@ def _loop_at_rest(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def felt_lines(order: rig.FeltOrder, facts: dict[str, Any]) -> list[str]:
-    """Lines to print."""
     if order.contact == BLOCK:
         return [
             f"compliance of arm and cell {1e6 * facts['compliance_m_per_n']:.4g} um/N  u "

@@ -135,7 +135,6 @@ def _regulate(
 
 
 def _turned_words(done: model.regulation.Regulation) -> str:
-    """How many quantities a regulation changed."""
     count = sum(1 for turn in (*done.turned_m.values(), done.rest_rail_m) if turn)
     return f"{count or 'No'} quantities"
 

@@ -64,14 +64,7 @@ def check_bench(
     ask: Callable[[str], str | None],
     show: Callable[[rig.SelftestFinding], None] = lambda finding: None,
 ) -> tuple[Path, rig.SelftestRecord]:
-    """Test a bench and write the record into a folder; the motor pushes gently, so hardware needs confirmation.
-
-    Raises
-    ------
-    rig.RigInputError : rig file, backend or folder
-    rig.NotPermitted : hardware and nobody confirmed; nothing has moved
-    Interrupted : Ctrl-C; the message says whether the outputs are safe
-    """
+    """Test a bench and write the record into a folder; the motor pushes gently, so hardware needs confirmation."""
     from rig.safety.interrupts import termination_as_interrupt  # start-up: 0.2 s of nidaqmx that --help does not need
     from rig.safety.permission import confirm  # start-up: as above
 

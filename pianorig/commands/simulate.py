@@ -1,4 +1,4 @@
-"""``pianorig simulate``: predict the motion of the action under a force, or the force that a motion of the key takes."""
+"""``pianorig simulate``: the motion of the action under a force, or the force that a motion of the key takes."""
 
 from __future__ import annotations
 
@@ -299,7 +299,6 @@ def _described(action: model.Action) -> dict[str, str]:
 
 
 def _inside_facts(seen: model.inside.Inside) -> dict[str, object]:
-    """Sums of an inside view for ``--json``."""
     contacts = [
         {
             "contact": name,

@@ -148,10 +148,6 @@ def follow_session(
 ) -> LiveView | None:
     """Show a session whenever there is something new, until its plan is complete or nobody plays any more; return the
     last view.
-
-    Raises
-    ------
-    rig.errors.InputError : no session there, or a trial that cannot be read
     """
     from rig.session.journal import SessionFollower  # start-up: 0.4 s of h5py
 

@@ -122,10 +122,6 @@ def write_columns(
     """Write columns of equal length to ``path`` (.csv, or .h5 with units and a time scale), whole or not at all.
 
     ``attributes`` of the file and ``long_names`` of columns go into .h5 only.
-
-    Raises
-    ------
-    CommandInputError : unknown ending, or the file cannot be written
     """
     check_writable(path, ".csv", ".h5")
     with replace_when_complete(path) as part:
@@ -136,19 +132,12 @@ def write_columns(
 
 
 def write_table(path: Path, table: pd.DataFrame) -> None:
-    """Write a pandas table as CSV, whole or not at all."""
     check_writable(path)
     with replace_when_complete(path) as part:
         table.to_csv(part, index=False)
 
 
 def read_table(path: Path, advice: str, columns: Iterable[str] = ()) -> pd.DataFrame:
-    """Read a table that `write_table` wrote.
-
-    Raises
-    ------
-    CommandInputError : it cannot be read, or lacks one of ``columns``; with the advice
-    """
     import pandas as pd  # start-up: 0.3 s that only a table needs
 
     try:

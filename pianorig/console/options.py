@@ -30,17 +30,11 @@ def complete_file(folder: str) -> Callable[[str], list[str]]:
 
 
 def complete_scene(incomplete: str) -> list[str]:
-    """A completion by the names of the scenes."""
     return [name for name in SCENES if name.startswith(incomplete)]
 
 
 def refuse_beside(ctx: typer.Context, option: str, why: str, *takes: str) -> None:
-    """Refuse what was typed beside an option that ignores it, at its default value too; ``takes`` are what counts.
-
-    Raises
-    ------
-    CommandInputError : something else was typed
-    """
+    """Refuse what was typed beside an option that ignores it, at its default value too; ``takes`` are what counts."""
     for one in ctx.command.params:
         source = ctx.get_parameter_source(one.name or "")
         if source is not None and source.name == "COMMANDLINE" and one.name not in (*takes, "as_json"):

@@ -89,5 +89,4 @@ def paragraphs(texts: Iterable[str]) -> list[str]:
 
 
 def file_lines(paths: Iterable[Path | None]) -> list[str]:
-    """Names of the files that were written."""
     return [str(path) for path in paths if path is not None]

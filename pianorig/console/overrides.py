@@ -19,12 +19,6 @@ _EXAMPLES = {
 
 
 def read_settings(settings: Sequence[str], option: str = "--set") -> dict[str, float]:
-    """Turn ``["contact04.friction=0"]`` into ``{"contact04.friction": 0.0}``.
-
-    Raises
-    ------
-    CommandInputError : no equals sign, the value is not a number, or one name is given twice
-    """
     out: dict[str, float] = {}
     for setting in settings:
         path, equals, text = (part.strip() for part in setting.partition("="))
@@ -90,12 +84,7 @@ def in_scene(action: model.Action, scene: str | None) -> model.Action:
 
 
 def read_variant(text: str, called: str = "--variant") -> tuple[str, dict[str, float], dict[str, float]]:
-    """Name, values to set and factors of ``name: --set path=value --scale name=factor``.
-
-    Raises
-    ------
-    CommandInputError : no name, nothing to change, or something else than --set and --scale
-    """
+    """Name, values to set and factors of ``name: --set path=value --scale name=factor``."""
     name, colon, rest = (part.strip() for part in text.partition(":"))
     example = 'allowed "name: --set path=value --scale name=factor"'
     if not colon or not name:
@@ -134,10 +123,6 @@ def load_model(text: str, settings: Sequence[str] = (), scene: str | None = None
         is set as ``contact12.law=stulov``.
     settings : ``--set`` beside it, for every model; those of the text go before them
     scene : ``--scene`` beside it, likewise
-
-    Raises
-    ------
-    CommandInputError : something else than --scene, --set and --scale follows the colon, or a value given twice
     """
     name, rest = split_model(text)
     laws, others = split_laws(settings)
@@ -165,12 +150,7 @@ def split_model(text: str) -> tuple[str, str]:
 
 
 def read_measured(text: str, option: str) -> tuple[float, float | None]:
-    """Turn ``0.35+-0.01`` into value and standard uncertainty, ``0.35`` into value and None.
-
-    Raises
-    ------
-    CommandInputError : not a number, or an uncertainty below zero
-    """
+    """Turn ``0.35+-0.01`` into value and standard uncertainty, ``0.35`` into value and None."""
     value, sign, u = (part.strip() for part in text.partition("+-"))
     try:
         found = float(value), float(u) if sign else None

@@ -46,7 +46,6 @@ class LiveLine:
 
     @property
     def is_on(self) -> bool:
-        """Whether a line can be drawn over: standard error is a terminal."""
         return sys.stderr is not None and sys.stderr.isatty()
 
     @property

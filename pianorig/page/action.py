@@ -39,19 +39,12 @@ _DRIVEN = "scene {}: driven by {}, the blows of this page by force_n; pianorig s
 
 
 def built_in_actions() -> list[str]:
-    """Names of the actions that come with the program."""
     folder = Path(model.__file__).parent / "actions"
     return sorted(path.stem for path in folder.glob("*.toml"))
 
 
 def chosen_scene(text: str) -> model.SceneChoice:
-    """A scene by its built-in name, or from the text of a scene file; the server opens no file.
-
-    Raises
-    ------
-    CommandInputError : no such scene, text that is not TOML, or a scene that no force on the key drives
-    model.InputError : a key or value of the text that is not allowed
-    """
+    """A scene by its built-in name, or from the text of a scene file; the server opens no file."""
     if text in model.SCENES:
         choice = model.SCENES[text]
     elif "\n" in text or "=" in text:
@@ -82,13 +75,7 @@ def _given(name: str, scene: str) -> model.Action:
 
 
 def changed_action(name: str, changes: Sequence[str], scene: str = "whole") -> model.Action:
-    """A built-in action in a scene (`chosen_scene`) with ``path=value`` texts applied.
-
-    Raises
-    ------
-    CommandInputError : no such action or scene, or a text that is none of ``path=value``
-    model.InputError : an unknown path, one that plays no part in the scene, or a value that is not allowed
-    """
+    """A built-in action in a scene (`chosen_scene`) with ``path=value`` texts applied."""
     if len(changes) > MOST_CHANGES:
         raise CommandInputError(f"{len(changes)} changes: allowed {MOST_CHANGES}")
     values = {}
@@ -107,12 +94,7 @@ def changed_action(name: str, changes: Sequence[str], scene: str = "whole") -> m
 
 
 def action_facts(name: str, scene: str = "whole") -> dict[str, Any]:
-    """Screws and parameters of an action in a scene, each with the reach of its slider, SI units.
-
-    Raises
-    ------
-    CommandInputError, model.InputError : as `changed_action`
-    """
+    """Screws and parameters of an action in a scene, each with the reach of its slider, SI units."""
     given = _given(name, scene)
     contacts = {key.removesuffix(".description"): text for key, text in given.structure.items() if "description" in key}
     screws = []
@@ -138,13 +120,7 @@ def action_facts(name: str, scene: str = "whole") -> dict[str, Any]:
 
 
 def reach(path: str, value: float, unit: str) -> tuple[float, float]:
-    """How far a slider goes: a few millimetres about a length, some times any other quantity.
-
-    Examples
-    --------
-    >>> reach("hammer.mass", 0.01, "kg")
-    (0.0025, 0.04)
-    """
+    """How far a slider goes: a few millimetres about a length, some times any other quantity."""
     if path in COUNTS:
         return allowed_range(path)[:2]
     if path.endswith((".normal.x", ".normal.y")):
@@ -160,12 +136,7 @@ def reach(path: str, value: float, unit: str) -> tuple[float, float]:
 
 
 def toml_of(action: model.Action) -> str:
-    """The action as the text of a TOML file that ``--action`` reads; its head names what was changed.
-
-    Raises
-    ------
-    CommandInputError : nothing was changed
-    """
+    """The action as the text of a TOML file that ``--action`` reads; its head names what was changed."""
     if action.content() == _given(action.name, "whole").content():
         raise CommandInputError(f"{action.name}: nothing was changed; use it by its name")
     quantities = model.quantities_of(action)
@@ -205,11 +176,6 @@ def blow_curves(name: str, changes: Sequence[str], blow: str, scene: str = "whol
     ----------
     name, changes, scene : as for `changed_action`
     blow : one of `BLOWS`
-
-    Raises
-    ------
-    CommandInputError, model.InputError : no such action, scene, blow or parameter, or a value that is not allowed
-    model.StaticsError, model.IntegrationError : the action cannot rest or move like this
     """
     _, _, solution, rest_rad = _blow(name, tuple(changes), blow, scene)
     turned = solution.angle_rad[::DRAWN] - rest_rad
@@ -272,12 +238,7 @@ LARGEST_TURN_M = 5e-3
 
 
 def touch(action: model.Action) -> dict[str, Any]:
-    """Force over dip of a slow press and release (m, N), and the weights read from it (N).
-
-    Raises
-    ------
-    model.ModelError : the action cannot be pressed
-    """
+    """Force over dip of a slow press and release (m, N), and the weights read from it (N)."""
     found = model.touch.weigh(action)
     (down_m, down_n), (up_m, up_n) = found.curve()
     return {
@@ -296,11 +257,6 @@ def technician_step(action: model.Action, target: str, turn_m: float) -> dict[st
     action : as it is set
     target : whose screw is turned, one of ``model.regulation.TARGETS``
     turn_m : how far, m
-
-    Raises
-    ------
-    CommandInputError : no such target, or too large a turn
-    model.ModelError : the action cannot be measured
     """
     screw = next((screw for screw in model.regulation.SCREWS if screw.target == target), None)
     if screw is None:

@@ -74,8 +74,6 @@ def drawing_scripts() -> Path:
 
 
 class Shell(Reply):
-    """The page."""
-
     async def get(self, *names: str) -> None:
         """Send the page."""
         self.set_header("Content-Type", "text/html; charset=utf-8")
@@ -86,7 +84,6 @@ class About(Reply):
     """What the page needs to know about itself."""
 
     async def get(self, *names: str) -> None:
-        """Send it."""
         served = self.served
         about = {"folder": str(served.catalogue.root), "may_write": served.access.control}
         self.send({**about, "colours": BODY_COLOURS, "other_colours": OTHERS})
@@ -138,11 +135,6 @@ def annotate(folder: Path, content: dict[str, Any]) -> None:
     Parameters
     ----------
     content : trial (0: the session), kind, reason, author
-
-    Raises
-    ------
-    CommandInputError : a field that cannot be used
-    rig.errors.RigInputError : the session or the trial cannot be annotated
     """
     trial, kind, reason, author = (content.get(key) for key in ("trial", "kind", "reason", "author"))
     if type(trial) is not int or trial < 0:

@@ -1,4 +1,4 @@
-"""Sessions, films and reports below a folder: rows for the table, the way from a name in a request to a file on disk."""
+"""Sessions, films and reports below a folder: rows for the table, and the file that a name in a request means."""
 
 from __future__ import annotations
 
@@ -86,11 +86,6 @@ def open_session(folder: Path) -> Session:
     """The session, unless its text files are too large to be what they say, or something in it is no plain file.
 
     A pipe or a device in place of a trial, a film or a table would hold whoever reads it for ever.
-
-    Raises
-    ------
-    rig.errors.RigInputError : the session cannot be read
-    ValueError : a file is too large, or is none
     """
     refuse_odd_files(folder)
     for name, largest in LARGEST_BYTES.items():
@@ -103,12 +98,7 @@ def open_session(folder: Path) -> Session:
 
 
 def refuse_odd_files(folder: Path) -> None:
-    """Refuse a session's folder that holds a pipe, a socket or a device.
-
-    Raises
-    ------
-    ValueError : naming it
-    """
+    """Refuse a session's folder that holds a pipe, a socket or a device."""
     for place in (folder, *(path for path in (folder / "derived").glob("*") if path.is_dir())):
         with os.scandir(place) as entries:
             odd = next((entry.name for entry in entries if not _is_plain(entry)), None)
@@ -126,13 +116,6 @@ def _is_plain(entry: os.DirEntry[str]) -> bool:
 
 
 def readable_trial(session: Session, number: int) -> Trial:
-    """A trial that is not too large to be read.
-
-    Raises
-    ------
-    rig.errors.RigInputError : no such trial
-    ValueError : it is too large
-    """
     trial = session.trial(number)
     size = trial.path.stat().st_size if trial.path.is_file() else 0
     if size > LARGEST_TRIAL_BYTES:
@@ -141,7 +124,6 @@ def readable_trial(session: Session, number: int) -> Trial:
 
 
 def trial_status(trial: Trial) -> str:
-    """Status of a trial, or ``unreadable``."""
     try:
         if not trial.path.is_file() or trial.path.stat().st_size > LARGEST_TRIAL_BYTES:
             return UNREADABLE
@@ -151,12 +133,7 @@ def trial_status(trial: Trial) -> str:
 
 
 def session_detail(folder: Path) -> dict[str, Any]:
-    """Trials and annotations of a session, as plain values.
-
-    Raises
-    ------
-    rig.errors.RigInputError, ValueError : the session cannot be read
-    """
+    """Trials and annotations of a session, as plain values."""
     session = open_session(folder)
     return {
         "trials": [
@@ -262,10 +239,6 @@ class Catalogue:
     Parameters
     ----------
     folder : where the sessions are; each a folder with a ``session.toml``
-
-    Raises
-    ------
-    CommandInputError : there is no such folder, or it is a session itself
     """
 
     def __init__(self, folder: Path) -> None:
@@ -294,12 +267,7 @@ class Catalogue:
         return sorted(found, key=lambda row: row.created_utc, reverse=True)
 
     def folder(self, name: str) -> Path:
-        """The folder of a session, which must be one of `names`.
-
-        Raises
-        ------
-        UnknownName : it is none of them
-        """
+        """The folder of a session, which must be one of `names`."""
         if name not in self.names():
             raise UnknownName(f"no session {name[:120]!r} in {self.root}")
         return self.root / name
@@ -309,23 +277,13 @@ class Catalogue:
         return self._listed(self.root, lambda path: path.suffix.lower() in FILM_SUFFIXES and path.is_file())
 
     def film(self, name: str) -> Path:
-        """A film that lies on its own, which must be one of `films`.
-
-        Raises
-        ------
-        UnknownName : it is none of them
-        """
+        """A film that lies on its own, which must be one of `films`."""
         if name not in self.films():
             raise UnknownName(f"no film {name[:120]!r} in {self.root}")
         return self.root / name
 
     def report_file(self, name: str, path: str = REPORT) -> tuple[Path, str]:
-        """A file of a session's report, and its media type; it lies in the session's folder, also behind links.
-
-        Raises
-        ------
-        UnknownName : no such file, or not one of a report
-        """
+        """A file of a session's report, and its media type; it lies in the session's folder, also behind links."""
         return self._given_out(self.folder(name), path)
 
     def comparisons(self) -> list[str]:
@@ -334,12 +292,6 @@ class Catalogue:
         return self._listed(folder, lambda path: (path / REPORT).is_file())[::-1] if folder.is_dir() else []
 
     def comparison_file(self, name: str, path: str = REPORT) -> tuple[Path, str]:
-        """A file of the report of several sessions, as `report_file`.
-
-        Raises
-        ------
-        UnknownName : no such report or file
-        """
         if name not in self.comparisons():
             raise UnknownName(f"no comparison {name[:120]!r} in {self.root}")
         return self._given_out(self.root / COMPARISONS / name, path)

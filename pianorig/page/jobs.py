@@ -48,8 +48,6 @@ def end_process(process: subprocess.Popen[str], patience_s: float) -> None:
 
 
 class Jobs:
-    """Jobs of one page."""
-
     def __init__(self) -> None:
         self._jobs: dict[int, _Job] = {}
         self._lock = threading.Lock()
@@ -61,12 +59,7 @@ class Jobs:
         return "" if busy is None else f"{busy.command} of {busy.subject}"
 
     def begin(self, subject: str, words: list[str]) -> dict[str, Any]:
-        """Run ``pianorig`` with these words about a session.
-
-        Raises
-        ------
-        CommandInputError : another job is running
-        """
+        """Run ``pianorig`` with these words about a session."""
         with self._lock:
             if busy := self.running:
                 raise CommandInputError(f"{busy} is running; wait, or stop it")

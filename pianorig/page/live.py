@@ -21,12 +21,7 @@ MOST_FIGURES = 500
 
 
 class LiveStream:
-    """Follows one session; `poll` as often as the page is drawn.
-
-    Raises
-    ------
-    rig.errors.RigInputError, ValueError : no session there
-    """
+    """Follows one session; `poll` as often as the page is drawn."""
 
     def __init__(self, folder: Path) -> None:
         self.session = open_session(folder)

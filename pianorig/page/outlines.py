@@ -1,4 +1,4 @@
-"""Outlines, points and lines on a film as the page edits them: read, proposed, checked, saved; tracking frames again."""
+"""Outlines, points and lines on a film as the page edits them; single frames tracked again."""
 
 from __future__ import annotations
 
@@ -51,7 +51,6 @@ class FilmSubject:
 
     @property
     def marks_table(self) -> Path:
-        """Where the page has the followed marks written."""
         return self.path.with_suffix(".marks.csv")
 
     def film(self, frame_rate_hz: float | None = None) -> SessionFilm:
@@ -73,13 +72,6 @@ class FilmSubject:
 
 
 def subject_of(catalogue: Catalogue, owner: str, number: int) -> FilmSubject:
-    """The film of a trial of a session, or with the number 0 a film on its own.
-
-    Raises
-    ------
-    UnknownName : there is no such film
-    rig.errors.RigInputError : the session cannot be read
-    """
     if number == 0:
         path = catalogue.film(owner)
         return FilmSubject(path, path.with_suffix(".bodies.toml"), None)
@@ -139,11 +131,6 @@ def save_marks(subject: FilmSubject, rows: Any) -> dict[str, Any]:
     Parameters
     ----------
     rows : list of kind (``point``, ``line``), name, points (one or two [x, y] in film pixels), size (px)
-
-    Raises
-    ------
-    CommandInputError : what was sent are no marks
-    vision.BodyError : a mark cannot be used, with its name and the reason
     """
     if not isinstance(rows, list) or not 1 <= len(rows) <= MOST_MARKS:
         raise CommandInputError(f"marks: allowed a list of 1 to {MOST_MARKS}")
@@ -202,12 +189,7 @@ WORST = 12
 
 
 def outlines_of(subject: FilmSubject) -> dict[str, Any]:
-    """The film, its saved outlines, and the worst of the tracked frames.
-
-    Raises
-    ------
-    vision.VisionError : film or outlines cannot be read
-    """
+    """The film, its saved outlines, and the worst of the tracked frames."""
     bodies = vision.load_bodies(subject.bodies) if subject.bodies.is_file() else []
     return {
         "film": subject.view(),
@@ -221,12 +203,7 @@ def outlines_of(subject: FilmSubject) -> dict[str, Any]:
 
 
 def propose(subject: FilmSubject) -> list[dict[str, Any]]:
-    """Outlines proposed from the film, to be corrected and named.
-
-    Raises
-    ------
-    vision.VisionError : nothing in the film moves as a rigid textured body
-    """
+    """Outlines proposed from the film, to be corrected and named."""
     with vision.open_film(subject.path, allow_truncated=True) as film:
         return [_plain(body) for body in vision.propose_bodies(film)]
 
@@ -242,11 +219,6 @@ def save(subject: FilmSubject, rows: Any) -> dict[str, Any]:
     Parameters
     ----------
     rows : list of name, parent (empty for none), layer, points [[x, y], …] in film pixels
-
-    Raises
-    ------
-    CommandInputError : what was sent are no outlines
-    vision.BodyError : an outline cannot be used, with its name and the reason
     """
     if not isinstance(rows, list) or not 1 <= len(rows) <= MOST_BODIES:
         raise CommandInputError(f"outlines: allowed a list of 1 to {MOST_BODIES}")
@@ -303,10 +275,6 @@ def track_again(subject: FilmSubject, frame: Any, places: Any) -> dict[str, Any]
     ----------
     frame : number in the film
     places : body → [angle rad counter-clockwise, x px, y px]
-
-    Raises
-    ------
-    CommandInputError : no such frame or body, or the film was not tracked
     """
     if type(frame) is not int or not isinstance(places, dict):
         raise CommandInputError("allowed a frame number, and the places of bodies")

@@ -60,7 +60,6 @@ class Guarded(RequestHandler):
         self.served = served
 
     def set_default_headers(self) -> None:
-        """Headers of every answer, also of a refusal."""
         for name, value in HEADERS.items():
             self.set_header(name, value)
 
@@ -197,7 +196,6 @@ class Stream(Guarded, WebSocketHandler):
     _task: asyncio.Task[None] | None = None
 
     def check_origin(self, origin: str) -> bool:
-        """The origin was checked before (`Guarded.prepare`)."""
         return True
 
     def open(self, *arguments: str, **more: str) -> None:
@@ -208,7 +206,6 @@ class Stream(Guarded, WebSocketHandler):
         """Nothing is taken from the page."""
 
     def on_close(self) -> None:
-        """The page is gone."""
         if self._task is not None:
             self._task.cancel()
 

@@ -49,10 +49,6 @@ class FilmShelf:
         """Some frames one after the other, a byte a pixel, row by row; of deeper films the upper eight bits.
 
         Not encoded: on the loopback a byte is cheaper than what it takes to compress it.
-
-        Raises
-        ------
-        vision.VisionError : the film cannot be read, or has no such frame
         """
         film, lock = self._film(path)
         with lock:
@@ -77,7 +73,6 @@ class FilmShelf:
             return self._films[key]
 
     def close(self) -> None:
-        """Close all films."""
         with self._lock:
             for film, busy in self._films.values():
                 with busy:
@@ -89,10 +84,6 @@ def film_view(session: Session, trial: Trial) -> dict[str, Any] | None:
     """Size, frame times and outlines of a trial's film; None where it has none.
 
     Times come from the trial's frame clock; a film that cannot be tied to it has a ``note`` and no times.
-
-    Raises
-    ------
-    vision.VisionError : the film cannot be read
     """
     if trial.film is None:
         return None
@@ -106,10 +97,6 @@ def outlined_film(film: SessionFilm, found: tuple[pd.DataFrame, dict[str, Any]] 
     ----------
     film : with the file of its outlines
     found : table of tracked angles and its attributes; None before tracking
-
-    Raises
-    ------
-    vision.VisionError : the film cannot be read
     """
     with vision.open_film(film.path, allow_truncated=True) as source:
         note = ""
@@ -192,11 +179,6 @@ def trial_view(session: Session, number: int, actions: Sequence[str]) -> dict[st
     ----------
     number : of the trial
     actions : built-in actions, at most two; each is drawn, beside the measured action
-
-    Raises
-    ------
-    rig.errors.RigInputError : no such trial, or it cannot be read
-    model.InputError : no such action
     """
     trial = session.trial(number)
     data = trial.read()

@@ -45,12 +45,7 @@ class BenchOptions:
 
 
 class BenchServer:
-    """The page, listening; ends with `close`.
-
-    Raises
-    ------
-    CommandInputError : the folder or the port cannot be used
-    """
+    """The page, listening; ends with `close`."""
 
     def __init__(self, options: BenchOptions) -> None:
         scripts = drawing_scripts()

@@ -159,10 +159,6 @@ def write_blow_animation(
     action, solution : the simulated action and its solution, with an inside view
     force_n : (m,) what drives it, at the solution's times
     path : file to write
-
-    Raises
-    ------
-    model.InputError : the solution has no inside view
     """
     inside = solution.inside
     if inside is None:

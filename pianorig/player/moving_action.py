@@ -19,25 +19,12 @@ from vision.output.colours import body_colour
 
 
 def pack(values: ArrayLike) -> dict[str, Any]:
-    """``{"f32": base64, "shape": [...]}``; NaN stays NaN. A 32-bit number keeps seven digits, for drawing.
-
-    Examples
-    --------
-    >>> pack([1.0, float("nan")])
-    {'f32': 'AACAPwAAwH8=', 'shape': [2]}
-    """
+    """``{"f32": base64, "shape": [...]}``; NaN stays NaN. A 32-bit number keeps seven digits, for drawing."""
     array = np.ascontiguousarray(values, dtype="<f4")
     return {"f32": base64.b64encode(array.tobytes()).decode("ascii"), "shape": list(array.shape)}
 
 
 def unpack(packed: dict[str, Any]) -> NDArray[np.float32]:
-    """The numbers of `pack`.
-
-    Examples
-    --------
-    >>> unpack(pack([1.0, 2.5])).tolist()
-    [1.0, 2.5]
-    """
     return np.frombuffer(base64.b64decode(packed["f32"]), dtype="<f4").reshape(packed["shape"])
 
 

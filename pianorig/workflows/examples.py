@@ -29,7 +29,6 @@ NOISE_N = 0.02
 
 
 def force_table(name: str) -> Table:
-    """A blow of the force library."""
     time_s, force_n = model.force_table(name)
     return {"time_s": time_s, "force_n": force_n}
 

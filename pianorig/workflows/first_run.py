@@ -17,7 +17,6 @@ FRAMES = 40
 
 
 def call_once() -> None:
-    """Call what the demo will call."""
     action = model.load_action()
     times, force = model.force_table("forte")
     begins = times <= BEGINS_S

@@ -212,7 +212,6 @@ def _wraps(table: ChannelTable, channel: str, unit: str, bits: int) -> bool:
 
 
 def _time_lines(table: ChannelTable, time: str | None) -> list[str]:
-    """Return the lines of ``[time]``."""
     if time is not None:
         return [f"channel = {toml_value(time)}", f"unit = {toml_value(known(table.units.get(time, '')) or 's')}"]
     clock = next(iter(table.clocks.values()), None)
@@ -226,7 +225,6 @@ def _time_lines(table: ChannelTable, time: str | None) -> list[str]:
 
 
 def _force_lines(table: ChannelTable, force: str) -> list[str]:
-    """Return the lines of ``[force]``."""
     unit = known(table.units.get(force, ""))
     said = "" if unit else f"{CHECK}the file states no unit of the force"
     lines = [f"channel = {toml_value(force)}", f"unit = {toml_value(unit or 'N')}{said}"]

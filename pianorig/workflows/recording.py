@@ -79,12 +79,7 @@ class BenchAccess:
 
 @contextmanager
 def interrupts_told(folder: Path, *, resumed: bool = False) -> Iterator[None]:
-    """Turn Ctrl-C during a recording into ``folder`` into a message that says what it did.
-
-    Raises
-    ------
-    Interrupted : in place of KeyboardInterrupt
-    """
+    """Turn Ctrl-C during a recording into ``folder`` into a message that says what it did."""
     others = folder.is_dir() and any(folder.iterdir()) and not resumed  # the recorder would have refused it
     try:
         yield
@@ -96,7 +91,6 @@ def interrupts_told(folder: Path, *, resumed: bool = False) -> Iterator[None]:
 
 
 def _left(folder: Path) -> str:
-    """What the recording left in its folder."""
     if not folder.is_dir():
         return "nothing was recorded and no session was made"
     try:
@@ -136,10 +130,6 @@ def film_virtual_trial(
 
     Frames start `STILL_BEFORE_S` before the blow; the trial's number is the seed of the camera's noise. A camera that
     runs by itself exposes when the bench says, not when the trial believes.
-
-    Raises
-    ------
-    CommandInputError : the trial has no frame clock
     """
     data = trial.read()
     camera = data.camera

@@ -1,4 +1,4 @@
-"""Tracking a film, alone or as part of a session: outlines proposed, frames tried, angles, marks, single frames again."""
+"""Tracking of a film, alone or as part of a session: outlines proposed, angles, marks, single frames again."""
 
 from __future__ import annotations
 
@@ -151,12 +151,7 @@ def marks_lines(summary: dict[str, dict[str, float]]) -> list[str]:
 
 @contextmanager
 def tracking_kept(unfinished: Path) -> Iterator[None]:
-    """Turn Ctrl-C during a tracking into a message that says what is kept in the file ``unfinished``.
-
-    Raises
-    ------
-    Interrupted : in place of KeyboardInterrupt
-    """
+    """Turn Ctrl-C during a tracking into a message that says what is kept in the file ``unfinished``."""
     try:
         yield
     except KeyboardInterrupt as interrupt:
@@ -255,7 +250,6 @@ def track_film_file(film: SessionFilm, **options: Unpack[TrackOptions]) -> visio
 
 
 def numbered_in_film(film: SessionFilm, result: vision.TrackResult) -> vision.TrackResult:
-    """Result of the chosen frames, with the numbers that frames have in the whole film."""
     return replace(result, frame=result.frame + film.first_frame)
 
 

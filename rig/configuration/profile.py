@@ -118,7 +118,6 @@ class Profile(ArrayRecord):
 
 
 def built_in_profiles() -> tuple[str, ...]:
-    """Return the names of the profiles that come with the package."""
     return toml_file.built_in(FOLDER)
 
 

@@ -107,7 +107,6 @@ class ForceConfig(ScaledTable):
 
     @property
     def electrical_unit(self) -> str:
-        """Unit of the electrical reading."""
         return "mV/V" if self.kind == "bridge" else "V"
 
     def group_delay(self, sample_rate_hz: float) -> float:

@@ -29,7 +29,6 @@ def read_text(path: Path) -> str:
 
 
 def built_in(folder: Path) -> tuple[str, ...]:
-    """Return the names of the files that come with the package."""
     return tuple(sorted(path.stem for path in folder.glob("*.toml")))
 
 
@@ -61,14 +60,7 @@ def refuse_nul(text: str, where: str) -> None:
 
 
 def check(model: type[Model], data: Mapping[str, Any], where: str) -> Model:
-    """Validate parsed TOML against a model.
-
-    Raises
-    ------
-    RigInputError
-        One line naming ``where``, the key, the value found and the value allowed (first complaint; the count
-        of others).
-    """
+    """Validate parsed TOML against a model."""
     try:
         return model.model_validate(data)
     except ValidationError as error:
@@ -130,7 +122,6 @@ def dump_toml(table: Mapping[str, Any]) -> str:
 
 
 def toml_value(value: object) -> str:
-    """Return the text of one value, on one line."""
     if isinstance(value, Sequence) and not isinstance(value, str):
         return "[" + ", ".join(toml_value(item) for item in value) + "]"
     return dump_toml({"x": value}).strip().removeprefix("x = ")

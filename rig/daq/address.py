@@ -35,15 +35,7 @@ def open_backend(url: str, config: RigConfig) -> NidaqmxBackend:
 
 
 def discover(url: str) -> tuple[str, list[FoundDevice]]:
-    """Return the driver's version and the devices behind ``ni://local`` or ``ni-grpc://host[:port]``.
-
-    Raises
-    ------
-    RigInputError
-        For another address.
-    HardwareFault
-        When driver or server does not answer.
-    """
+    """Return the driver's version and the devices behind ``ni://local`` or ``ni-grpc://host[:port]``."""
     parts = urlsplit(url)
     if parts.scheme == "ni" and parts.netloc in ("", "local"):
         return driver_version(None), find_devices(None)

@@ -55,7 +55,6 @@ class FoundDevice:
         return "none (simulated)" if self.simulated else "none"
 
     def __iter__(self) -> Iterator[FoundDevice]:
-        """Itself and its modules."""
         yield self
         yield from self.modules
 
@@ -93,7 +92,6 @@ def _known(ask: Callable[[], T], otherwise: T) -> T:
 
 
 def driver_version(channel: grpc.Channel | None) -> str:
-    """Return the version of the NI-DAQmx driver, ``26.0.0``."""
     with translated("connect", "NI-DAQmx driver"):
         version = _system(channel).driver_version
     return ".".join(str(int(part)) for part in version)
@@ -116,13 +114,7 @@ MODULES = {"Mod1": ("NI 9237", "load cell"), "Mod2": ("NI 9263", "motor"), "Mod3
 
 
 def propose_rig(found: Sequence[FoundDevice], name: str | None = None) -> str:
-    """Return the text of a rig file for one of the devices found: ``name``, or the first that can be used.
-
-    Raises
-    ------
-    RigInputError
-        When there is no such device, it is no product of this program, or a module is missing.
-    """
+    """Return the text of a rig file for one of the devices found: ``name``, or the first that can be used."""
     usable = [device for device in found if device.product in PATTERNS and name in (None, device.name)]
     if not usable:
         there = ", ".join(f"{device.name} ({device.product})" for device in found) or "none"
@@ -179,15 +171,7 @@ class ServerClaim:
         self._lock: int | None = None
 
     def take(self, config: RigConfig) -> bool:
-        """Claim the sessions; return whether those of a program that died were cleared for it.
-
-        Raises
-        ------
-        ResourceBusy
-            When another program on this computer records with this device.
-        HardwareFault
-            When the server does not answer.
-        """
+        """Claim the sessions; return whether those of a program that died were cleared for it."""
         if self._mark is not None:
             return False
         self._take_lock(config)

@@ -87,14 +87,7 @@ def calm_block_s(config: RigConfig, delay: CallDelay) -> float:
 
 
 def shortest_block_s(config: RigConfig, delay: CallDelay) -> float:
-    """Return the shortest block the bench can be read in, s: 0 where ``recording.block_s`` will do.
-
-    Raises
-    ------
-    NotSupported
-        When driver calls are too slow for the longest block or for the watchdog, with the delay measured, what is
-        allowed, and what to change.
-    """
+    """Return the shortest block the bench can be read in, s: 0 where ``recording.block_s`` will do."""
     calls, block_s = calls_per_block(config), config.recording.block_s
     longest_s = max(block_s, LENGTHENED_S)
     needed_s = calls * delay.usual_s

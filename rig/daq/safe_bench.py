@@ -65,7 +65,6 @@ def make_watchdog(channel: grpc.Channel | None, config: RigConfig) -> WatchdogTa
 
 
 def close_watchdog(timer: WatchdogTask) -> None:
-    """Stop the timer and clear it."""
     with contextlib.suppress(nidaqmx.errors.Error):
         timer.stop()  # closing is what counts
     try:
@@ -98,8 +97,6 @@ class SafeOutputs:
         self._tasks = TaskSet(new_task, end_left)
 
     def put_motor_at_zero(self, config: RigConfig) -> None:
-        """Put the motor output at 0 V."""
-
         def add(task: nidaqmx.Task) -> None:
             channel, limit = config.motor.channel, config.motor.voltage_limit_v
             task.ao_channels.add_ao_voltage_chan(channel, "motor", -limit, limit, ni.VoltageUnits.VOLTS, "")
@@ -230,7 +227,6 @@ class RememberedCalls(grpc.Channel):
     unsubscribe = subscribe
 
     def close(self) -> None:
-        """Close the connection."""
         self._close()
 
     def __enter__(self) -> RememberedCalls:

@@ -206,7 +206,6 @@ Points = tuple[float, float]
 
 
 def _on_line(value: NDArray[np.float64], x: Points, y: Points) -> NDArray[np.float64]:
-    """Return where ``value`` lies on the straight line through the points (x[0], y[0]) and (x[1], y[1])."""
     return y[0] + (value - x[0]) * ((y[1] - y[0]) / (x[1] - x[0]))
 
 
@@ -223,7 +222,6 @@ CHECK = "check_{}"
 
 
 def encoder_task_name(encoder: EncoderConfig) -> str:
-    """Return the name of an encoder's task."""
     return f"encoder_{encoder.name}"
 
 

@@ -100,8 +100,6 @@ def parse_csv(
     """Read CSV text; ``where`` names it in errors.
 
     ``names_row`` is the line of the names, from 1, ``skip_rows`` how many lines before them are left out.
-
-    Raises RigInputError when it has no rows, or rows of several lengths.
     """
     if "\0" in text:
         raise RigInputError(f"{where}: holds null characters; not a CSV text file")

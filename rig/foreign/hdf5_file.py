@@ -36,10 +36,6 @@ FACTORS, OFFSETS, MISSING = ("scale_factor", "conversion"), ("add_offset", "offs
 
 
 def read_hdf5(path: Path) -> ChannelTable:
-    """Read the channels of a trial or of a plain HDF5 file.
-
-    Raises RigInputError when the file cannot be read or has no numbers.
-    """
     try:
         # a damaged heap can keep the library busy without end
         with ending_by_keyboard(), h5py.File(path, "r") as file:

@@ -52,10 +52,7 @@ class _Segment:
 
 
 def parse_lvm(text: str, where: str) -> tuple[ChannelTable, ...]:
-    """Read the segments of LVM text; ``where`` names it in errors.
-
-    Raises RigInputError when it is not such a file or is truncated.
-    """
+    """Read the segments of LVM text; ``where`` names it in errors."""
     lines = [line.rstrip("\r") for line in text.split("\n")]
     if not lines[0].startswith("LabVIEW Measurement"):
         raise RigInputError(f"{where}: not a LabVIEW measurement file; its first line must be 'LabVIEW Measurement'")

@@ -1,4 +1,4 @@
-"""The mapping file of an import: which channel of a foreign recording is what, in which unit, with which scale (TOML)."""
+"""The mapping file of an import: which channel of a foreign recording is what, in which unit and scale (TOML)."""
 
 from __future__ import annotations
 

@@ -35,10 +35,7 @@ def read_segments(
     names_row: int | None = None,
     skip_rows: int = 0,
 ) -> tuple[ChannelTable, ...]:
-    """Read all channels of a recording, one table a segment; signs and rows are for CSV only.
-
-    Raises RigInputError when the ending is not known or the file cannot be used.
-    """
+    """Read all channels of a recording, one table a segment; signs and rows are for CSV only."""
     file = Path(path)
     suffix = "".join(file.suffixes[-2:]).lower() if file.suffix.lower() == ".gz" else file.suffix.lower()
     if suffix in (*TEXT, ".csv.gz", ".txt.gz"):
@@ -101,11 +98,6 @@ def read_force(path: str | Path, column: str = "force_n") -> tuple[NDArray[np.fl
     path : TDMS, LVM, CSV or HDF5 file
     column : channel of the force, or of what else drives a simulation. Times are the channel ``time_s`` or the file's
         clock.
-
-    Raises
-    ------
-    RigInputError
-        When the file cannot be read, has no such channel or times, uneven times, or a force in a unit that is none.
     """
     table = read_channels(path)
     unit = known(table.units.get(column, "")) or "N"
@@ -125,11 +117,6 @@ def read_force(path: str | Path, column: str = "force_n") -> tuple[NDArray[np.fl
 
 
 def joined(segments: Sequence[ChannelTable], names: Sequence[str]) -> ChannelTable:
-    """Return segments as one table with the channels ``names``.
-
-    Raises RigInputError when a channel is not in all of them, has several units or intervals, or time is missing
-    between them.
-    """
     first = segments[0]
     whole = {name: np.concatenate([segment.channel(name) for segment in segments]) for name in names}
     for before, after in zip(segments, segments[1:], strict=False):

@@ -69,15 +69,7 @@ class CoarseTimes(RigInputError):
 
 
 def even_interval(time_s: NDArray[np.float64], what: str) -> float:
-    """Return the interval of even times, s; ``what`` names file and channel in errors.
-
-    Raises
-    ------
-    CoarseTimes
-        Times that are written too coarsely to tell.
-    RigInputError
-        Times that do not rise, or are uneven.
-    """
+    """Return the interval of even times, s; ``what`` names file and channel in errors."""
     if time_s.size < 2:
         raise RigInputError(f"{what}: {time_s.size} samples, allowed from 2")
     steps = np.diff(time_s)

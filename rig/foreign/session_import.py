@@ -109,11 +109,6 @@ def position_trials(
     mapping : with ``positions`` and without ``force``
     interval_s : between samples
     first_number : of the first trial
-
-    Raises
-    ------
-    RigInputError
-        When a sensor is saturated, its calibration cannot be used, or nothing was played.
     """
     infos = tuple(channel_info(one) for one in mapping.positions)
     values = np.column_stack([_reading(table, one, mapping.overrule_units) for one in mapping.positions])
@@ -141,7 +136,6 @@ def position_trials(
 
 
 def channel_info(one: PositionMapping) -> ChannelInfo:
-    """Return what a mapping says of a position sensor."""
     return ChannelInfo(
         name=one.name,
         quantity=f"reading of the position sensor at: {one.ruler.sensor_at}",
@@ -227,10 +221,7 @@ RATES_HZ = (100.0, 1e6)
 
 
 def sample_interval(table: ChannelTable, mapping: ImportMapping) -> float:
-    """Return the interval of the samples, s, by the mapping or the file.
-
-    Raises RigInputError when they contradict each other, or no action was ever sampled like that.
-    """
+    """Return the interval of the samples, s, by the mapping or the file."""
     try:
         return _agreed_interval(table, mapping)
     except BrokenTimes as error:
@@ -398,7 +389,6 @@ def read_recording(path: Path, mapping: MappingFile) -> TrialData:
 
 
 def _recordings(file: Path, config: ImportMapping) -> tuple[ChannelTable, ...]:
-    """Return one table for each trial of a file."""
     segments = read_segments(
         file, separator=config.separator, decimal=config.decimal, thousands=config.thousands,
         names_row=config.names_row, skip_rows=config.skip_rows,
@@ -476,11 +466,6 @@ def _started(table: ChannelTable, file: Path, config: ImportMapping) -> str:
 
 
 def make_trial(table: ChannelTable, mapping: ImportMapping, number: int, started_utc: str = "") -> TrialData:
-    """Return a table's channels as a trial.
-
-    Raises RigInputError when a channel is missing, has another unit, or has a value that is not finite or not a whole
-    count.
-    """
     cell = mapping.force
     if cell is None:
         raise RigInputError(f"{table.where}: the mapping has no [force]; a recording of positions is cut into strokes")
@@ -640,10 +625,7 @@ def values_beyond_limits(trial: TrialData, limits: LimitsConfig) -> str:
 
 
 def find_start(force_n: NDArray[np.float64], interval_s: float, where: str) -> float:
-    """Return when the force first leaves its rest for good, s.
-
-    Raises RigInputError when the recording does not begin with rest, or has no push.
-    """
+    """Return when the force first leaves its rest for good, s."""
     quiet = int(round(QUIET_S / interval_s))
     if quiet < 5 or force_n.size < 2 * quiet:
         raise RigInputError(f"{where}: too short or too slow to find the blow; give blow_start_s in the mapping")

@@ -35,7 +35,6 @@ _INTERVAL = re.compile(r"dt|deltat|timestep|sampl(e|ing)(interval|period)(s|sec)
 
 
 def says_what_numbers_mean(name: str) -> bool:
-    """Whether a property of this name is a unit, a scale or a rate."""
     words = _words(name)
     return bool(
         _PERHAPS_UNIT.fullmatch(name)
@@ -72,7 +71,6 @@ def find_scale_doubt(properties: Properties, applied: tuple[str, ...] = (), *, a
 
 
 def find_scale_doubt_of_groups(name: str, above: Sequence[Properties], *, are_integers: bool) -> str:
-    """Return what the groups above a channel state of its scale: by its name, or of all where it holds integers."""
     short = name.rpartition("/")[2].lower()
     for properties in above:
         own = {key: value for key, value in properties.items() if are_integers or short in key.lower()}
@@ -114,7 +112,6 @@ def _words(name: str) -> str:
 
 
 def text_of(value: Any) -> str:
-    """Return a property of one value as text."""
     if isinstance(value, np.ndarray):
         value = value.reshape(-1)[0] if value.size == 1 else ""
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)

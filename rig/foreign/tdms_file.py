@@ -57,10 +57,6 @@ class _Complaints(logging.Handler):
 
 
 def read_tdms(path: Path) -> tuple[ChannelTable, ...]:
-    """Read all numeric channels of a TDMS file, one table for each recording in it.
-
-    Raises RigInputError when the file is damaged, cut off or without numeric channels.
-    """
     complaints = _Complaints()
     logger, console = logging.getLogger("nptdms"), log.log_manager.console_handler
     logger.addHandler(complaints)
@@ -104,10 +100,6 @@ def _refuse_all(record: logging.LogRecord) -> bool:
 
 
 def _check_segments(path: Path, size: int) -> tuple[int, bool]:
-    """Return how many segments a file has, and whether the last one has its size.
-
-    Raises RigInputError where they do not follow each other from its first byte to its last.
-    """
     at = count = 0
     with path.open("rb") as stream:
         while at < size:

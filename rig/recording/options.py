@@ -50,7 +50,6 @@ class TimeLeft:
         self._began_s = self._now_s()
 
     def end(self) -> None:
-        """Tell that it has ended."""
         self._spent_s += self._now_s() - self._began_s
         self._done += 1
 

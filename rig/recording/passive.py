@@ -67,7 +67,6 @@ class StrokeSettings:
 
     @classmethod
     def of(cls, config: RigConfig, rate_hz: float) -> StrokeSettings:
-        """Return the settings of a rig file."""
         return of_same_name(
             cls,
             config.passive,
@@ -78,7 +77,6 @@ class StrokeSettings:
         )
 
     def to_text(self) -> str:
-        """Return the settings as JSON, for the head of a journal."""
         return json.dumps(asdict(self))
 
     @classmethod
@@ -114,7 +112,6 @@ class StrokeDetector:
 
     @property
     def playing(self) -> bool:
-        """Whether a stroke is under way."""
         return self._begun is not None
 
     @property
@@ -276,8 +273,6 @@ class _Journal:
 
 
 class _Stream:
-    """The stream of one recording."""
-
     def __init__(self, session: Session, backend: Backend, config: RigConfig, options: RecordingOptions) -> None:
         self._session, self._backend, self._options = session, backend, options
         self._config = config.model_copy(update={"camera": None, "watchdog": None})  # nothing moves, nothing is filmed

@@ -248,7 +248,6 @@ def _sealed(session: Session, number: int) -> TrialData | None:
 
 
 def _put_aside(file: Path) -> Path:
-    """Rename a damaged file."""
     aside = file.with_name(file.name + ".damaged")
     platform_calls.replace(file, aside)
     return aside

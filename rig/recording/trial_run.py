@@ -105,19 +105,7 @@ JUMP_S = 1.0
 
 
 def software_versions() -> dict[str, str]:
-    """Return versions of Python, the operating system and the packages a recording depends on.
-
-    Returns
-    -------
-    dict
-        Name to version.
-
-    Examples
-    --------
-    >>> from rig.recording.trial_run import software_versions
-    >>> "nidaqmx" in software_versions()
-    True
-    """
+    """Return versions of Python, the operating system and the packages a recording depends on."""
     return {"python": platform.python_version(), "system": platform.platform(), **_package_versions()}
 
 
@@ -196,11 +184,6 @@ def seal_journal(session: Session, file: Path, scanned: Journal, status: str, re
     """Seal the trial whose journal was scanned; the journal stays.
 
     A warm-up blow is rejected first: it never counts, whenever the program ends.
-
-    Raises
-    ------
-    RigInputError
-        When the journal cannot be read or has no samples, or the trial cannot be written.
     """
     head = scanned.head
     if head is None or not scanned.n_samples:
@@ -220,10 +203,7 @@ NOTICED_LATE_S = 0.05
 
 
 def seal_cut(session: Session, file: Path, cut: Stroke, status: str, reason: str) -> Trial:
-    """Seal a stroke that was cut out of a journal: its first sample is time zero, its start time is shifted along.
-
-    Raises as :func:`seal_journal`.
-    """
+    """Seal a stroke that was cut out of a journal: its first sample is time zero, its start time is shifted along."""
     scanned = scan_journal(file)
     head = scanned.head
     end = min(cut.end, scanned.n_samples)
@@ -483,7 +463,6 @@ class _Lengths:
 
 
 def _earliest_rest(command: MotorCommand, timing: Timing) -> int:
-    """Return the first sample that may belong to the rest."""
     return command.volts.size + int(np.ceil(timing.force_group_delay_s * timing.sample_rate_hz))
 
 
@@ -513,7 +492,6 @@ def _read_until_rest(
 
 
 def one_line(error: BaseException) -> str:
-    """Return an exception's type and text in one line."""
     text = f"{type(error).__name__}: {error}".replace("\0", " ")  # HDF5 text cannot hold a null
     return " ".join(text.split())
 
@@ -527,15 +505,6 @@ def record_entries(
     *,
     first_number: int = 1,
 ) -> None:
-    """Record ``entries`` as the trials from ``first_number`` on, resting as the session's plan says.
-
-    Raises
-    ------
-    HardwareFault
-        The bench stopped; ``NotPermitted`` when a prompt found nobody.
-    KeyboardInterrupt
-        The operator stopped.
-    """
     prompts = [entry for entry in entries if entry.prompt]
     if prompts and options.ask is None:
         raise _nobody(prompts[0])  # before the first blow, not in the middle of the plan
@@ -598,10 +567,7 @@ def _store(session: Session, trial: PlannedTrial, outcome: TrialOutcome, options
 
 
 def seal(session: Session, journal: Path, status: str, reason: str) -> Trial:
-    """Seal a trial from its journal; a failure to seal it is reported together with what had ended the trial.
-
-    Raises RecordingFault, which says whether the journal is still there.
-    """
+    """Seal a trial from its journal; a failure to seal it is reported together with what had ended the trial."""
     try:
         return seal_journal(session, journal, scan_journal(journal), status, reason)
     except RigInputError as failure:

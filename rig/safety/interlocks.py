@@ -215,6 +215,5 @@ class Interlocks:
 
 
 def longest_run(mask: NDArray[np.bool_]) -> int:
-    """Return the length of the longest run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
     return int((edges[1::2] - edges[::2]).max()) if edges.size else 0

@@ -49,11 +49,6 @@ def confirm(rig: Rig, address: str, *, yes: bool, ask: Callable[[str], str | Non
     ----------
     yes : ``--yes`` was given; counts only where ``safety.allow_yes`` of the rig file is true
     ask : shows a question and returns what was typed; None, or one that returns None, when nobody can be asked
-
-    Raises
-    ------
-    NotPermitted
-        When it is not confirmed.
     """
     name = rig.config.name
     if yes:
@@ -120,10 +115,7 @@ def permit(
 
 
 def require_permission(rig: Rig, capabilities: Capabilities, permission: Permission | None, dry_run: bool) -> None:
-    """Refuse a backend that moves hardware unless permission, self-test and dry run are there.
-
-    Raises NotPermitted naming what is missing.
-    """
+    """Refuse a backend that moves hardware unless permission, self-test and dry run are there."""
     if not capabilities.hardware:
         return
     if permission is None:

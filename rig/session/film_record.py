@@ -46,17 +46,14 @@ class FilmRecord(Table):
 
     @property
     def last_frame(self) -> int:
-        """Number of its last frame on the trial's frame clock."""
         return self.first_frame + self.n_frames + self.frames_missing - 1
 
 
 def record_path(film: Path) -> Path:
-    """Path of the record of a film beside its trial."""
     return film.with_suffix(".film.toml")
 
 
 def write_record(film: Path, record: FilmRecord) -> Path:
-    """Write the record of a film that lies beside its trial."""
     path = record_path(film)
     write_text(path, toml_file.dump_toml(record.model_dump(by_alias=True)))
     return path
@@ -92,10 +89,6 @@ def clock_steps(film: FilmFile, clock_hz: float) -> NDArray[np.int64]:
 
     From the camera's own times; of a video from its time stamps, whose scale may be that of play-back; else one pulse a
     frame.
-
-    Raises
-    ------
-    RigInputError : the times are none that frames triggered by such a clock can have
     """
     steps = np.zeros(film.n_frames, dtype=np.int64)
     own = film.frame_time_s
@@ -127,10 +120,6 @@ def frame_times(trial: Trial, film: FilmFile) -> tuple[NDArray[np.float64], floa
 
     Which pulse belongs to the first frame is known from the record of an attached film, else from the film's header,
     else it is the first. The others follow as the film's own times say (`clock_steps`), so that a gap stays one.
-
-    Raises
-    ------
-    RigInputError : the trial has no frame clock, or did not count that many pulses
     """
     camera = trial.read().camera
     if camera is None:

@@ -309,7 +309,6 @@ class Session:
         return pd.DataFrame(rows)
 
     def _repr_html_(self) -> str:
-        """The folder and its trials as a table, for a notebook."""
         return html.escape(str(self.path)) + str(self.summary().to_html(index=False, float_format="{:.2f}".format))
 
     def trial(self, number: int) -> Trial:

@@ -282,8 +282,6 @@ class CorrectedForce:
 
 
 class ForceChannelValues(TypedDict, total=False):
-    """Keywords of `correct_force`, see `ForceChannel`."""
-
     group_delay_s: float
     preload_n: float
     u_preload_n: float
@@ -429,13 +427,6 @@ def find_quiet(
 
 
 def quiet_of_motion(time_s: Array, encoder_count: NDArray[np.int64]) -> Quiet:
-    """The baseline before any encoder moves.
-
-    Raises
-    ------
-    RigInputError
-        None moves, or one does too early.
-    """
     step = float(np.median(np.diff(time_s)))
     moved = _first_move(encoder_count, max(round(FIRST_BASELINE_S / step), 8))
     if moved is None:

@@ -148,7 +148,6 @@ Info = TypeVar("Info")
 
 
 def of_same_name(kind: type[Info], config: Table, **own: Any) -> Info:
-    """Return a record with the values of a configuration table for which it has fields of that name, and ``own``."""
     names = {one.name for one in fields(kind)} - own.keys()  # type: ignore[arg-type]
     return kind(**{name: getattr(config, name) for name in names if hasattr(config, name)}, **own)
 

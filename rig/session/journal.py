@@ -117,7 +117,6 @@ class FrameClock:
         )
 
     def frames_until(self, end_s: float) -> CameraInfo:
-        """Return the frames whose exposure ended by ``end_s``."""
         frames = int(np.floor((end_s - self.first_pulse_s - self.exposure_s) * self.frame_rate_hz + 1e-9)) + 1
         return CameraInfo(
             frame_rate_hz=self.frame_rate_hz,
@@ -206,18 +205,11 @@ class TrialHead:
         )
 
     def assemble(self, blocks: Sequence[Block], status: str, reason: str) -> TrialData:
-        """Join the blocks to a trial.
-
-        Raises HardwareFault when they do not follow each other without a gap from sample 0.
-        """
         part = self.part(blocks, 0)
         return replace(part, status=status, reason=reason, camera=self.camera(blocks, part.n_valid))
 
     def part(self, blocks: Sequence[Block], first_sample: int) -> TrialData:
-        """Return the samples of ``blocks`` as the part of the trial from ``first_sample`` on, without camera.
-
-        Raises HardwareFault when they do not follow each other without a gap.
-        """
+        """Return the samples of ``blocks`` as the part of the trial from ``first_sample`` on, without camera."""
         end = first_sample
         for block in blocks:
             if block.first_sample != end:
@@ -272,8 +264,6 @@ OVERHEAD = _FIXED.size + _CRC.size
 
 
 class Record(NamedTuple):
-    """One complete record."""
-
     kind: int
     sequence: int
     first_sample: int
@@ -308,13 +298,11 @@ def bytes_per_sample(head: TrialHead) -> int:
 
 
 def encode(kind: int, sequence: int, first_sample: int, n: int, payload: bytes) -> bytes:
-    """Return the bytes of a record."""
     fixed = _FIXED.pack(MAGIC, kind, sequence, first_sample, n, len(payload))
     return fixed + _CRC.pack(zlib.crc32(payload, zlib.crc32(fixed))) + payload
 
 
 def block_payload(block: Block) -> bytes:
-    """Return a block's arrays as bytes, one array after the other."""
     columns = (block.force_n, block.force_raw)
     floats = b"".join(np.ascontiguousarray(column, dtype="<f8").tobytes() for column in columns)
     counts = np.ascontiguousarray(block.encoder_count, dtype="<i8").tobytes()
@@ -405,7 +393,6 @@ def stored_blocks(path: Path, scanned: Journal) -> Iterator[Block]:
 
 
 def blocks_of(stream: BinaryIO, scanned: Journal) -> Iterator[Block]:
-    """Yield the blocks of a stream that was scanned, from its beginning."""
     for record in islice(records(stream), scanned.n_records):
         if record.kind == BLOCK and scanned.head is not None:
             yield block_of(record, scanned.head)
@@ -448,11 +435,6 @@ class JournalWriter:
         Largest trial for which room is reserved.
     write, synchronise, now_s : callable
         The system's calls, to be replaced in tests.
-
-    Raises
-    ------
-    RigInputError
-        When the file cannot be created, or the disk has no room for the trial.
     """
 
     def __init__(
@@ -505,10 +487,7 @@ class JournalWriter:
         return self._synced
 
     def append(self, block: Block) -> int:
-        """Queue the next block; return the number of samples committed.
-
-        Raises RecordingFault when the disk refuses, is 5 s behind, or blocks do not follow each other.
-        """
+        """Queue the next block; return the number of samples committed."""
         n = block.force_n.size
         if block.first_sample != self._samples:
             raise RecordingFault(
@@ -534,10 +513,7 @@ class JournalWriter:
             return self._committed
 
     def close(self, status: str, reason: str) -> None:
-        """Write the closing record, force all onto the disk and close the file.
-
-        Raises RecordingFault when the disk did not take everything; what it took can be recovered.
-        """
+        """Write the closing record, force all onto the disk and close the file."""
         with self._condition:
             if self._error is None:
                 ending = json.dumps({"status": status, "reason": reason}).encode()
@@ -711,10 +687,7 @@ class SessionFollower:
         return self.session.info.profile.name == PASSIVE and self._idle >= LOOKS
 
     def poll(self) -> LiveView | None:
-        """Return the present view; None before the first sample.
-
-        Raises RigInputError when a sealed trial cannot be read.
-        """
+        """Return the present view; None before the first sample."""
         journals = self.session.journals
         if journals:
             path = list(journals.values())[-1]

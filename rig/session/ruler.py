@@ -36,8 +36,6 @@ GRID = 513
 
 @dataclass(frozen=True)
 class SmoothCurve:
-    """A fitted curve."""
-
     # places, height: (p,) points, heights as fitted
     places: Array
     height: Array
@@ -112,7 +110,6 @@ def _through_all(places: Array, height: Array) -> SmoothCurve:
 
 
 def _stretched(share: Array, by: float) -> Array:
-    """From 0 to 1 as ``share`` is."""
     return np.asarray(np.log1p(share / by) / np.log1p(1.0 / by))
 
 
@@ -226,11 +223,6 @@ def ruler_curve(ruler: RulerInfo, where: str = "ruler") -> RulerCurve:
     Parameters
     ----------
     where : the channel, for messages
-
-    Raises
-    ------
-    RigInputError
-        When the readings go back by more than their uncertainty, or fewer than four points are left.
     """
     reading, displacement = np.array(ruler.reading), np.array(ruler.displacement_m)
     sense = 1.0 if reading[-1] > reading[0] else -1.0
@@ -267,11 +259,6 @@ def position_of(name: str, ruler: RulerInfo, time_s: Array, reading: Array, u_no
     name : of the channel
     time_s, reading : (n,), sample times, s, and readings in the unit of the ruler's points
     u_noise : standard deviation of a reading's noise, same unit
-
-    Raises
-    ------
-    RigInputError
-        When the calibration cannot be used.
     """
     curve = ruler_curve(ruler, name)
     beyond = max(CLIP_NOISE * u_noise, 2.0 * ruler.u_reading)

@@ -79,7 +79,6 @@ class _Patient(io.RawIOBase):
         return size or 0
 
     def readinto(self, buffer: Any) -> int:
-        """Read into ``buffer``."""
         return self._stream.readinto(buffer) or 0
 
     def seek(self, offset: int, whence: int = 0) -> int:
@@ -87,16 +86,12 @@ class _Patient(io.RawIOBase):
         return self._stream.seek(offset, whence)
 
     def tell(self) -> int:
-        """Return the position."""
         return self._stream.tell()
 
 
 @contextlib.contextmanager
 def write_sealed(path: Path) -> Iterator[h5py.File]:
-    """Yield an empty HDF5 file to fill; seal it and put it at ``path`` when the block ends without an exception.
-
-    Raises RigInputError when the file system refuses, e.g. a full disk.
-    """
+    """Yield an empty HDF5 file to fill; seal it and put it at ``path`` when the block ends without an exception."""
     with replace_when_complete(path) as temporary, temporary.open("xb+", buffering=0) as stream:
         patient = _Patient(stream)
         with h5py.File(patient, "w", track_order=True) as file:
@@ -118,8 +113,6 @@ def open_sealed(path: Path) -> Iterator[h5py.File]:
 
     A file without its seal is read, with one warning, where its content is as it was sealed. One that another program
     has locked is read from memory.
-
-    Raises RigInputError when the file is missing, unreadable, not sealed or altered, or lacks what the block reads.
     """
     has_seal = _check_seal(path)
     try:
@@ -293,10 +286,7 @@ def has_seal(path: Path) -> bool:
 
 
 def seal_again(path: Path) -> None:
-    """Put the seal back on a file whose content is as it was sealed.
-
-    Raises RigInputError where it is not, where another program has the file open, or where it cannot be written.
-    """
+    """Put the seal back on a file whose content is as it was sealed."""
     with refused(path, "read"):
         _check_content(path, warn=False)
         before = file_state(path)

@@ -128,11 +128,6 @@ def write_trial_parts(path: Path, about: TrialData, n_samples: int, parts: Itera
     -------
     str
         The seal (SHA-256), the same however the samples were divided.
-
-    Raises
-    ------
-    RigInputError
-        When the file exists or cannot be written, or the shapes do not fit.
     """
     if path.exists():
         raise RigInputError(f"{path}: exists already; a sealed trial is never replaced")
@@ -162,10 +157,6 @@ def write_trial_parts(path: Path, about: TrialData, n_samples: int, parts: Itera
 
 
 def read_trial(path: Path) -> TrialData:
-    """Read one trial after checking its seal.
-
-    Raises RigInputError when the file is missing, truncated, of another kind, or altered since it was sealed.
-    """
     with open_sealed(path) as file:
         if file.attrs.get("schema") != SCHEMA:
             found = file.attrs.get("schema")
@@ -208,7 +199,6 @@ def read_status(path: Path) -> tuple[str, str]:
 
 
 def read_condition(path: Path) -> str:
-    """Condition that a trial was recorded under, without reading its arrays."""
     with open_sealed(path) as file:
         return str(file.attrs.get("condition", ""))
 

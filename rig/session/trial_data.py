@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 
 def absent_bodies(names: Iterable[str]) -> tuple[str, ...]:
-    """Return the bodies that no encoder of ``names`` reads."""
     present = set(names)
     return tuple(body for body in BODIES if body not in present)
 

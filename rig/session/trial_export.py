@@ -74,13 +74,7 @@ def about(data: TrialData) -> dict[str, str | int | float]:
 
 
 def export_trial(data: TrialData, path: Path) -> list[Path]:
-    """Write a trial in the form that the ending of ``path`` names; return the files written.
-
-    Raises
-    ------
-    RigInputError
-        Another ending, a file that exists, a package that is missing, or a disk that refuses.
-    """
+    """Write a trial in the form that the ending of ``path`` names; return the files written."""
     write = _WRITERS.get(path.suffix)
     if write is None:
         raise RigInputError(f"{path}: ending found {path.suffix!r}, allowed {', '.join(_WRITERS)}")

@@ -19,7 +19,6 @@ from rig.simulated.timing import await_something, await_trigger, go_live, settle
 
 
 def find_task(device: DeviceState, name: str) -> SimulatedTask:
-    """Return a task by name."""
     if name not in device.tasks:
         raise DaqStatusError(Code.INVALID_TASK, f"Task: {name!r}")
     return device.tasks[name]

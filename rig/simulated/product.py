@@ -101,7 +101,6 @@ class Product:
 
 
 def numbered(prefix: str, count: int, kind: Kind, resource: str) -> tuple[tuple[str, Kind, str], ...]:
-    """Return channels ``prefix0`` … with resources ``resource0`` …"""
     return tuple((f"{prefix}{i}", kind, f"{resource}{i}") for i in range(count))
 
 
@@ -320,7 +319,6 @@ class Inventory:
         return self
 
     def own_name(self, terminal: str) -> str:
-        """Return a terminal relative to its device."""
         owner = self.of(terminal) if terminal.startswith("/") else self
         return terminal if owner is self else terminal[1 + len(owner.name) :].lstrip("/")
 
@@ -423,10 +421,7 @@ class Inventory:
         return relative
 
     def coerced_rate(self, rate_hz: float, kind: Kind, channels: int) -> float:
-        """Return a sample clock's real rate, coerced up: 50 kHz/n (n to 31) for bridges, else the timebase over n.
-
-        Raises DaqStatusError above what the product can do with so many channels.
-        """
+        """Return a sample clock's real rate, coerced up: 50 kHz/n (n to 31) for bridges, else the timebase over n."""
         product = self.product
         if not rate_hz > 0 or (kind != "counter" and rate_hz < product.timebase_hz / 2**32):
             raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Sample clock rate: {rate_hz:g}")

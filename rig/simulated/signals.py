@@ -27,7 +27,6 @@ def pulse_train(task: SimulatedTask) -> PulseTrain:
 
 
 def output_terminals(device: DeviceState, task: SimulatedTask) -> set[str]:
-    """Return the terminals that carry a counter output's pulses."""
     channel = task.channels[0]
     owner, number = device.inventory.of(channel.physical.name), channel.physical.resource.removeprefix("ctr")
     found = {device.inventory.known_as(owner, f"Ctr{number}InternalOutput")}
@@ -39,7 +38,6 @@ def output_terminals(device: DeviceState, task: SimulatedTask) -> set[str]:
 
 
 def input_terminal(device: DeviceState, task: SimulatedTask) -> str:
-    """Return the terminal whose edges a counter counts."""
     channel = task.channels[0]
     named = task.setting("Chan", channel.name, daqmx.CI_COUNT_EDGES_TERM, "")
     if not named:

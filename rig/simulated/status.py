@@ -44,7 +44,6 @@ IN_FULL = {"CANT": "cannot", "CHAN": "channel", "CHANS": "channels", "COEFFS": "
 
 
 def text_of(code: int) -> str:
-    """Return the text of a status: what there is to say, or its name in words."""
     if code in TEXTS or code not in set(Code):
         return TEXTS.get(code, "Error code could not be found.")
     names = Code(code).name.replace("DA_QMX", "DAQMX").split("_")
@@ -95,6 +94,5 @@ def refuse_any(*checks: tuple[object, int, str]) -> None:
 
 
 def require_one_of(value: int | float, allowed: tuple[int | float, ...], what: str) -> None:
-    """Refuse a value that a setting does not have."""
     if value not in allowed:
         raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"{what}: {value}, allowed {', '.join(map(str, allowed))}")

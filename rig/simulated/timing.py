@@ -58,7 +58,6 @@ class Engine:
         return np.floor(at + _TOLERANCE_EDGES).astype(np.int64)
 
     def edge_after(self, ticks: int) -> int:
-        """Return the number of edges by which ``ticks`` ticks have passed."""
         return int(self.edges(ticks - 1, ticks)[0]) + 1 if ticks > 0 else 0
 
 
@@ -182,7 +181,6 @@ def check_triggers(device: DeviceState) -> None:
 
 
 def pass_edges(device: DeviceState, n: int) -> None:
-    """Let n edges of the bench pass."""
     bench, edge = device.bench, device.bench.edge
     clocked = [
         (task, engine)

@@ -31,11 +31,6 @@ def result_key(kind: str, code: object, inputs: object) -> str:
     code : str, or tuple of them, hash of the code that computes it, see `code_sha256`
     inputs : arrays, numbers, text, and tuples, lists, dicts and dataclasses of them, everything else the result depends
         on
-
-    Raises
-    ------
-    TypeError
-        For inputs whose content cannot be hashed.
     """
     return sha256_of((kind, code, inputs))
 
@@ -116,7 +111,6 @@ def sources(package: str) -> list[tuple[str, Path]]:
 
 
 def library_versions() -> Iterable[str]:
-    """Versions of Python and of the libraries that compute, a line each."""
     yield sys.version
     for name in LIBRARIES:
         try:

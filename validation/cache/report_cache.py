@@ -25,8 +25,6 @@ SESSION_FILES = ("*.toml", "*.jsonl", "trial_*.h5", "derived/angles/*.h5")
 
 @dataclass(frozen=True)
 class StoredReport:
-    """A report that can be used as it is."""
-
     verdict_lines: list[str]
     printed: list[str]
     files: dict[str, Path]
@@ -34,13 +32,6 @@ class StoredReport:
 
 
 def report_folder(sessions: Sequence[str | Path], out: str | Path | None) -> Path:
-    """Where the report goes: the chosen folder, or that of the only session.
-
-    Raises
-    ------
-    ValidationInputError
-        Several sessions and no folder.
-    """
     if out is not None:
         return Path(out)
     if len(sessions) != 1:

@@ -22,7 +22,6 @@ TITLE = {
 
 
 def rotation_label(channel: str) -> str:
-    """Axis label with the thesis's sign convention."""
     s = f"\\theta_{SYMBOL[channel]}"
     return f"${s} - {s}(0)$ (°)" if SIGN[channel] > 0 else f"${s}(0) - {s}$ (°)"
 

@@ -33,7 +33,6 @@ class Mark:
 
     @property
     def position(self) -> bool:
-        """Whether it is one of the thesis's positions."""
         return self.label in ("A", "B", "C")
 
 

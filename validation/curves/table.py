@@ -69,7 +69,6 @@ def force_on_base(base_s: Array, encoder: pd.DataFrame) -> Array:
 
 
 def left_out_on_base(base_s: Array, encoder: pd.DataFrame, channel: str) -> Array:
-    """1 where a sample of a channel is left out of the scores."""
     flag = f"{channel}_marked"
     if flag not in encoder:
         return np.zeros(base_s.size)
@@ -223,13 +222,6 @@ def read_curves(path: str | Path) -> pd.DataFrame:
 
 
 def write_curves(table: pd.DataFrame, netcdf: bytes, path: Path) -> Path:
-    """Write curves to ``.nc``, ``.csv`` or ``.parquet``.
-
-    Raises
-    ------
-    ValidationInputError
-        Another ending, a folder that cannot be written, or Parquet without pyarrow.
-    """
     try:
         if path.suffix == ".nc":
             path.write_bytes(netcdf)

@@ -41,7 +41,6 @@ from validation.measurement.geometry import Motion
 
 
 def make_absent_event(name: str, note: str = "") -> Event:
-    """An event that did not happen."""
     return Event(name, float("nan"), float("nan"), "absent", note)
 
 
@@ -107,7 +106,6 @@ def find_last_fall(time_s: Array, signal: Array, level: float) -> float | None:
 
 
 def select_first_after(times: list[float], after_s: float) -> float | None:
-    """First of increasing times that is not before `after_s`."""
     return next((t for t in times if t >= after_s), None)
 
 
@@ -773,7 +771,6 @@ def count_bounces(motion: Motion, strike: Strike | None, caught: Event) -> Event
 
 
 def _count_turns(height: Array, least: float) -> int:
-    """Reversals of a curve by at least so much."""
     count, direction = 0, 0
     low = high = None
     for h in height[np.isfinite(height)]:

@@ -163,7 +163,6 @@ def _widen_gap(time: Array, gap: Array, impact_s: float, release_s: float) -> Ar
 
 
 def _is_carried(whippen_rad: Array, step: float, free_fall: float) -> NDArray[np.bool_]:
-    """Samples at which the whippen is accelerated upwards of its free fall."""
     # start-up: scipy.signal costs 0.3 to 0.6 s, only doubtful trials need it
     from scipy.signal import savgol_filter
 
@@ -283,7 +282,6 @@ def find_rail_pulls(tested: ModelUnderTest, m: MeasuredTrial) -> list[RailPull]:
 
 
 def mark_lifted_samples(time_s: Array, lifts: Sequence[KeyLift]) -> NDArray[np.bool_]:
-    """Samples inside any lift."""
     out = np.zeros(len(time_s), dtype=bool)
     for lift in lifts:
         out |= (time_s >= lift.start_s) & (time_s <= lift.end_s)

@@ -50,11 +50,6 @@ def choose_window(measurements: Sequence[MeasuredTrial], events: dict[int, dict[
     Parameters
     ----------
     events : Trial number → measured events
-
-    Raises
-    ------
-    ValidationInputError
-        The records have no time in common.
     """
     start = max(min(m.quiet.onset_s for m in measurements) - LEAD_S, max(float(m.time_s[0]) for m in measurements))
     # the model knows no force for the last group delay of a record
@@ -85,7 +80,6 @@ class SessionEvents:
 
     @property
     def impact_s(self) -> dict[int, float]:
-        """Time of the string impact of each trial that has one."""
         impacts = {number: events["string_impact"] for number, events in self.trial.items()}
         return {number: event.value for number, event in impacts.items() if event.status != "absent"}
 

@@ -264,12 +264,10 @@ RETURNS_RAD = (3e-3, 5e-3, 1.5e-3)  # key, whippen, hammer: friction lets a soft
 
 
 def select_last_samples(m: MeasuredTrial) -> slice:
-    """Samples of the last 50 ms."""
     return slice(int(np.searchsorted(m.time_s, m.time_s[-1] - END_S)), m.time_s.size)
 
 
 def is_standing_still(m: MeasuredTrial) -> NDArray[np.bool_]:
-    """Whether each encoder stands still at the end of the record."""
     return np.asarray(np.ptp(m.change_rad[select_last_samples(m)], axis=0) < STILL_RAD)
 
 

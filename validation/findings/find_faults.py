@@ -95,7 +95,6 @@ class _Stage:
     tested: ModelUnderTest
 
     def select_trials(self, numbers: Sequence[int]) -> _Stage:
-        """The same of some trials."""
         traces = self.scored.traces
         encoder = {n: f for n, f in traces.encoder.items() if n in numbers}
         return replace(
@@ -268,7 +267,6 @@ def _find_outlying(stage: _Stage, found: Sequence[SessionFinding]) -> list[Sessi
 
 
 def _find_change(stage: _Stage, found: Sequence[SessionFinding]) -> list[SessionFinding]:
-    """The trial from which the difference from the model is another one, if there is one."""
     sound = select_sound_trials(stage.predicted.trials, found)
     residuals = make_residuals(stage.predicted, stage.events, sound)
     return find_changed_condition(stage.tested, {m.number: m for m in sound}, residuals)

@@ -83,7 +83,6 @@ def register_kinds(
 
 
 def make_finding(kind: str, channel: str, by_trial: Mapping[int, float], limit: float, text: str) -> SessionFinding:
-    """One finding of all trials in ``by_trial``, with the mean of their values."""
     numbers = tuple(sorted(by_trial))
     mean = float(np.mean([by_trial[number] for number in numbers]))
     trial = float(numbers[0]) if len(numbers) == 1 else float("nan")
@@ -96,7 +95,6 @@ def uncertainty_of_mean(values: Collection[float]) -> float:
 
 
 def name_trials(numbers: Collection[int], among: Collection[int]) -> str:
-    """Exactly those trials: ``in trial 4 (1 of 6)``, ``in all 6 trials``, ``from trial 4 on (3 of 6)``."""
     own, every = sorted(numbers), sorted(among)
     n = len(every)
     if len(own) == n:
@@ -127,7 +125,6 @@ LeftOut = Collection[tuple[int, str]]
 
 
 def select_counted(trials: Mapping[int, T], channel: str, without: LeftOut) -> dict[int, T]:
-    """The trials that count for a channel."""
     return {number: x for number, x in trials.items() if (number, channel) not in without}
 
 

@@ -89,7 +89,6 @@ def find_force_saturation(m: MeasuredTrial) -> list[SessionFinding]:
 
 
 def _find_longest_run(flat: NDArray[np.bool_]) -> tuple[int, int]:
-    """Start and length of the longest run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flat.astype(np.int8), [0]])))
     if not edges.size:
         return 0, 0
@@ -162,7 +161,6 @@ def _compute_errors(expected: Array, trial: Array, size: Array) -> Array:
 
 
 def _find_furthest(change: Array) -> Array:
-    """Change of each body where it is furthest from rest, with its sign."""
     return np.asarray(np.take_along_axis(change, np.abs(change).argmax(axis=0)[None], axis=0)[0])
 
 
@@ -242,7 +240,6 @@ def estimate_force_lag(m: MeasuredTrial, p: PredictedAngles) -> tuple[float, flo
 
 
 def _estimate_lag(force: Array, key_rad: Array, step: float) -> tuple[float, float]:
-    """Lag of the best correlation and that correlation."""
     a, f = filter_band(second_derivative(key_rad, step), step), filter_band(force, step)
     reach = round(LONGEST_S / step)
     inner = slice(2 * reach, a.size - 2 * reach)

@@ -146,7 +146,6 @@ class _Suspect:
 
 
 def _list_suspects(m: MeasuredTrial, off: Array, like: LikeTrials | None) -> Iterator[_Suspect]:
-    """Spikes by the trial alone, then by other trials of the stroke."""
     for spike in find_candidate_spikes(m):
         before = _select_window(m, spike, -MISSED_S, 0.0)
         missed = rms(_subtract_line(m.time_s[before], off[before])) if before.size > 2 else 0.0

@@ -203,7 +203,6 @@ def _fit_scale(curves: Array, j: int) -> float:
 
 
 def _find_unusual_events(number: int, events: dict[int, dict[str, Event]]) -> list[str]:
-    """Events that happen, or do not, in this trial only."""
     reasons = []
     for name, kind in EVENTS.items():
         there = {n: e[name].status != "absent" for n, e in events.items()}

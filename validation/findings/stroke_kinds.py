@@ -107,7 +107,6 @@ def find_mixed_strokes(trials: Sequence[MeasuredTrial], kinds: Sequence[Sequence
     {"stroke of its own": "Validate the stroke unlike the others apart, or reject it (pianorig annotate)."}, spoils=BLOW
 )
 def find_single_strokes(trials: Sequence[MeasuredTrial], kinds: Sequence[Sequence[int]]) -> list[SessionFinding]:
-    """Strokes that are like no other, where others are alike."""
     if not any(len(kind) > 1 for kind in kinds):
         return []
     held = {m.number: sustained_force_n(m) for m in trials}

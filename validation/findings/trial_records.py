@@ -18,7 +18,6 @@ SHORT_SHARE = 0.1
 
 @register_kinds({"sample rate": "Record all trials at one rate."}, among=OF_TRIALS)
 def find_unusual_rates(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
-    """Trials that were sampled at another rate than most."""
     rate = {m.number: (m.time_s.size - 1) / float(m.time_s[-1] - m.time_s[0]) for m in measured}
     usual = float(np.median(list(rate.values())))
     return [

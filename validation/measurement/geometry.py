@@ -96,11 +96,6 @@ def geometry_of(action: model.Action, rest_angle_rad: Array) -> ActionGeometry:
     Parameters
     ----------
     rest_angle_rad : (5,), its rest state under the load the trials start from
-
-    Raises
-    ------
-    ValidationInputError
-        When the key of this action never reaches its felt within 0.2 rad.
     """
     rest = np.asarray(rest_angle_rad, dtype=float)
 

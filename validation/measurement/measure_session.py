@@ -37,13 +37,6 @@ class MeasuredSession:
 
 
 def open_session(session: Session | str | Path) -> Session:
-    """The session itself, or the session at a path.
-
-    Raises
-    ------
-    ValidationInputError
-        The arm pressed a felt in it: there is no key to compare.
-    """
     opened = Session.open(session) if isinstance(session, str | Path) else session
     if opened.info.kind == "felt":
         raise ValidationInputError(
@@ -67,7 +60,6 @@ def conditions_of(session: Session) -> list[str]:
 def usable_trials(
     session: Session, read: Callable[[Trial, TrialData], MeasuredTrial]
 ) -> tuple[list[MeasuredTrial], dict[int, str]]:
-    """Every usable trial as ``read`` measures it, and by number the reason for every other (its `TrialError`)."""
     found, refused = [], {}
     for trial in session.trials:
         if trial.rejected is not None:
@@ -98,11 +90,6 @@ def measure_session(
     condition : the only condition of the trial plan to use
     by_motion : the measured key drives the model in all trials, not only where no force was recorded
     calibration : errors of position sensors, of the action under test
-
-    Raises
-    ------
-    ValidationInputError
-        The usable trials are of several conditions and none was chosen, or the chosen one was not recorded.
     """
     conditions: dict[int, str] = {}
 
@@ -144,8 +131,6 @@ def measure_session(
 
 
 def _sharing_times(m: MeasuredTrial, other: MeasuredTrial) -> MeasuredTrial:
-    """The same trial with the other's arrays of times where they are equal."""
-
     def shared(mine: Array, theirs: Array) -> Array:
         return theirs if np.array_equal(mine, theirs) else mine
 

@@ -77,13 +77,7 @@ class SensorCalibration:
 
 
 def calibration_of(action: model.Action) -> SensorCalibration:
-    """What an action's file says of the position sensors it was identified with; the rulers' own where it says nothing.
-
-    Raises
-    ------
-    ValidationInputError
-        The table is not as it was written.
-    """
+    """What an action's file says of the position sensors it was identified with, else the rulers' own."""
     table = action.identification.get(TABLE)
     if table is None:
         return SensorCalibration()
@@ -101,7 +95,6 @@ def calibration_of(action: model.Action) -> SensorCalibration:
 
 @lru_cache(maxsize=1)
 def reference_geometry() -> ActionGeometry:
-    """Geometry in which readings of positions stand, that of `REFERENCE`."""
     action = model.load_action(REFERENCE)
     return geometry_of(action, model.rest_state(action).angle_rad)
 
@@ -136,13 +129,6 @@ class PositionSensors:
     sensors: Mapping[str, str]  # places of the sensors and of the calibrated points
 
     def check_sensors(self) -> None:
-        """Refuse a calibration that was learnt at other sensors.
-
-        Raises
-        ------
-        TrialError
-            A sensor or its calibrated point is elsewhere.
-        """
         for name, place in (self.calibration.sensors or {}).items():
             if self.sensors.get(name) != place:
                 raise TrialError(

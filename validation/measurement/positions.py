@@ -66,12 +66,6 @@ def measure_positions(data: TrialData, calibration: SensorCalibration, seal: str
     ----------
     calibration : errors of the sensors, of the action under test
     seal : SHA-256 of the trial
-
-    Raises
-    ------
-    TrialError
-        A sensor of key or hammer is missing or there are two, the trial does not begin at rest, or the calibration is
-        of other sensors.
     """
     found = {}
     for body in ("key", "hammer"):

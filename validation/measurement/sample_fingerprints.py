@@ -26,18 +26,15 @@ BASE = np.uint64(0x9E3779B97F4A7C15)  # odd, so that no power of it vanishes mod
 
 
 def sample_fingerprints(data: TrialData) -> tuple[str, ...]:
-    """Fingerprints of all channels of a trial, sorted."""
     found = {f"{value:016x}"[:DIGITS] for channel in _channels(data) for value in _hashes(*channel)}
     return tuple(sorted(found))
 
 
 def are_same_samples(one: Collection[str], other: Collection[str]) -> bool:
-    """Whether two trials hold samples of one recording."""
     return len(set(one) & set(other)) >= FEWEST_SHARED
 
 
 def are_same_stroke(one: Collection[str], other: Collection[str]) -> bool:
-    """Whether most of one trial's samples are those of the other."""
     shared = len(set(one) & set(other))
     return shared >= FEWEST_SHARED and shared > SHARE_OF_ONE_STROKE * min(len(one), len(other))
 

@@ -27,8 +27,6 @@ from validation.measurement.sample_fingerprints import sample_fingerprints
 
 @dataclass(frozen=True)
 class KeyHeads:
-    """What both heads say of the key."""
-
     rotation_rad: Array  # (n,) rotation since the first sample
     lift_m: Array  # (n,) height of the pivot above that of the first sample
     u_lift_m: float  # standard uncertainty of one value of the lift, without that of the radius
@@ -188,11 +186,6 @@ def measure(
         SHA-256 of the trial, for provenance.
     by_motion : bool
         The measured key drives the model although a force was recorded.
-
-    Raises
-    ------
-    TrialError, rig.RigInputError
-        When a channel is missing, the trial has no usable baseline, or without a force does not rest before the blow.
     """
     names = [encoder.name for encoder in data.encoders]
     missing = [name for name in ENCODER_CHANNELS if name not in names]
@@ -280,13 +273,7 @@ def encoder_change(angle_rad: Array, quiet: Quiet, resolution_rad: Array) -> tup
 
 
 def film_angles(table: pd.DataFrame | None, data: TrialData, quiet: Quiet) -> tuple[FilmAngles | None, list[str]]:
-    """Angles of a track file, and notes on them.
-
-    Raises
-    ------
-    TrialError
-        A column is missing, or its times do not increase.
-    """
+    """Angles of a track file, and notes on them."""
     if table is None:
         return None, []
     needed = ["time_s"] + [f"{name}_relative{tail}" for name in FILM_CHANNELS for tail in ("_rad", "_u_rad")]

@@ -179,7 +179,6 @@ def compare(
 
 
 def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions) -> ValidationResult:
-    """Compare a session with a model: one stage after the other."""
     tested = model_under_test(session, action, chosen)
     measured = measure_session(
         session, tested.geometry_at, chosen.u_rest_level_m, chosen.condition, chosen.by_motion, tested.calibration
@@ -349,5 +348,4 @@ def model_under_test(session: Session, action: model.Action, chosen: ComparisonO
 
 
 def load_model(action: model.Action | str | Path) -> model.Action:
-    """The action itself, or the one of a name or path."""
     return model.load_action(action) if isinstance(action, str | Path) else action

@@ -164,7 +164,6 @@ def compare_many(
 
 
 def open_all(sessions: Sequence[Session | str | Path]) -> tuple[list[Session], list[tuple[str, Exception]]]:
-    """Sessions that can be opened, and of each other one a line with its error."""
     places = Counter(Path(s.path if isinstance(s, Session) else s).resolve() for s in sessions)
     for place, n in places.items():
         if n > 1:

@@ -52,7 +52,6 @@ def prediction_lines(action: model.Action, trials: Sequence[MeasuredTrial]) -> l
 
 
 def identified_warnings(action: model.Action) -> list[str]:
-    """Warnings of the identification that an action's values come from."""
     if posterior_of(action) is None:
         return []
     said = [f"{action.name} was identified: {line}" for line in action.identification.get("warnings", [])]
@@ -116,7 +115,6 @@ def _alone(quantities: pd.DataFrame) -> list[str]:
 
 
 def _made_of(facts: Mapping[str, Any]) -> list[str]:
-    """What the intervals are made of."""
     if not facts.get("judged", False):
         return []
     least = "at least " if len(facts["drawn_trials"]) > 1 else ""  # of the conditions

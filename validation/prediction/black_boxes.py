@@ -53,8 +53,6 @@ class Example:
 
 @dataclass(frozen=True, eq=False)
 class BlackBox:
-    """A fitted black box."""
-
     kind: str  # one of `KINDS`
     order: tuple[int, int]  # stretches of the past or lags, degree
     # middle, reach: the inputs it was fitted to lie within middle ± reach
@@ -81,13 +79,7 @@ class BlackBox:
 
     @classmethod
     def of(cls, plain: Mapping[str, Any], where: str) -> BlackBox:
-        """Of what a file holds.
-
-        Raises
-        ------
-        ValidationInputError
-            It is damaged.
-        """
+        """Of what a file holds."""
         try:
             arrays = {name: np.array(plain[name], dtype=float) for name in ("weights", "low", "high")}
             stretches, degree = map(int, plain["order"])
@@ -108,13 +100,7 @@ def _rounded(values: Any) -> Any:
 
 
 def fit_black_boxes(examples: Sequence[Example]) -> dict[str, BlackBox]:
-    """Every kind fitted to the same strokes; their order by leaving strokes out, with one stroke the lowest.
-
-    Raises
-    ------
-    ValidationInputError
-        There is no stroke.
-    """
+    """Every kind fitted to the same strokes; their order by leaving strokes out, with one stroke the lowest."""
     if not examples:
         raise ValidationInputError("black boxes: found no stroke to fit them to; needed one")
     return {kind: _Normal(kind, examples).best() for kind in KINDS}

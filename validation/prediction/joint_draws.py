@@ -68,7 +68,6 @@ class JointDraw:
         return KeyErrors(key, key_zero, np.array([key, key_zero, bow, hammer, hammer_zero, *curve]))
 
     def rng(self, trial: int, use: Literal["force", "readings"]) -> np.random.Generator:
-        """Random numbers of one trial in this draw."""
         return np.random.default_rng([*self.own, trial, USES.index(use)])
 
 
@@ -92,7 +91,6 @@ def _lot(m: MeasuredTrial) -> tuple[bytes, int]:
 
 
 def session_seed(trials: Sequence[MeasuredTrial]) -> int:
-    """Seed from the recorded data: the same for every report of a session, another for another session."""
     first = min(trials, key=lambda m: m.number)  # a trial added later changes no draw
     return int.from_bytes(hashlib.sha256(first.seal.encode()).digest()[:8], "big")
 

@@ -54,13 +54,7 @@ def key_motion(m: MeasuredTrial, rest_rad: float, errors: KeyErrors = EXACT) -> 
 def run_key_driven(
     action: model.Action, m: MeasuredTrial, rest_rad: Array, tolerance: float, errors: KeyErrors = EXACT
 ) -> tuple[Array, Array, dict[str, float]]:
-    """Changes of angle (n, 5), rad, speeds (n, 5), rad/s, and counters of the model under a trial's key.
-
-    Raises
-    ------
-    model.errors.ModelError
-        The action cannot follow.
-    """
+    """Changes of angle (n, 5), rad, speeds (n, 5), rad/s, and counters of the model under a trial's key."""
     # the fit of an encoder's samples ends where they do, to rounding
     motion = key_motion(m, float(rest_rad[KEY]), errors)
     at = np.clip(m.time_s, motion.break_s[0], motion.break_s[-1])
@@ -96,7 +90,6 @@ class NullAction:
 
     @classmethod
     def of(cls, action: model.Action) -> NullAction:
-        """Reduce an action."""
         weight = action["hammer.mass"] * action["gravity.g"]
         centre = (weight * action["hammer.center_of_mass.x"], weight * action["hammer.center_of_mass.y"])
         reach = math.hypot(action["contact12.first.x"], action["contact12.first.y"])

@@ -87,7 +87,6 @@ class ModelUnderTest:
 
     @cached_property
     def simulate(self) -> Callable[..., model.Solution]:
-        """``model.simulate`` or its stand-in."""
         return self.stand_ins.predict or model.simulate
 
     @property
@@ -102,7 +101,6 @@ class ModelUnderTest:
 
     @cached_property
     def action_hash(self) -> str:
-        """Hash of the action's values and structure."""
         return action_sha256(self.action)
 
     @cached_property
@@ -122,12 +120,10 @@ class ModelUnderTest:
         return self._loads[preload_n]
 
     def load_of(self, action: model.Action, preload_n: float) -> Load:
-        """Rest and geometry of any action under a preload."""
         rest = self.rest_of(action, preload_n)
         return Load(rest, (self.stand_ins.geometry or geometry_of)(action, rest.angle_rad))
 
     def rest_of(self, action: model.Action, preload_n: float) -> model.RestState:
-        """Rest of any action under a preload."""
         return (self.stand_ins.rest_state or model.rest_state)(action, force_n=preload_n)
 
     def geometry_of_trial(self, m: MeasuredTrial) -> ActionGeometry:
@@ -135,13 +131,6 @@ class ModelUnderTest:
         return self.geometry_at(m.force.preload_n) if m.sensors is None else reference_geometry()
 
     def geometry_at(self, preload_n: float) -> ActionGeometry:
-        """Geometry under a preload.
-
-        Raises
-        ------
-        ValidationInputError
-            The action does not rest under it: then no trial can be read with it.
-        """
         try:
             return self.load(preload_n).geometry
         except ModelError as error:

@@ -132,13 +132,7 @@ def make_posterior(
 
 
 def posterior_of(action: model.Action) -> Posterior | None:
-    """The joint uncertainty that an action's file holds; None where it was not identified.
-
-    Raises
-    ------
-    ValidationInputError
-        The table is not as it was written.
-    """
+    """The joint uncertainty that an action's file holds; None where it was not identified."""
     table = action.identification.get(TABLE)
     if table is None:
         return None

@@ -95,11 +95,6 @@ def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "mode
     tested : its store keeps predictions as the derived step ``prediction_<action>``
     variant : {"model", "raw_force", "null"}, which force drives, and whether the null model takes the place of the
         model
-
-    Raises
-    ------
-    PredictionError
-        The result has the wrong shape.
     """
     if m.driven_by_key:
         return _predict_by_key(m, tested, variant)
@@ -228,13 +223,7 @@ class PredictedSession:
 def predict_session(
     measured: MeasuredSession, tested: ModelUnderTest, progress: Callable[[str], None] | None = None
 ) -> PredictedSession:
-    """Predict every measured trial; unchanged ones are read, not simulated.
-
-    Raises
-    ------
-    ValidationInputError
-        No trial is left.
-    """
+    """Predict every measured trial; unchanged ones are read, not simulated."""
     refused = dict(measured.refused)
     predictions = {}
     for m in measured.trials:

@@ -47,11 +47,6 @@ def iso_score(test: Array, cae: Array, step_s: float) -> IsoScore:
     ----------
     test, cae : (n,), measured and predicted curve, n ≥ 9, finite, on the same uniform grid
     step_s : sampling interval, s
-
-    Raises
-    ------
-    ValueError
-        Fewer than nine samples, unequal lengths or values that are not finite.
     """
     t, c = np.ascontiguousarray(test, dtype=float), np.ascontiguousarray(cae, dtype=float)
     if t.ndim != 1 or t.shape != c.shape or t.size < FEWEST_SAMPLES:

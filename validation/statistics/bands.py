@@ -59,13 +59,6 @@ def estimate_time_scatter(curves: Array, u_sample: float = 0.0) -> Array:
     -------
     (n_samples,) array
         Not decreasing.
-
-    Examples
-    --------
-    >>> t = np.arange(400.0)[:, None]
-    >>> s = estimate_time_scatter(np.tanh((t - 200 - np.array([-2.0, 0.0, 2.0])) / 20))
-    >>> float(s[0]), round(float(s[-1]), 1)
-    (0.0, 2.0)
     """
     mean = curves.mean(axis=1)
     fastest = float(np.abs(np.gradient(mean)).max())
@@ -183,11 +176,6 @@ def critical_value(freedom: int, length: float, n_samples: int, confidence: floa
     freedom : degrees of freedom at each instant, number of trials − 1
     length : roughness length of the curve
     n_samples : samples of the curve: it cannot exceed more often than so many independent values
-
-    Examples
-    --------
-    >>> round(critical_value(4, 0.0, 1), 3)  # a single value: Student's t
-    2.776
     """
     alpha = 1 - confidence
     independent = float(-stdtrit(freedom, alpha / 2 / max(n_samples, 1)))

@@ -49,7 +49,6 @@ class Skill:
 
     @property
     def words(self) -> str:
-        """In a sentence's words."""
         size = f"{100 * abs(self.skill):.0f} % {'smaller' if self.skill >= 0 else 'larger'}"
         nearer = f"{size} than that of {CALLED.get(self.rival, self.rival)}"
         n = f"{self.strokes} stroke{'s' if self.strokes > 1 else ''}"
@@ -76,7 +75,6 @@ def compute_skill(model: Array, rivals: Mapping[str, Array]) -> Skill | None:
 
 
 def describe_skills(skill: Mapping[str, Skill], fitted: str) -> tuple[str, ...]:
-    """The skill of every channel in one line."""
     if not skill:
         return ()
     of = []

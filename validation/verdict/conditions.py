@@ -47,11 +47,6 @@ def separate_conditions(
     numbers : of all trials
     conditions : trials of each that was seen, where there are several
     firsts : first trials of what changed
-
-    Examples
-    --------
-    >>> separate_conditions([1, 2, 3, 4], [], [3])
-    ((1, 2), (3, 4))
     """
     out = []
     for members in conditions or [numbers]:

@@ -104,7 +104,6 @@ class SessionErrors:
 
     @property
     def trials(self) -> tuple[int, ...]:
-        """Numbers of all trials that the errors are of."""
         return tuple(sorted(number for condition in self.conditions for number in condition.trials))
 
 
@@ -339,7 +338,6 @@ class _TrialDrawing:
         return out
 
     def _read_events(self, draw: JointDraw, read: Array) -> tuple[Array, int]:
-        """Values of the events in one reading of the trial, and its branch."""
         m = self.m
         motion = m.read_motion(m.time_s, read[:, : len(ENCODER_CHANNELS)])
         hammer, key = (self.u_rest_level_m * z for z in draw.z_levels)

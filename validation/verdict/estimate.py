@@ -84,19 +84,7 @@ class Estimates:
 
 
 def estimate_errors(sample: ErrorSample) -> Estimates:
-    """Estimate the model error of every quantity, and test all primary ones and the branch together.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(1)
-    >>> common, nothing = rng.standard_normal((199, 2)), np.zeros((1, 2))
-    >>> sample = ErrorSample(
-    ...     found=np.array([0.3, 9.0]), n_trials=np.ones(2, int), residuals=nothing, common=common,
-    ...     own=np.zeros((2, 2)), condition=np.zeros(2, int), branch=np.zeros((199, 1), int),
-    ...     branch_found=np.zeros(1, int), inputs=common, floor=np.full(2, 1e-9), primary=np.ones(2, bool))
-    >>> estimate_errors(sample).resolved.tolist()
-    [False, True]
-    """
+    """Estimate the model error of every quantity, and test all primary ones and the branch together."""
     n_all = len(sample.common)
     rng = np.random.default_rng([SEED, n_all, len(sample.found)])
     noise, u_repeat = draw_trial_scatter(sample.residuals, sample.own, sample.n_trials, n_all, rng)
@@ -186,7 +174,6 @@ def pooled_scale(drawn: Array, found: Array, floor: Array, tail: float = SIGMA) 
 
 
 def side_ratio(values: Array, middle: Array, lower: Array, upper: Array) -> Array:
-    """|value − median| over the scale of its side, of the shape of ``values``."""
     away = values - middle
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(np.abs(away) / np.where(away > 0, upper, lower))

@@ -65,7 +65,6 @@ class Quantity:
 
     @property
     def is_primary(self) -> bool:
-        """Whether the claim rests on it."""
         return bool(self.relevant)
 
 
@@ -94,13 +93,7 @@ IS_PRIMARY = np.array([q.is_primary for q in QUANTITIES])
 
 
 def relevance_limits(given: Mapping[str, float]) -> dict[str, float]:
-    """Limits of relevance in SI (shares as such), the defaults where none is given.
-
-    Raises
-    ------
-    ValidationInputError
-        A name that is not known, or a limit that is not above zero.
-    """
+    """Limits of relevance in SI (shares as such), the defaults where none is given."""
     for name, value in given.items():
         if name not in RELEVANT:
             raise ValidationInputError(f"relevant: {name!r} is no limit; allowed {', '.join(RELEVANT)}")
@@ -166,7 +159,6 @@ BRANCH = {
 
 
 def branch_of(events: Mapping[str, Event]) -> int:
-    """Number of the branch of a motion: one bit for each of `BRANCH`."""
     return sum(1 << i for i, name in enumerate(BRANCH) if events[name].status != "absent")
 
 

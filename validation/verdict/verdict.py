@@ -65,7 +65,6 @@ class Verdict:
 
 
 def undecided_verdict(reason: str) -> Verdict:
-    """Nothing can be told, because of ``reason``."""
     return Verdict(CANNOT_TELL, f"cannot tell: {reason}.", facts={"judged": False, "reason": reason})
 
 
@@ -237,7 +236,6 @@ def quantity_words(row: Any, names: tuple[str, str] = ("low", "high")) -> str:
 
 
 def reading_of(row: Any) -> str:
-    """What is said of one quantity."""
     if not math.isfinite(row.low):
         return str(row.state) or "not estimated"
     if row.resolved:

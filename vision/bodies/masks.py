@@ -59,7 +59,6 @@ def outline_distances(
 
 
 def masks_from_distances(bodies: Sequence[Body], distances: Sequence[NDArray[np.float32]]) -> list[NDArray[np.bool_]]:
-    """As `build_masks`, from `outline_distances`."""
     height, width = distances[0].shape
     masks = []
     for i, body in enumerate(bodies):
@@ -82,11 +81,6 @@ def exclude_saturated(
 ) -> list[NDArray[np.bool_]]:
     """Masks without the saturated pixels and those near enough to take part of their grey value from them, for bodies
     of which more than a few are saturated.
-
-    Raises
-    ------
-    BodyError
-        When fewer than `MIN_PIXELS` are left of a body.
     """
     if not saturated.any():
         return list(masks)

@@ -96,7 +96,6 @@ class Occlusion:
         ]
 
     def with_templates(self, templates: Sequence[Template]) -> Occlusion:
-        """The same for other pixels of the same bodies."""
         return Occlusion(self._bodies, templates, self.distances)
 
     def hidden_pixels(

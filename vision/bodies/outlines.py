@@ -96,7 +96,6 @@ def check_bodies(bodies: Sequence[Body]) -> None:
 
 
 def sort_parents_first(bodies: Sequence[Body]) -> list[int]:
-    """Indices of the bodies, parents before their children."""
     check_bodies(bodies)
     parents = {body.name: body.parent for body in bodies}
 

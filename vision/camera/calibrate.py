@@ -254,7 +254,6 @@ def _spacing(points: NDArray[np.float64]) -> float:
 
 
 def _create_dot_detector() -> Any:
-    """Detector for dark dots of any size."""
     wanted = cv2.SimpleBlobDetector.Params()
     wanted.minArea, wanted.maxArea = 12.0, 1e5
     wanted.minDistBetweenBlobs = 3.0

@@ -150,7 +150,6 @@ def transform_points(
 
 
 def _squared_norm(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Squared distance from the origin, shape (..., 1)."""
     x, y = points[..., :1], points[..., 1:]
     return np.asarray(x * x + y * y)
 
@@ -297,7 +296,6 @@ class CalibratedCamera:
 
 
 def build_projection(parameters: NDArray[np.float64], width: int, height: int) -> Projection:
-    """Projection of the five parameters of `CalibratedCamera`."""
     a, b, p, q, k = (float(v) for v in parameters)
     half = float(np.hypot(0.5 * (width - 1), 0.5 * (height - 1)))
     return Projection(width, height, np.array([[1 + a, b, 0.0], [b, 1 - a, 0.0], [p / half, q / half, 1.0]]), k)

@@ -51,11 +51,6 @@ class CineFilm(Film):
         Read up to the last whole image instead of refusing a file that was cut short.
     channel : {"red", "green", "blue"}, optional
         Of a colour film, take this channel; weighted as the eye does when None.
-
-    Raises
-    ------
-    FilmError
-        A channel of a grey film is asked for; the file is damaged, cut short, or of a kind that is not read.
     """
 
     has_camera_times = True

@@ -59,6 +59,5 @@ class FileWindow:
         return window[start - held : end - held]
 
     def close(self) -> None:
-        """Close the file."""
         self._held = (0, np.empty(0, dtype=np.uint8))
         self._file.close()

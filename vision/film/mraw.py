@@ -81,10 +81,7 @@ class FilmHeader:
 
 
 def read_header(path: Path, *, is_mraw: bool = True) -> FilmHeader:
-    """Read a ``.cih`` or ``.cihx`` file, of an MRAW film or of one exported to another format.
-
-    Raises `FilmError` with the field, the value found and what is allowed.
-    """
+    """Read a ``.cih`` or ``.cihx`` file, of an MRAW film or of one exported to another format."""
     try:
         size = path.stat().st_size
         if size > MAX_HEADER_BYTES:

@@ -53,7 +53,6 @@ class _Pictures(Film):
         return picture
 
     def _decode_picture(self, index: int) -> tuple[str, NDArray[Any]]:
-        """Where a picture stands, and its grey values."""
         raise NotImplementedError
 
 
@@ -81,8 +80,6 @@ class PictureFolder(_Pictures):
 
 
 class OnePicture(_Pictures):
-    """A single picture."""
-
     def __init__(self, path: Path, *, allow_truncated: bool = False, channel: str | None = None) -> None:
         super().__init__(path, 1, channel)
 
@@ -179,7 +176,6 @@ def _sort_by_number(folder: Path, files: list[Path], number: re.Pattern[str], al
 
 
 def _read_picture(path: Path, channel: str | None) -> NDArray[Any]:
-    """Grey values of the only picture in a file."""
     # start-up: OpenCV costs 0.12 s, MRAW films do without
     import cv2
 

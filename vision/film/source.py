@@ -34,8 +34,6 @@ ZIGZAG = sorted(
 
 @dataclass(frozen=True)
 class Compression:
-    """How a film was compressed."""
-
     # (8, 8), steps of the luminance table, grey, lowest frequency first; None when frames are
     # predicted from others, or stored with a loss that the file does not tell
     steps: NDArray[np.float64] | None
@@ -211,7 +209,6 @@ class NewestFrame(threading.local):
     picture: NDArray[Any] | None = None
 
     def get(self, index: int, decode: Callable[[int], NDArray[Any]]) -> NDArray[Any]:
-        """Frame ``index``, decoded where the newest is another."""
         if self.index != index or self.picture is None:
             self.picture = None  # released first: one decoded picture at a time
             self.index, self.picture = index, decode(index)
@@ -301,18 +298,11 @@ class Corrected(Film):
 
     @property
     def frame_time_s(self) -> NDArray[np.float64] | None:
-        """As of the film."""
         return self.film.frame_time_s
 
 
 class ChosenFrames(Corrected):
-    """Frames ``first_frame`` to ``last_frame`` of a film, numbered from 0; the film itself is ``film``.
-
-    Raises
-    ------
-    FilmError
-        The film has no such frames.
-    """
+    """Frames ``first_frame`` to ``last_frame`` of a film, numbered from 0; the film itself is ``film``."""
 
     def __init__(self, film: FrameSource, first_frame: int, last_frame: int | None = None) -> None:
         super().__init__(film)
@@ -325,7 +315,6 @@ class ChosenFrames(Corrected):
 
     @property
     def frame_time_s(self) -> NDArray[np.float64] | None:
-        """Times of the chosen frames, on the film's own axis."""
         times = self.film.frame_time_s
         return None if times is None else times[self.first_frame : self.first_frame + self.n_frames]
 
@@ -335,12 +324,10 @@ class ChosenFrames(Corrected):
         return self.film.read(self.first_frame + index)
 
     def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
-        """Rectangle of a frame, counted from the first chosen one."""
         self._check_index(index)
         return self.film.read_region(self.first_frame + index, y0, y1, x0, x1)
 
     def close(self) -> None:
-        """Close the film."""
         self.film.close()
 
 
@@ -397,13 +384,7 @@ class ArrayFilm(Film):
 def check_frame(
     path: Path, frame: ArrayLike, shape: tuple[int, ...] | None, bit_depth: int, number: int, colour: bool = False
 ) -> NDArray[Any]:
-    """A frame that fits the film, as whole numbers; ``shape`` is that of the first frame, None for the first itself.
-
-    Raises
-    ------
-    FilmError
-        The frame has another shape, is not of whole numbers, or exceeds ``bit_depth`` bits.
-    """
+    """A frame that fits the film, as whole numbers; ``shape`` is that of the first frame, None for the first itself."""
     if not (isinstance(frame, np.ndarray) and frame.dtype.kind in "iu"):
         try:
             frame = as_numbers(frame, f"{path}: frame {number}", dtype=np.int64)
@@ -442,7 +423,6 @@ class Repeats:
         return self._kept[0], self._box[2], self._box[3]
 
     def is_repeat(self, index: int) -> bool:
-        """True when frame ``index`` repeats frame ``index - 1``."""
         if not self.meaningful or index < 1:
             return False
         if self._newest is None or self._newest[0] != index - 1:

@@ -129,7 +129,6 @@ class TiffFilm(Film):
         warnings.warn(f"{self.path}: its file wants the picture {words}, which is done", VisionWarning, stacklevel=5)
 
     def _read_axes(self, series: list[Any], channel: str | None) -> None:
-        """Which page is which frame."""
         if not series:
             raise FilmError(f"{self.path}: holds no picture")
         kinds = {(one.axes.lstrip("IQT"), one.shape[-len(one.axes.lstrip("IQT")) :], str(one.dtype)) for one in series}

@@ -67,11 +67,6 @@ def classify_spacing(stamp_s: F64, tick_s: float, nominal_s: float | None = None
     stamp_s : ndarray, shape (n,), n > 1
     tick_s : what stamps are rounded to, s; 0 when they are not
     nominal_s : interval that the file states beside its stamps
-
-    Raises
-    ------
-    FilmError
-        Stamps go back, or several are the same although the ticks would tell frames apart.
     """
     intervals = np.diff(stamp_s)
     none = np.zeros(intervals.size, dtype=np.int64)
@@ -144,7 +139,6 @@ def _is_serial(intervals: F64) -> bool:
 
 
 def _pace_ratio(intervals: F64) -> float:
-    """Longest of the local intervals over the shortest."""
     runs = max(1, intervals.size // RUN)
     local = [float(np.median(part)) for part in np.array_split(intervals, runs)]
     return max(local) / min(local)
@@ -225,7 +219,6 @@ def refuse_ramp(path: Path, time_s: F64) -> None:
 
 
 def describe_spacing(spacing: Spacing, first_frame: int) -> str:
-    """What is uneven, of stamps from a frame of the film on."""
     gaps = np.flatnonzero(spacing.missing)
     if gaps.size == 0:
         return "variable rate"
@@ -234,7 +227,6 @@ def describe_spacing(spacing: Spacing, first_frame: int) -> str:
 
 
 def _compare_with_camera(film: FrameSource, time_s: F64, frame_rate_hz: float) -> None:
-    """Refuse a rate that contradicts the camera's times."""
     if time_s.size < 2:
         return
     intervals = np.diff(time_s)

@@ -102,7 +102,6 @@ class _Packets:
 
 
 def packet_key(packet: av.Packet) -> tuple[Any, ...]:
-    """What tells a packet from the others of its film."""
     return packet.pos, packet.pts, packet.dts, packet.size
 
 
@@ -372,7 +371,6 @@ def _decode(path: Path, is_counted: bool, head: bytes) -> tuple[tuple[Any, str |
 
 
 def _shown_order(packets: _Packets, is_avi: bool) -> list[int]:
-    """Packets of the frames in the order in which they are shown."""
     shown = [k for k, is_shown in enumerate(packets.shown) if is_shown]
     if is_avi or any(packets.pts[k] is None for k in shown):
         return shown

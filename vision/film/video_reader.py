@@ -171,7 +171,6 @@ class _Decoder:
         self._start()
 
     def close(self) -> None:
-        """Close the file."""
         self._container.close()
 
     def frame(self, number: int) -> Any:

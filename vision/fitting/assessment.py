@@ -227,7 +227,6 @@ def build_blocks(offset_px: NDArray[np.float32]) -> Blocks:
 
 
 def template_blocks(template: Template) -> Blocks:
-    """The blocks of a template's pixels."""
     return build_blocks(template.offset_px)
 
 
@@ -239,7 +238,6 @@ def coherence_ratios(
     influence: NDArray[np.float64],
     white_variance: NDArray[np.float64],
 ) -> Ratios:
-    """Ratios of one fit, as `block_ratios` has them."""
     found = Ratios(np.empty((N_LEVELS, 3)), np.empty((N_LEVELS, 3)))
     block_ratios(blocks, columns, work, weight, influence, white_variance, *found)
     return found

@@ -38,7 +38,6 @@ def filter_line(line: F32, out: F32) -> None:
 
 @inner_njit()
 def add_scaled(factor: np.float32, one: F32, out: F32) -> None:
-    """Add ``factor`` times a line."""
     for x in range(out.size):
         out[x] += factor * one[x]
 

@@ -105,7 +105,6 @@ SCALE_FLOOR_GREY = 0.5
 
 
 def fit_settings() -> Settings:
-    """How all bodies are fitted."""
     return Settings(noise_gain(), SCALE_FLOOR_GREY, TOLERANCE_PX, STOP_U, MAX_ITERATIONS)
 
 

@@ -110,7 +110,6 @@ class Squares(NamedTuple):
 
 @inner_njit()
 def select_median(values: F64, n: int) -> float:
-    """Median of the first n values, which are left in another order."""
     low, high, at = 0, n - 1, n // 2
     while low < high:
         pivot = values[(low + high) // 2]
@@ -357,7 +356,6 @@ class IlluminationField:
         return self._factor
 
     def _add_change(self, light: Illumination, more: F64) -> Illumination:
-        """Light with a measured change on top of it."""
         if light.glows:
             return Illumination(light.shade, light.glow + more, True)
         return Illumination(
@@ -430,7 +428,6 @@ def _pairs(template: Template) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]
 
 
 def _clipped_chi_square(residual: F64, noise: float) -> float:
-    """Mean square of residuals over the noise, each cut at `OUTLYING`."""
     return float(np.mean(np.minimum(np.abs(residual) / noise, OUTLYING) ** 2)) if residual.size else 0.0
 
 
@@ -520,7 +517,6 @@ class LocalIllumination:
         return self._squares().correct_coefficients(coefficient, corner, pose, self.light)
 
     def inflate_covariance(self, fit: Fit) -> Fit:
-        """A fit with what the local light takes from the pose in its covariance."""
         if self.light is None:
             return fit
         root = np.sqrt(self._squares().variance_inflation())

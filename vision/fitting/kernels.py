@@ -219,7 +219,6 @@ def sample_frame(region: Region, places: Places, value: F32, visible: F32) -> No
 
 @cached_njit(nogil=True)
 def mean_noise_gain(places: Places, visible: F32, gain_table: F64) -> float:
-    """Mean noise gain of every sixteenth sample."""
     total, count, steps = 0.0, 0, np.float32(gain_table.size - 1)
     half = np.float32(0.5)
     for i in range(0, visible.size, 16):
@@ -231,7 +230,6 @@ def mean_noise_gain(places: Places, visible: F32, gain_table: F64) -> float:
 
 @cached_njit(nogil=True, fastmath=FAST)
 def normal_equations(columns: F32, value: F32, weight: F32, visible: F32, matrix: F64, right: F64) -> None:
-    """Weighted normal equations of ``value = columns.T @ q[:4] + q[4]``."""
     at, ax, ay, ref = columns[0], columns[1], columns[2], columns[3]
     # named sums, so that the compiler keeps them in vector registers
     h00 = h01 = h02 = h03 = h04 = h11 = h12 = h13 = h14 = h22 = h23 = h24 = h33 = h34 = h44 = 0.0
@@ -289,7 +287,6 @@ def robust_scale(residual: F32, visible: F32, top: float, bin_of: I32) -> float:
 # These store: where arrays lie decides between vector and scalar loop, which without fast arithmetic give the same bits
 @inner_njit()
 def linear_residuals(columns: F32, value: F32, q: F64, residual: F32) -> None:
-    """Grey values less the linear fit ``q``."""
     at, ax, ay, ref = columns[0], columns[1], columns[2], columns[3]
     q0, q1, q2, q3, q4 = np.float32(q[0]), np.float32(q[1]), np.float32(q[2]), np.float32(q[3]), np.float32(q[4])
     for i in range(at.size):
@@ -298,7 +295,6 @@ def linear_residuals(columns: F32, value: F32, q: F64, residual: F32) -> None:
 
 @cached_njit(nogil=True)
 def tukey_weights(residual: F32, scale: float, weight: F32) -> None:
-    """Weights of residuals of the given scale."""
     per, one, zero = np.float32(1.0 / (TUKEY * scale)), np.float32(1.0), np.float32(0.0)
     for i in range(residual.size):
         u = residual[i] * per
@@ -308,7 +304,6 @@ def tukey_weights(residual: F32, scale: float, weight: F32) -> None:
 
 @cached_njit(nogil=True, fastmath=FAST)
 def weighted_sums(residual: F32, weight: F32, value: F32, visible: F32, scale: float) -> ResidualSums:
-    """Sums over the visible pixels."""
     near, one, zero = np.float32(3.0 * scale), np.float32(1.0), np.float32(0.0)
     sum_w = sum_wr2 = inlier = seen = sum_wv = sum_wvv = 0.0
     for i in range(residual.size):

@@ -223,7 +223,6 @@ def illumination_factor(changes: Changes, x: NDArray[np.float64], y: NDArray[np.
 
 
 def with_even_illumination(changes: Changes) -> Changes:
-    """The same scale and tilt under even light."""
     return tuple((np.array(changes) * SHAPE).tolist())
 
 

@@ -64,7 +64,6 @@ class Template:
 
     @property
     def n_pixels(self) -> int:
-        """Number of pixels that are fitted."""
         return int(self.offset_px.shape[1])
 
 
@@ -91,8 +90,6 @@ def build_template(
 ) -> Template:
     """Prepare a body for tracking: the pixels of a ``mask`` in the averaged still ``picture``, of them at most
     ``max_pixels`` that tell most about the angle (Fisher score); ``noise_grey`` is the noise of one frame.
-
-    Raises `BodyError` when the region has no texture, so that its pose cannot be found.
     """
     rows, cols = np.nonzero(mask)
     centre = (float(cols.mean()), float(rows.mean()))

@@ -166,7 +166,6 @@ def is_accepted(states: States, found: FitOutputs, body: int) -> bool:
 
 @inner_njit(_nrt=False)
 def read_figures(found: FitOutputs, body: int) -> Figures:
-    """What the fit of a body says of itself."""
     figures = found.figures[body]
     return Figures(figures[0], figures[1], figures[2], figures[3], figures[4], figures[5])
 
@@ -303,7 +302,6 @@ def is_repeated(film: Film, k: int) -> bool:
 
 @inner_njit(_nrt=False)
 def copy_box(one: I64, other: I64) -> None:
-    """Copy a rectangle."""
     for k in range(4):
         other[k] = one[k]
 
@@ -325,7 +323,6 @@ def filter_region(film: Film, k: int, box: I64, buffer: F32) -> tuple[Any, int]:
 
 @inner_njit(_nrt=False)
 def store_row(rows: Rows, row: int, found: FitOutputs) -> None:
-    """Store the fits of all bodies."""
     for body in range(found.pose.shape[0]):
         figures, rows.flag[row, body] = found.figures[body], found.flag[body]
         for j in range(3):

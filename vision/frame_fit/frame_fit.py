@@ -136,7 +136,6 @@ class FrameFit:
         return int(track_rows(film, self._settings, self._bodies, self.states, self.found, rows, self.stop))
 
     def first_fit(self, body: int) -> FirstFit:
-        """The fit of a body that Python has to judge."""
         found = self.found
         numbers = found.sums[body].tolist()
         fit = RigidFit(int(numbers[0]), numbers[1], found.normal[body].copy(), ResidualSums(*numbers[3:]), numbers[2])
@@ -145,7 +144,6 @@ class FrameFit:
         return FirstFit(fit, found.pose[body].copy(), out, int(found.lacking[body]))
 
     def accepted_fit(self, body: int) -> Fit:
-        """The fit of a body that was found good."""
         found = self.found
         zncc, inlier, noise, gain, seen, level = found.figures[body].tolist()
         return Fit(
@@ -217,7 +215,6 @@ those whose pixels x0 .. x1 - 1 of row y are those of the frame before; ``n_stil
 
 
 def build_repeat_watch(repeats: Repeats, n_still: int) -> Watch:
-    """What finds the frames that are to be looked at for repeating the one before."""
     return (n_still, max(n_still, 1) if repeats.meaningful else NEVER, repeats.line)
 
 

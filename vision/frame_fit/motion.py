@@ -83,14 +83,12 @@ def add_place(history: History, body: int, step: int, turn: float, x: float, y: 
 
 @cached_njit(nogil=True, _nrt=False)
 def is_placed(motion: Motion, body: int, step: int) -> bool:
-    """Whether the placement of a body at a step is known."""
     absolute = motion.absolute
     return absolute.known[body] > 0 and absolute.step[body, absolute.known[body] - 1] == step
 
 
 @inner_njit(_nrt=False)
 def placed_parent(motion: Motion, body: int, step: int) -> int:
-    """Number of the parent if its placement at a step is known, else -1."""
     parent = motion.parent[body]
     return parent if parent >= 0 and is_placed(motion, parent, step) else -1
 

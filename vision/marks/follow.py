@@ -175,7 +175,6 @@ def _trackers(film: FrameSource, marks: Sequence[Mark], n_still: int) -> list[Bo
 
 
 def _prepare_trackers(film: FrameSource, marks: Sequence[Mark], n_still: int | None) -> tuple[list[BodyTracker], int]:
-    """Trackers of all marks, and the number of still frames, found where it is not given."""
     if n_still is None:
         region = np.logical_or.reduce([mark.mask(film.height, film.width) for mark in marks])
         candidates = average_still_frames(film, region).n_averaged

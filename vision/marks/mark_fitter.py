@@ -39,13 +39,7 @@ F64 = NDArray[np.float64]
 
 
 def mark_template(mark: Mark, reference: Reference) -> tuple[Template, F64]:
-    """Pixels of a mark with their sensitivities, and the motions (3, k) that they show: columns of (turn, x, y).
-
-    Raises
-    ------
-    BodyError
-        The mark lies outside the picture or has no contrast to follow.
-    """
+    """Pixels of a mark with their sensitivities, and the motions (3, k) that they show: columns of (turn, x, y)."""
     height, width = reference.picture.shape
     mask = mark.mask(height, width) & ~reference.saturated
     rows, cols = np.nonzero(mask)
@@ -110,7 +104,6 @@ class MarkFitter(Fitter):
         self._weight = np.ones(self.template.n_pixels, dtype=np.float32)
 
     def fit(self, film: FrameSource, index: int, pose: F64, covered: NDArray[np.uint8] | None) -> Fit:
-        """Fit the mark in frame ``index``, starting from ``pose``."""
         found = self._fit_once(film, index, pose, covered)
         if found.converged and np.abs(found.pose[1:] - pose[1:]).max() > MARGIN_PX - 9:
             found = self._fit_once(film, index, found.pose, covered)

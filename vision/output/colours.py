@@ -12,7 +12,6 @@ LOST = "#FF3C3C"
 
 
 def body_colour(name: str, index: int) -> str:
-    """Colour of a body as ``#RRGGBB``: its own by name, else one by its place among the bodies."""
     return BODY_COLOURS.get(name) or OTHERS[index % len(OTHERS)]
 
 

@@ -76,7 +76,6 @@ def draw_bodies(picture: ArrayLike, bodies: Sequence[Body], bit_depth: int, *, g
 
 
 def grey_picture(picture: ArrayLike, bit_depth: int) -> NDArray[np.uint8]:
-    """A frame in 256 grey values, pixel by pixel."""
     grey = as_numbers(picture, "picture", 2)
     if not np.isfinite(grey).all():
         raise FilmError("picture: found grey values that are not finite, allowed finite ones")

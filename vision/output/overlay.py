@@ -203,7 +203,6 @@ def select_worst_rows(failed: NDArray[np.bool_], zncc: NDArray[np.float64], coun
 
 
 def describe_row(result: TrackResult, row: int) -> tuple[str, str]:
-    """Frame and time of a row, and `describe_problems`."""
     first = f"frame {int(result.frame[row])}, {result.time_s[row] * 1e3:.2f} ms"
     return first, describe_problems(result.bodies, result.flag[row], result.zncc[row])
 
@@ -220,7 +219,6 @@ def describe_problems(names: Sequence[str], flag: NDArray[np.integer], zncc: NDA
 
 
 def flag_texts(flag: int) -> str:
-    """The bits of a flag in words."""
     return ", ".join(bit.name.lower().replace("_", " ") for bit in FrameFlag if bit and flag & bit and bit.name)
 
 

@@ -48,7 +48,6 @@ class Distances:
     """Up to which two motions are one: points drift by as much along an edge or along the grain of wood."""
 
     def scale_by(self, factor: float) -> Distances:
-        """All of them times a factor."""
         return Distances(self.rests_px * factor, self.keeps_px * factor, self.same_px * factor)
 
 
@@ -190,7 +189,6 @@ FOUND = 0.7
 
 
 def refine_groups(tracks: PointTracks, groups: Groups) -> Groups:
-    """The same groups with refined motions, joined where they are one."""
     motions, group = list(groups.motions), groups.group.copy()
     for i in range(1, len(motions)):
         motions[i] = _refine_motion(tracks, groups, i) or motions[i]

@@ -167,7 +167,6 @@ def _largest_part(mask: Mask, widened: bool = False) -> Mask | None:
 
 
 def _parts_near_points(mask: Mask, points: NDArray[np.float64], spacing_px: float) -> Mask:
-    """Only the parts of a mask near points of the same motion."""
     near = np.zeros_like(mask)
     for x, y in np.rint(points).astype(int):
         near[y, x] = 1
@@ -273,7 +272,6 @@ def _difference_ratio(tracks: PointTracks, key: NDArray[np.intp], one: Region, o
 
 
 def _value_at(distance: NDArray[Any], point: NDArray[np.float64]) -> float:
-    """Distance at a point, which may lie outside the picture."""
     height, width = distance.shape
     inside = np.clip(np.rint(point), 0.0, [width - 1.0, height - 1.0])
     return float(distance[int(inside[1]), int(inside[0])] + np.hypot(*(point - inside)))
@@ -391,7 +389,6 @@ def _distance_scale(tracks: PointTracks) -> float:
 
 
 def _explain_failure(tracks: PointTracks, groups: Groups) -> str:
-    """Why no outline is proposed."""
     n = len(tracks.place_px)
     if n == 0:
         return "no part of the picture has texture that could be followed"

@@ -58,7 +58,6 @@ class DefectCorrectedFilm(Corrected):
         self.rows, self.columns = rows, columns
 
     def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
-        """Rectangle of a frame."""
         grey = np.array(self.film.read_region(index, y0, y1, x0, x1))
         inside = (self.rows >= y0) & (self.rows < y1) & (self.columns >= x0) & (self.columns < x1)
         rows, columns = self.rows[inside] - y0, self.columns[inside] - x0
@@ -73,7 +72,6 @@ def _neighbours(grey: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.
 
 
 def correct_defects(film: FrameSource) -> FrameSource:
-    """The film itself, or less its defect pixels where it has any."""
     first = _classify_outliers(film.read(0), film.bit_depth)
     count = np.count_nonzero(first)
     if not 0 < count <= MOST_SHARE * first.size:
@@ -146,7 +144,6 @@ class FlickerCorrectedFilm(Corrected):
         return self._amplitudes[index]
 
     def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
-        """Rectangle of a frame."""
         grey = self.film.read_region(index, y0, y1, x0, x1)
         factor = (1.0 / (1.0 + self.amplitude(index) * row_parity(y0, y1))).astype(np.float32)
         return np.where(grey >= self._top, np.float32(self._top), grey * factor[:, None])
@@ -164,7 +161,6 @@ def correct_row_flicker(film: FrameSource, box: tuple[int, int, int, int]) -> Fr
 
 
 def row_parity(y0: int, y1: int) -> NDArray[np.float64]:
-    """1 for the even and -1 for the odd of rows ``y0..y1-1``."""
     return np.asarray(1.0 - 2.0 * (np.arange(y0, y1) % 2), dtype=np.float64)
 
 

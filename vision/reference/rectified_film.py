@@ -68,7 +68,6 @@ class RectifiedFilm(Corrected):
         self.oversampling = self.stretch[0] * self.stretch[1] * (1.0 if field is None else 2.0)
 
     def to_film(self, rectified_px: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Points of the film, shape (..., 2)."""
         points = (np.asarray(rectified_px, dtype=float) + 0.5) / self.stretch - 0.5
         return points if self.projection is None else self.projection.to_picture(points)
 
@@ -80,7 +79,6 @@ class RectifiedFilm(Corrected):
         return np.asarray((points + 0.5) * self.stretch - 0.5)
 
     def rectified_bodies(self, bodies: Sequence[Body]) -> list[Body]:
-        """The outlines in rectified points."""
         return [replace(body, polygon_px=self.rectify(body.polygon_px)) for body in bodies]
 
     def field_difference(self, index: int) -> NDArray[np.float32]:
@@ -90,7 +88,6 @@ class RectifiedFilm(Corrected):
         return np.asarray(self.read_region(index, *whole) - both.read_region(index, *whole))
 
     def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
-        """Rectangle of a frame, float32."""
         self._check_region(y0, y1, x0, x1)
         x, y = np.meshgrid(np.arange(x0, x1, dtype=float), np.arange(y0, y1, dtype=float))
         at = self.to_film(np.stack([x, y], axis=-1))

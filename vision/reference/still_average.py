@@ -39,8 +39,6 @@ GREY_FLOOR = 0.4
 
 @dataclass(frozen=True)
 class Reference:
-    """Average of the still frames."""
-
     picture: NDArray[np.float32]
     """(height, width)."""
     n_averaged: int
@@ -55,8 +53,6 @@ def average_still_frames(
 ) -> Reference:
     """Average the still frames at the start of the film: ``n_still``, or as many as agree in the ``region`` of the
     bodies; the rest of the picture may move.
-
-    Raises `TrackingError` when the film has fewer than two frames, or fewer than ``n_still``.
     """
     if film.n_frames < 2:
         raise TrackingError(f"{film.path}: {film.n_frames} frame; tracking needs at least two")

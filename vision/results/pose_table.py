@@ -75,7 +75,6 @@ class PoseTable:
             getattr(self, name)[row, body] = np.nan
 
     def rows(self, rows: NDArray[np.intp]) -> PoseTable:
-        """A table of some of the rows."""
         return PoseTable(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     def take(self, at: slice | tuple[int, int], other: PoseTable, there: slice | tuple[int, int]) -> None:

@@ -129,7 +129,6 @@ class Scene:
 
     @cached_property
     def _points_shown(self) -> PlanePoints:
-        """Point of the plane that each pixel shows."""
         y, x = np.indices(self.background.shape, dtype=float)
         pixel = np.stack([x, y], axis=-1)
         point = pixel if self.lens is None else self.lens.to_plane(pixel)

@@ -171,7 +171,6 @@ class BodyTracker:
 
     @property
     def template(self) -> Template:
-        """The body's template."""
         return self.fitter.template
 
     @property
@@ -181,7 +180,6 @@ class BodyTracker:
 
     @property
     def fit(self) -> Fit:
-        """The newest fit."""
         if not isinstance(self._fit, Fit):
             self._fit = self._fit()
         return self._fit
@@ -195,7 +193,6 @@ class BodyTracker:
         place_body(self.motion, self.number, step, pose)
 
     def is_placed(self, step: int) -> bool:
-        """Whether the body's pose at a step is known."""
         return bool(is_placed(self.motion, self.number, step))
 
     def predict(self, step: int, is_moving: bool = True) -> NDArray[np.float64]:

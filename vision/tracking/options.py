@@ -54,8 +54,6 @@ def check_count(name: str, value: object) -> None:
 
 @dataclass(frozen=True)
 class FitSettings:
-    """Checked `FitOptions`."""
-
     n_still: int | None = None
     max_pixels: int | None = MAX_PIXELS
     camera: CameraModel | None = None
@@ -91,7 +89,6 @@ class FitSettings:
 
     @property
     def camera_model(self) -> CameraModel:
-        """The calibrated camera, or the assumed one."""
         return self.camera or AssumedCamera()
 
     @property
@@ -102,8 +99,6 @@ class FitSettings:
 
 @dataclass(frozen=True)
 class TrackSettings(FitSettings):
-    """Checked `TrackOptions`."""
-
     every: int = 1
     confirm: str = "doubtful"
     threads: int | None = None

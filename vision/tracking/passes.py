@@ -150,7 +150,6 @@ def confirm_backward(ready: PreparedFilm, table: PoseTable, confirm: str, thread
 
 
 def fit_alone(ready: PreparedFilm, table: PoseTable, row: int, poses: Sequence[NDArray[np.float64]]) -> None:
-    """Fit one row of the table from given poses, one per body, without its neighbours."""
     tracker = FilmTracker(ready)
     tracker.clear_histories()
     tracker.place(-1, poses)
@@ -177,7 +176,6 @@ def doubtful_segments(table: PoseTable) -> list[tuple[int, int]]:
 
 
 def _track_backward(ready: PreparedFilm, table: PoseTable, start: int, end: int) -> PoseTable:
-    """Poses of the same rows, tracked from row ``end - 1`` back to ``start``."""
     tracker = FilmTracker(ready)
     back = PoseTable.empty(table.frame, len(ready.bodies))
     n = table.frame.size

@@ -187,13 +187,7 @@ def predict_uncertainty(
 
 
 def frame_times(film: FrameSource, given_s: ArrayLike | None) -> NDArray[np.float64]:
-    """Time of each frame, s, shape (n_frames,): those given, else the film's own.
-
-    Raises
-    ------
-    VisionInputError
-        The film states no times, or those given are not one per frame and increasing.
-    """
+    """Time of each frame, s, shape (n_frames,): those given, else the film's own."""
     if given_s is None:
         own = film.frame_time_s
         if own is None:

@@ -151,7 +151,6 @@ def is_thread_safe(film: FrameSource) -> bool:
 
 
 def segment_starts(film: FrameSource, n_rows: int) -> list[int]:
-    """First row of every stretch, beginning with 0."""
     count = max(1, n_rows // STRETCH_ROWS) if is_thread_safe(film) else 1
     return [k * n_rows // count for k in range(count)]
 

@@ -63,7 +63,6 @@ class PatternCorrectedFilm(Corrected):
         self._pattern, self._top = pattern, saturated_grey(film)
 
     def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
-        """Rectangle of a frame."""
         grey = self.film.read_region(index, y0, y1, x0, x1)
         return np.where(grey >= self._top, np.float32(self._top), grey - self._pattern[y0:y1, x0:x1])
 

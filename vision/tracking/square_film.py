@@ -32,13 +32,7 @@ def refuse_interlaced(film: FrameSource) -> None:
 def prepare_square_film(
     film: FrameSource, bodies: Sequence[Body], settings: FitSettings
 ) -> tuple[FrameSource, Sequence[Body]]:
-    """The film and the outlines as they are to be tracked: resampled where that is needed.
-
-    Raises
-    ------
-    VisionInputError
-        Interlaced frames that are not to be deinterlaced.
-    """
+    """The film and the outlines as they are to be tracked: resampled where that is needed."""
     # "none": frames whose rows were found to be of one time
     is_field = settings.deinterlace and settings.first_field != "none"
     if not (is_field or settings.first_field == "none"):

@@ -47,7 +47,6 @@ def inflate_covariance(covariance: NDArray[np.float64], factor: NDArray[np.float
 
 
 def _window_sum(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Sum over up to ``2 * HALF_WINDOW + 1`` rows around each."""
     n = len(values)
     total = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
     rows = np.arange(n)

@@ -108,13 +108,6 @@ def _show(value: Any) -> str:
 
 
 def check_members(law: Law) -> None:
-    """Check parameters and attributes of a law against `Law`.
-
-    Raises
-    ------
-    InputError
-        One line names file, law, member and what is allowed.
-    """
     for former, name in {"packed": "pack_numbers", "alone": "recovery_rates", "rested": "rest_memories"}.items():
         if hasattr(law, former):
             raise InputError(f"{locate(law)}: {former}: this method is now called {name}; rename it")
@@ -149,13 +142,7 @@ def _is_finite(x: Any) -> bool:
 
 
 def trace_law(law: Law) -> Traced:
-    """Call the methods of a law with symbolic felt and check the form of what they return.
-
-    Raises
-    ------
-    InputError
-        A method raises, is missing, or returns something of another form; one line names file, law and method.
-    """
+    """Call the methods of a law with symbolic felt and check the form of what they return."""
     usual = {name: n.value for name, n in law.numbers.items()}
     given = call_method(law, "pack_numbers", "contact01", usual, TRIED_ON)
     try:
@@ -338,13 +325,7 @@ class _Press:
 
 
 def find_jump(law: Law, traced: Traced) -> str:
-    """Press a felt that follows the law; return where its force or rates jump, empty where they are continuous.
-
-    Raises
-    ------
-    InputError
-        The force falls below zero while it presses, or a number is not finite.
-    """
+    """Press a felt that follows the law; return where its force or rates jump, empty where they are continuous."""
     press = _Press(law, traced)
     found = ""
     resting = [
@@ -369,7 +350,6 @@ def find_jump(law: Law, traced: Traced) -> str:
 
 
 def _pressed_states(press: _Press, speed: float) -> list[_State]:
-    """States along two presses and releases at most at ``speed``."""
     period = 2.0 * math.pi * 0.55 * DEEPEST_M / speed
     dt = 2.0 * period / STEPS
     count = len(press.traced.felt.memory)

@@ -41,8 +41,6 @@ class Felt:
 
 
 class Law:
-    """A law of felt."""
-
     name: ClassVar[str]  # as ``contact02.law`` takes it; lower case
     numbers: ClassVar[Mapping[str, Number]] = {}  # parameters by name; a contact's paths are ``contact02.<law>.<name>``
     damped: ClassVar[bool] = False  # whether ``normal.D`` is a parameter of it; otherwise its felt has D = 0
@@ -62,10 +60,7 @@ class Law:
     def pack_numbers(
         self, contact: str, values: Mapping[str, float], curve: tuple[float, float, float]
     ) -> tuple[int, Sequence[float]]:
-        """Number of internal variables for these parameter values, and the numbers that the kernels read.
-
-        Raises ``InputError`` where values together cannot be (`refuse_softening`).
-        """
+        """Number of internal variables for these parameter values, and the numbers that the kernels read."""
         return 0, tuple(values.values())
 
     def force(self, felt: Felt) -> tuple[Expression, Expression]:
@@ -94,7 +89,6 @@ class Law:
     def rest_memories(
         self, depth: float, curve: tuple[float, float, float], numbers: Sequence[float], memories: int
     ) -> Sequence[float]:
-        """Memories of felt that came to a depth (m) from outside and has rested there."""
         return [self.anew or 0.0] * memories
 
     def refuse_softening(self, contact: str, curve: tuple[float, float, float]) -> None:

@@ -39,7 +39,6 @@ for number, built_in in enumerate(BUILT_IN):
 
 
 def law_numbered(number: int) -> Law:
-    """The law with a number of a scene's tables."""
     return _numbered[number]
 
 

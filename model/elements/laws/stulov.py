@@ -47,12 +47,10 @@ class Stulov(Law):
     def pack_numbers(
         self, contact: str, values: Mapping[str, float], curve: tuple[float, float, float]
     ) -> tuple[int, Sequence[float]]:
-        """Epsilon and tau."""
         self.refuse_softening(contact, curve)
         return 1, (values["epsilon"], values["tau"])
 
     def force(self, felt: Felt) -> tuple[Expression, Expression]:
-        """See `relaxation_force`."""
         return relaxation_force(felt.depth, felt.memory[0], felt.curve, felt.numbers[0])
 
     def rates(self, felt: Felt) -> Sequence[Expression]:
@@ -60,12 +58,10 @@ class Stulov(Law):
         return [(loading_force(felt.depth, felt.curve) - felt.memory[0]) / felt.numbers[1]]
 
     def recovery_rates(self, felt: Felt) -> Sequence[Expression]:
-        """Its own surface comes back."""
         epsilon, tau = felt.numbers
         return [-((1.0 - epsilon) * felt.memory[0] / tau)]
 
     def energy(self, felt: Felt, label: str) -> tuple[list[Statement], Expression, Expression]:
-        """See `surface_energy`."""
         return surface_energy(label, felt.depth, felt.memory[0], felt.curve, *felt.numbers)
 
     def stiffness(self, felt: Felt) -> Expression:
@@ -75,5 +71,4 @@ class Stulov(Law):
     def rest_memories(
         self, depth: float, curve: tuple[float, float, float], numbers: Sequence[float], memories: int
     ) -> Sequence[float]:
-        """The memory has come up to the curve."""
         return [loading_force(depth, curve)]

@@ -385,7 +385,6 @@ def predict_free_channels(h, tangent, carried, channels):
 
 @uncounted_loop(PUSH)
 def add_known_forces(n, row_of, right, channels):
-    """Add the forces of ``known`` to the right-hand sides (S n, P), rows at ``row_of``."""
     blocks, count = right.shape[1] // LANES, channels.many.shape[0]
     known, to = rows(channels.known, LANES), rows(right, LANES)
     for c in range(count):
@@ -465,7 +464,6 @@ def advance_channels(channels):
 
 @inlined_uncounted
 def channel_start(c, b, channels):
-    """s of channel ``c`` at the start of a step, in the lanes of block ``b``."""
     modes, blocks = channels.modes, channels.inner.shape[1] // LANES
     out = broadcast_like(0.0, rows(channels.inner, LANES)[0])
     if c < channels.many.shape[0] - modes.awake.shape[0]:

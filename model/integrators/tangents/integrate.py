@@ -86,7 +86,6 @@ def linearise_at(t, m, place, motion, drive, linear, linearise):
 
 @inlined_uncounted
 def step_end_limit(t, k, motion, stride):
-    """The time that a step from ``t`` may not pass: the end of the ``stride``-th step of the motion from there."""
     steps = motion.step
     last = steps.shape[0] - 1
     while k > 0 and t < steps[k, 0]:
@@ -99,7 +98,6 @@ def step_end_limit(t, k, motion, stride):
 
 @inlined_uncounted
 def fit_step(h, left):
-    """A step of ``h`` that leaves no sliver of what is ``left``."""
     if h < 0.5 * left:
         return h
     return 0.5 * left if h < 0.99 * left else left

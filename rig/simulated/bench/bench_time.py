@@ -23,8 +23,6 @@ POLL_S = 0.01
 
 
 class VirtualClock:
-    """Time that is only counted."""
-
     paced = False
     """Whether the clock follows the wall clock."""
 
@@ -50,7 +48,6 @@ class VirtualClock:
         """Begin an acquisition: time in which nothing ran is not caught up on; here there is none."""
 
     def advance(self, duration_s: float) -> None:
-        """Add ``duration_s`` to the time."""
         self._now_s += duration_s
 
 
@@ -109,7 +106,6 @@ class PulseTrain:
         return np.asarray(np.clip(edges, 0, self.count), dtype=np.int64)
 
     def passed_at(self, time_s: float) -> int:
-        """Return how many rising edges have passed by one time."""
         return int(self.passed(np.array([time_s]))[0])
 
     def next_after(self, time_s: float) -> float:
@@ -119,7 +115,6 @@ class PulseTrain:
 
     @property
     def end_s(self) -> float:
-        """When the last pulse has ended."""
         last = self.count - 1
         return self.first_s + last / self.rate_hz + self.high_s if np.isfinite(self.count) else float("inf")
 

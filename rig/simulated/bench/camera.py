@@ -370,7 +370,6 @@ class _Exposures:
         self._instants = np.clip(np.ceil(blur / MAX_BLUR_STEP_PX), 1, MAX_INSTANTS).astype(int)
 
     def frames(self) -> Iterator[NDArray[Any]]:
-        """Frames in order."""
         settings = self.settings
         sensor = Sensor(settings.noise_grey, settings.bit_depth, 1000 * self.seed + 98)
         # mean of the ripple over the exposure
@@ -392,7 +391,6 @@ class _Exposures:
                 yield drawn.popleft().result()
 
     def _angles_during(self, i: int) -> NDArray[np.float64]:
-        """Angles at the instants of one exposure."""
         count = int(self._instants[i])
         self.n_instants += count
         if count == 1:

@@ -51,7 +51,6 @@ class FeltLaw:
     d: float
 
     def force_n(self, x_m: float, rate_m_per_s: float) -> float:
-        """Force of one compression and its rate."""
         return self.with_slope(x_m, rate_m_per_s, math.inf)[0]
 
     def with_slope(self, x_m: float, rate_m_per_s: float, h: float) -> tuple[float, float]:
@@ -75,13 +74,6 @@ class FeltTruth:
 
 
 def felt_law(action: model.Action, contact: str) -> FeltLaw:
-    """Return the law of a specimen's contact, or of the block.
-
-    Raises
-    ------
-    RigInputError
-        The specimen has no such contact, or its felt another law.
-    """
     if contact == BLOCK:
         return FeltLaw(0.0, 0.0, BLOCK_N_PER_M, 0.0)
     if f"{contact}.normal.a" not in action.quantities:
@@ -198,13 +190,7 @@ class FeltPlant:
 
 
 def felt_plant(bench: ActionPlant, contact: str, config: RigConfig) -> FeltPlant:
-    """Return the arm of a bench on the felt of its specimen's ``contact`` in place of the key.
-
-    Raises
-    ------
-    RigInputError
-        The specimen has no such contact, or the rig file no ``[felt]`` to say which scale is on the shaft.
-    """
+    """Return the arm of a bench on the felt of its specimen's ``contact`` in place of the key."""
     if config.felt is None:
         raise RigInputError(f"rig {config.name}: has no table [felt], which says which encoder is on the motor's shaft")
     arm = {name: bench.action[f"motor_arm.{name}"] for name in ARM}
@@ -235,7 +221,6 @@ class PosePlant:
         self._edge = 0
 
     def start_trial(self, trial: int) -> None:
-        """Begin at the first angle."""
         self._edge = 0
 
     def advance(self, command_v: NDArray[np.float64]) -> PlantBlock:
@@ -253,13 +238,6 @@ class PosePlant:
 
 
 def pose_plant(bench: ActionPlant, text: str, where: str) -> PosePlant:
-    """Return a body at the angles of ``key:0,0.01,0.02``.
-
-    Raises
-    ------
-    RigInputError
-        No such body, or no list of angles.
-    """
     body, _, listed = text.partition(":")
     try:
         angles = [float(one) for one in listed.split(",")]
@@ -308,7 +286,6 @@ class SwingPlant:
         self.start_trial(1)
 
     def start_trial(self, trial: int) -> None:
-        """Hold the body up."""
         self._angle, self._speed, self._edge = LIFTED_RAD * (1.0 + 0.01 * (trial % 7)), 0.0, 0
 
     def advance(self, command_v: NDArray[np.float64]) -> PlantBlock:
@@ -346,13 +323,7 @@ class SwingPlant:
 
 
 def swing_plant(bench: ActionPlant, body: str, pad: str = "") -> SwingPlant:
-    """Return a body of a bench's specimen on its joint; ``pad`` is ``contact:load_n:radius_m``, or nothing.
-
-    Raises
-    ------
-    RigInputError
-        No body with an encoder, a joint whose friction is not dry, or no such pad.
-    """
+    """Return a body of a bench's specimen on its joint; ``pad`` is ``contact:load_n:radius_m``, or nothing."""
     if body not in ENCODED_BODIES:
         raise RigInputError(f"swing {body}: not found; allowed {', '.join(ENCODED_BODIES)}")
     if b1 := bench.action[f"{body}.joint_friction.B1"]:

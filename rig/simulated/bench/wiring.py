@@ -94,7 +94,6 @@ def usual_wiring(config: RigConfig) -> Wiring:
 
 
 def planted_wiring(table: Mapping[str, Any], wiring: Wiring, where: str) -> Wiring:
-    """Return a wiring with what the ``[wiring]`` table of a bench file changes."""
     encoders = dict(zip(ENCODED_BODIES, wiring.encoders, strict=True))
     changed: dict[str, Any] = {}
     for name, value in table.items():

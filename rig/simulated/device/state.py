@@ -202,11 +202,9 @@ class Reservations:
         self._reserved.update(dict.fromkeys(needed, task.name))
 
     def is_reserved(self, resource: str) -> bool:
-        """Whether a task has reserved a resource."""
         return resource in self._reserved
 
     def release(self, task: SimulatedTask) -> None:
-        """Release all a task has reserved."""
         self._reserved = {key: holder for key, holder in self._reserved.items() if holder != task.name}
 
 
@@ -296,6 +294,5 @@ def commit(device: DeviceState, task: SimulatedTask) -> None:
 
 
 def release(device: DeviceState, task: SimulatedTask) -> None:
-    """Release the task's resources."""
     device.reservations.release(task)
     task.state, task.committed = "unreserved", False

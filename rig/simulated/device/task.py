@@ -186,7 +186,6 @@ class SimulatedTask:
 
     @property
     def has_own_clock(self) -> bool:
-        """Whether the task makes its sample clock itself."""
         return self.clock is not None and not self.clock.source
 
     @property

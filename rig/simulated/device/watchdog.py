@@ -37,7 +37,6 @@ def refuse_bad_timer(owner: Inventory, name: str, timeout_s: float) -> None:
 
 
 def watchdog_timer(device: DeviceState, name: str) -> WatchdogTimer:
-    """Return the timer of a task."""
     if name not in device.watchdogs:
         raise DaqStatusError(Code.ACTION_NOT_SUPPORTED_TASK_NOT_WATCHDOG, f"Task: {name!r}")
     return device.watchdogs[name]
@@ -46,7 +45,6 @@ def watchdog_timer(device: DeviceState, name: str) -> WatchdogTimer:
 def set_expiration_volts(
     device: DeviceState, timer: WatchdogTimer, channel: str, volts: float, output_type: int
 ) -> None:
-    """Set the expiration state of an analog output."""
     product = device.inventory.of(timer.device).product
     if "voltage_out" not in product.watchdog_reach:
         raise DaqStatusError(Code.WATCHDOG_TIMER_NOT_SUPPORTED, f"Physical Channel: {channel} is analog")
@@ -58,7 +56,6 @@ def set_expiration_volts(
 
 
 def set_expiration_level(device: DeviceState, timer: WatchdogTimer, line: str, level: int) -> None:
-    """Set the expiration state of a digital line."""
     if level not in (daqmx.LOW, daqmx.HIGH, daqmx.TRISTATE, daqmx.NO_CHANGE):
         raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Expiration state of {line}: {level}")
     _same_device(device, timer, line)
@@ -66,7 +63,6 @@ def set_expiration_level(device: DeviceState, timer: WatchdogTimer, line: str, l
 
 
 def _same_device(device: DeviceState, timer: WatchdogTimer, name: str) -> None:
-    """A timer reaches the outputs of its own device only."""
     if device.inventory.of(name) is not device.inventory.of(timer.device):
         raise DaqStatusError(Code.WATCHDOG_TIMER_NOT_SUPPORTED, f"Physical Channel: {name} is on another device")
 
@@ -89,7 +85,6 @@ def start_watchdog(device: DeviceState, task: SimulatedTask) -> None:
 
 
 def control_watchdog(device: DeviceState, timer: WatchdogTimer, action: int) -> None:
-    """Reset the timer, or clear an expiration."""
     if action == CLEAR_EXPIRATION:
         timer.expired, timer.running = False, False
     elif action != RESET_TIMER:
@@ -121,7 +116,6 @@ def check_watchdogs(device: DeviceState) -> None:
 
 
 def refuse_locked(device: DeviceState, call: str) -> None:
-    """Refuse a call that reaches the hardware of a device that a watchdog timer has locked."""
     if device.locked and not WITHOUT_HARDWARE.fullmatch(call):
         raise DaqStatusError(Code.CHASSIS_WATCHDOG_TIMER_EXPIRED, f"Device: {device.inventory.name}")
 

@@ -47,7 +47,6 @@ def _add(device: DeviceState, task: SimulatedTask, request: Any, type_: TaskType
 def _set_terminal(
     device: DeviceState, task: SimulatedTask, attribute: int, pin: Literal["source", "auxiliary"]
 ) -> None:
-    """Give the last channel of a task its default terminal, where it has one."""
     channel = task.channels[-1]
     if terminal := device.inventory.counter_terminal(channel.physical, pin):
         task.properties["Chan", channel.name, attribute] = "/" + device.inventory.full_name(terminal)
@@ -127,7 +126,6 @@ def add_force_bridge(device: DeviceState, task: SimulatedTask, request: Any) -> 
 
 
 def add_voltage_input(device: DeviceState, task: SimulatedTask, request: Any) -> None:
-    """AI voltage within one of the device's ranges."""
     _refuse_limits(request)
     require_one_of(enum(request, "units"), (daqmx.VOLTS,), "Units")
     _refuse_custom_scale(request)
@@ -145,7 +143,6 @@ def add_voltage_input(device: DeviceState, task: SimulatedTask, request: Any) ->
 
 
 def add_voltage_output(device: DeviceState, task: SimulatedTask, request: Any) -> None:
-    """AO voltage within the device's range."""
     _refuse_limits(request)
     require_one_of(enum(request, "units"), (daqmx.VOLTS,), "Units")
     _refuse_custom_scale(request)
@@ -157,6 +154,5 @@ def add_voltage_output(device: DeviceState, task: SimulatedTask, request: Any) -
 
 
 def add_digital_output(device: DeviceState, task: SimulatedTask, request: Any) -> None:
-    """DO on lines or ports."""
     one = enum(request, "line_grouping") == CHAN_FOR_ALL_LINES
     add_lines(device, task, request.lines, request.name_to_assign_to_lines, one_channel=one)

@@ -26,8 +26,6 @@ def _refuse_other_type(task: SimulatedTask, type_: str) -> None:
 
 
 def make_reader(type_: str) -> TaskHandler:
-    """Return the reader of an input task of this type."""
-
     def read(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
         _refuse_other_type(task, type_)
         wanted, columns = int(request.num_samps_per_chan), len(task.channels)
@@ -56,7 +54,6 @@ def write_analog(device: DeviceState, task: SimulatedTask, request: Any) -> Fiel
 
 
 def write_analog_scalar(device: DeviceState, task: SimulatedTask, request: Any) -> None:
-    """Take one value for the task's one channel."""
     _refuse_other_type(task, "AO")
     if len(task.channels) != 1:
         detail = f"Task: {task.name}: one value for {len(task.channels)} channels"
@@ -74,7 +71,6 @@ def _table(request: Any, values: NDArray[np.float64], columns: int) -> NDArray[n
 
 
 def largest_line_count(task: SimulatedTask) -> int:
-    """Return the lines of the largest channel of a task."""
     return max((len(channel.settings.get("lines", "1")) for channel in task.channels), default=0)
 
 

@@ -40,8 +40,6 @@ def device_property(answer: Answer) -> Property:
 
 
 def list_channels(*kinds: Kind) -> Answer:
-    """Names of a device's channels of these kinds."""
-
     def get(device: Inventory, name: str) -> str:
         names = [one for one in device.names(*kinds) if device.of(one) is device]
         if name in _modules(device):
@@ -52,7 +50,6 @@ def list_channels(*kinds: Kind) -> Answer:
 
 
 def list_ports(device: Inventory, name: str) -> str:
-    """Names of a device's digital ports."""
     lines = filter(None, list_channels("line", "static_line")(device, name).split(", "))
     return ", ".join(dict.fromkeys(line.rsplit("/line", 1)[0] for line in lines))
 
@@ -62,19 +59,16 @@ def _modules(device: Inventory) -> list[str]:
 
 
 def product_category(device: Inventory, name: str) -> int:
-    """The driver's number of the product's series."""
     if name in _modules(device):
         return MODULE
     return CHASSIS if device.product.chassis else CATEGORIES.get(device.product.name, X_SERIES)
 
 
 def module_names(device: Inventory, name: str) -> str | None:
-    """Names of the modules of a chassis."""
     return ", ".join(_modules(device)) if name == device.name and device.product.chassis else None
 
 
 def slot_number(device: Inventory, name: str) -> int | None:
-    """Number of the slot that a module sits in."""
     return _modules(device).index(name) + 1 if name in _modules(device) else None
 
 
@@ -89,12 +83,10 @@ VERSION = {"NIDAQ_MAJOR_VERSION": 26, "NIDAQ_MINOR_VERSION": 0, "NIDAQ_UPDATE_VE
 
 
 def version_property(number: int) -> Property:
-    """Return a property of the system that is this number."""
     return Property(lambda device, request: number)
 
 
 def open_task(device: DeviceState, request: Any) -> Fields:
-    """Make an empty task, or attach to one."""
     return open_session(device, request, lambda: create_task(device, request.session_name))
 
 
@@ -106,13 +98,11 @@ def open_watchdog(device: DeviceState, request: Any) -> Fields:
 
 
 def reset_named_device(device: DeviceState, request: Any) -> None:
-    """Put a device where it is after power-up."""
     _refuse_other_device(device, request.device_name)
     reset_device(device, device.inventory.of(request.device_name))
 
 
 def _refuse_other_device(device: DeviceState, name: str) -> None:
-    """Refuse the name of a device that is none of those served."""
     if name.lower() != device.inventory.of(name).name.lower():
         raise DaqStatusError(Code.INVALID_DEVICE_ID, f"Device: {name}")
 
@@ -125,14 +115,12 @@ def _pair_states(request: Any, *arrays: Any) -> Any:
 
 
 def set_analog_states(device: DeviceState, request: Any) -> None:
-    """Set what analog outputs are at after an expiration."""
     timer = watchdog_timer(device, request.task.name)
     for channel, volts, kind in _pair_states(request, request.expir_state_array, request.output_type_array):
         set_expiration_volts(device, timer, channel, volts, kind)
 
 
 def set_line_states(device: DeviceState, request: Any) -> None:
-    """Set what digital lines are at after an expiration."""
     timer = watchdog_timer(device, request.task.name)
     for line, level in _pair_states(request, request.expir_state_array):
         set_expiration_level(device, timer, line, level)
@@ -144,7 +132,6 @@ def control_timer(device: DeviceState, request: Any) -> None:
 
 
 def has_expired(device: DeviceState, request: Any) -> bool:
-    """Whether a watchdog timer has expired."""
     timer = watchdog_timer(device, request.task.name)
     if device.tasks[request.task.name].state == "unreserved":
         code = Code.CANNOT_GET_PROPERTY_WHEN_TASK_NOT_RESERVED_COMMITTED_OR_RUNNING

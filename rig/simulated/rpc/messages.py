@@ -33,12 +33,10 @@ CALLS: frozenset[str] = frozenset(_METHODS)
 
 
 def request_class(call: str) -> Any:
-    """Return the message class of a call's request."""
     return GetMessageClass(_METHODS[call].input_type)
 
 
 def response(call: str, **fields: Any) -> Any:
-    """Return a response of a call with the given fields."""
     return GetMessageClass(_METHODS[call].output_type)(**fields)
 
 

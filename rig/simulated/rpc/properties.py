@@ -24,7 +24,6 @@ DO_NOT_OVERWRITE = 10159
 
 
 def task_property(get: Callable[[DeviceState, SimulatedTask], Any]) -> Property:
-    """Return a property that a client gets of a task."""
     return Property(lambda device, request: get(device, find_task(device, request.task.name)))
 
 
@@ -56,7 +55,6 @@ def sample_rate(device: DeviceState, task: SimulatedTask) -> float:
 
 
 def list_channel_names(device: DeviceState, task: SimulatedTask) -> str:
-    """Names of the channels of a task."""
     return ", ".join(channel.name for channel in task.channels)
 
 
@@ -136,7 +134,6 @@ def _refuse_other_kind(value: Any, kind: type) -> None:
 
 
 def check_terminal(device: DeviceState, channel: Channel, value: str) -> None:
-    """Refuse a terminal that is none of the device's."""
     device.inventory.terminal(value)
 
 
@@ -146,7 +143,6 @@ def check_output_terminal(device: DeviceState, channel: Channel, value: str) -> 
 
 
 def check_bridge(device: DeviceState, channel: Channel, value: object) -> None:
-    """Refuse an input that is no bridge."""
     if channel.physical.kind != "bridge":
         raise Unsupported(f"shunt calibration of {channel.name}")
 
@@ -161,18 +157,15 @@ def check_arm_type(device: DeviceState, value: int) -> None:
 
 
 def check_arm_source(device: DeviceState, value: str) -> None:
-    """Refuse a terminal that is none of the device's."""
     device.inventory.terminal(value)
 
 
 def check_rising(device: DeviceState, value: int) -> None:
-    """Refuse a falling edge."""
     if value != daqmx.RISING:
         raise NotAnswered(f"edge {value} of the arm start trigger")
 
 
 def check_overwrite(device: DeviceState, value: int) -> None:
-    """Refuse that unread samples are overwritten."""
     if value != DO_NOT_OVERWRITE:
         raise NotAnswered(f"overwrite mode {value}")
 

@@ -77,15 +77,7 @@ class Service:
             raise SessionRefused("CANCELLED", "the client no longer waits")
 
     def handle(self, call: str, request: Any, is_waiting: Callable[[], bool] | None = None) -> Any:
-        """Answer one call; ``is_waiting`` tells whether the client still waits for it.
-
-        Raises
-        ------
-        DaqStatusError
-            When the device refuses, with the driver's status code.
-        NotAnswered
-            For a call or property that is not in the table.
-        """
+        """Answer one call; ``is_waiting`` tells whether the client still waits for it."""
         self._caller.waits = is_waiting
         with self._lock:
             if self.device.call_delay_s > 0:
@@ -100,13 +92,7 @@ class Service:
             return response(call, **(self._answer(call, request) or {}))
 
     def answer(self, method: str, request: bytes, is_waiting: Callable[[], bool] | None = None) -> bytes:
-        """Answer one call as it comes over a network, by its path and in bytes.
-
-        Raises
-        ------
-        InProcessError
-            A refusal, with the gRPC status, text and trailing metadata that a server sends.
-        """
+        """Answer one call as it comes over a network, by its path and in bytes."""
         call = method.rsplit("/", 1)[-1]
         with _as_rpc_errors():
             if method == RESET_SERVER:
@@ -162,11 +148,9 @@ class InProcessError(grpc.RpcError):
         return self._code
 
     def details(self) -> str:
-        """Return the text."""
         return self._details
 
     def trailing_metadata(self) -> tuple[Metadatum, ...]:
-        """Return the trailing metadata."""
         return self._metadata
 
 
