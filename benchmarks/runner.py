@@ -252,7 +252,7 @@ def parser(name: str, entry: Mapping[str, Any], description: str) -> argparse.Ar
             kind = type(value[0]) if value else word
             out.add_argument(
                 flag, default=value, type=lambda text, kind=kind: [kind(part) for part in text.split(",") if part],
-                help=f"separated by commas (default: {','.join(map(str, value))})",
+                help=f"separated by commas (default: {','.join(map(str, value))})".replace("%", "%%"),
             )  # fmt: skip
         else:
             out.add_argument(flag, default=value, type=type(value), help=f"(default: {value})")

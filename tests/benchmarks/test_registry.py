@@ -18,7 +18,6 @@ FOLDER = ROOT / "benchmarks"
 ENTRIES = tomllib.loads((FOLDER / "registry.toml").read_text(encoding="utf-8"))
 CODE = ENTRIES.pop("code")
 CALL = re.compile(r"python -m benchmarks ([a-z]\w+)([^`\n]*)")
-DATED = re.compile(r"\| \d{4}-\d\d-\d\d, ")
 DATED, STALE = re.compile(r"\| \d{4}-\d\d-\d\d, "), re.compile(r"; \*\*stale\*\*: [^|]*? \|")
 COMMON = {"quick", "results", "minutes", "write", "against"}
 """Options that every benchmark takes."""
@@ -45,6 +44,13 @@ def test_every_benchmark_is_registered() -> None:
     assert {path.stem for path in files if "\ndef main(" in path.read_text(encoding="utf-8")} == {
         name for name in ENTRIES if "module" not in ENTRIES[name]
     }
+
+
+def test_help_shows_a_default_with_a_percent_sign() -> None:
+    assert any("%" in value for value in ENTRIES["verdict_coverage"]["full"]["effects"])
+    command = [sys.executable, "-m", "benchmarks", "verdict_coverage", "--help"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert "hammer scale 3 %" in " ".join(done.stdout.split())
 
 
 def test_the_page_of_figures_has_what_the_results_say() -> None:
