@@ -7,11 +7,12 @@ sound trial of median peak force stands for all where many runs of the model are
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from validation.conventions import ENCODER_CHANNELS
 from validation.events.session_events import SessionEvents
+from validation.findings.changed_condition import find_changed_condition
 from validation.findings.encoders import (
     find_capstan_gaps,
     find_encoder_returns,
@@ -40,7 +41,6 @@ from validation.findings.force_spikes import align_like_trials, find_unanswered_
 from validation.findings.let_off_and_check import compare_check_height, compare_let_off, find_let_off_and_check
 from validation.findings.outlying_trials import (
     estimate_force_effect,
-    find_changed_condition,
     find_outlying_residuals,
     find_outlying_trials,
     make_residuals,
@@ -52,6 +52,7 @@ from validation.findings.unusable import UnusableData, list_unusable_data, list_
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession
 from validation.scores.score_session import ScoredSession
+from validation.verdict.error_draws import usable_errors
 
 
 def order_kinds() -> dict[str, Kind]:
@@ -93,6 +94,7 @@ class _Stage:
     events: SessionEvents
     scored: ScoredSession
     tested: ModelUnderTest
+    limits: Mapping[str, float]  # of relevance
 
     def select_trials(self, numbers: Sequence[int]) -> _Stage:
         traces = self.scored.traces
@@ -106,18 +108,24 @@ class _Stage:
 
 
 def find_faults(
-    predicted: PredictedSession, events: SessionEvents, scored: ScoredSession, tested: ModelUnderTest
+    predicted: PredictedSession,
+    events: SessionEvents,
+    scored: ScoredSession,
+    tested: ModelUnderTest,
+    limits: Mapping[str, float],
 ) -> SessionFindings:
     """Faults of the session, wiring first.
 
-    Of trials that the key drives none is looked for: the checks compare with a prediction by the force.
+    Of trials that the key drives none is looked for: the checks compare with a prediction by the force. ``limits``: of
+    relevance, as of `validation.verdict.quantities.relevance_limits`.
     """
     aside = frozenset((m.number, c) for m in predicted.trials for c in ENCODER_CHANNELS if c not in m.channels)
     by_force = tuple(m.number for m in predicted.trials if not m.driven_by_key)
+    session = _Stage(predicted, events, scored, tested, limits)
     if len(by_force) < len(predicted.trials):
         unused = SessionFindings(tuple(find_unused_trials(predicted.refused)))
-        stage = _Stage(predicted, events, scored, tested).select_trials(by_force)
-        sound = find_faults(stage.predicted, stage.events, stage.scored, tested) if by_force else unused
+        stage = session.select_trials(by_force)
+        sound = find_faults(stage.predicted, stage.events, stage.scored, tested, limits) if by_force else unused
         return replace(sound, not_compared=aside)
     trials = predicted.trials
     found = find_unused_trials(predicted.refused) + [f for check in OF_TRIALS for f in check(trials)]
@@ -125,8 +133,8 @@ def find_faults(
     begun = {f.trial for f in found if f.kind == NO_REST}
     if begun:  # nothing that follows holds of them
         kept = [m.number for m in trials if m.number not in begun]
-        stage = _Stage(predicted, events, scored, tested).select_trials(kept)
-        predicted, events, scored, trials = stage.predicted, stage.events, stage.scored, stage.predicted.trials
+        session = session.select_trials(kept)
+        predicted, events, trials = session.predicted, session.events, session.predicted.trials
     if not trials:
         return SessionFindings(tuple(found))
     found += _check_single_trials(predicted, events, tested)
@@ -140,7 +148,7 @@ def find_faults(
     found += _check_capstan(events, found)
     conditions: list[tuple[int, ...]] = []
     for numbers in kinds:
-        stage = _Stage(predicted, events, scored, tested).select_trials(numbers)
+        stage = session.select_trials(numbers)
         found += find_short_records(stage.predicted.trials)
         unlike, parts = _split_conditions(stage, found)
         found += unlike
@@ -267,9 +275,9 @@ def _find_outlying(stage: _Stage, found: Sequence[SessionFinding]) -> list[Sessi
 
 
 def _find_change(stage: _Stage, found: Sequence[SessionFinding]) -> list[SessionFinding]:
-    sound = select_sound_trials(stage.predicted.trials, found)
-    residuals = make_residuals(stage.predicted, stage.events, sound)
-    return find_changed_condition(stage.tested, {m.number: m for m in sound}, residuals)
+    sound = stage.select_trials([m.number for m in select_sound_trials(stage.predicted.trials, found)])
+    errors = usable_errors(sound.predicted, sound.scored.traces, sound.events, sound.tested)
+    return find_changed_condition(errors, sound.limits)
 
 
 def _check_capstan(events: SessionEvents, found: Sequence[SessionFinding]) -> list[SessionFinding]:

@@ -6,17 +6,14 @@ Trials are flagged and stay in, never removed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from model.errors import ModelError
-from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, Array, rms
+from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, Array
 from validation.events.definitions import EVENTS, Event
 from validation.events.session_events import SessionEvents
 from validation.findings.finding import BLOW, PREDICTION, SessionFinding, register_kinds
@@ -278,62 +275,3 @@ def find_outlying_residuals(
         )
         out.append(SessionFinding("outlying residual", number, channel, times, LARGER, text))
     return out
-
-
-FEWEST_IN_PART = 2
-LEVEL = 1e-3  # of a session whose trials differ by chance alone
-LEAST = 0.005  # of the range
-
-
-@register_kinds(
-    {"changed condition": "Look for what changed between the two parts of the session, and validate them apart."}
-)
-def find_changed_condition(
-    tested: ModelUnderTest, trials: Mapping[int, MeasuredTrial], residuals: Residuals
-) -> list[SessionFinding]:
-    """The place at which the residuals change, if there is one.
-
-    Conventions: residuals as in `residuals`; for each place between two trials, the distance of the two means over the
-    scatter within both parts, in its standard deviation: at most Student's t of the n − 2 degrees of freedom of the
-    scatter, whatever the samples share. Named beyond the value that one of all places and channels exceeds in a session
-    in a thousand, and 0.5 % of the range, with two trials on each side, where a straight line through the trials leaves
-    more scatter than the step, and only beyond what the scatter of the blows may do to the means of both parts
-    (`estimate_force_effect`).
-    """
-    n = len(residuals.numbers)
-    if n < 2 * FEWEST_IN_PART or residuals.numbers != tuple(sorted(residuals.numbers)):
-        return []
-    places = range(FEWEST_IN_PART, n - FEWEST_IN_PART + 1)
-    best = (0.0, 0.0, 0, "")
-    for channel, curves in residuals.by_channel.items():
-        drift = _estimate_scatter(curves, np.arange(float(n)))
-        for k in places:
-            step = np.arange(n) >= k
-            within = _estimate_scatter(curves, step)
-            apart = float(rms(curves[:, step].mean(axis=1) - curves[:, ~step].mean(axis=1)))
-            deviations = apart / max(within * np.sqrt(1 / k + 1 / (n - k)), 1e-300)
-            if apart > LEAST and within < drift:
-                best = max(best, (deviations, apart, k, channel))
-    deviations, apart, k, channel = best
-    tests = max(len(places) * len(residuals.by_channel), 1)
-    limit = float(stdtrit(n - 2, 1 - 0.5 * LEVEL / tests))
-    if deviations < limit:
-        return []
-    last, first = residuals.numbers[k - 1], residuals.numbers[k]
-    span = residuals.start_s, residuals.until_s
-    of_means = np.sqrt(1 / k + 1 / (n - k))
-    if apart <= of_means * max(estimate_force_effect(tested, trials[number], *span) for number in (last, first)):
-        return []
-    text = (
-        f"from trial {first} on the difference from the model in {channel} is another one than up to trial {last}, by "
-        f"{100 * apart:.1f} % of its range, {deviations:.0f} standard deviations of the trials' scatter (limit "
-        f"{limit:.0f})"
-    )
-    return [SessionFinding("changed condition", float(first), channel, deviations, limit, text)]
-
-
-def _estimate_scatter(curves: Array, of_trial: NDArray[Any]) -> float:
-    """Standard deviation of curves (m, n) about what is linear in a number (n,) of each trial, root mean square."""
-    design = np.column_stack([np.ones(of_trial.size), of_trial])
-    left = curves - curves @ design @ np.linalg.pinv(design)
-    return float(np.sqrt(np.sum(left**2) / curves.shape[0] / (of_trial.size - 2)))

@@ -23,7 +23,7 @@ from validation.cache.result_store import ResultStore
 from validation.events.definitions import EVENTS
 from validation.events.session_events import Window, find_session_events
 from validation.findings.find_faults import SessionFindings, find_faults
-from validation.findings.finding import SessionFinding, select_sound_trials
+from validation.findings.finding import CHANGED_CONDITION, select_sound_trials
 from validation.infer.causes.explain import Explained, explain_difference
 from validation.infer.causes.responses import STEP
 from validation.measurement.measure_session import measure_session, open_session, representative
@@ -40,7 +40,7 @@ from validation.statistics.repeatability import warn_of_few_trials
 from validation.statistics.rivals import compare_rivals
 from validation.tables.channels import summary
 from validation.tables.comparison import Comparison
-from validation.verdict.conditions import Change, find_changes, separate_conditions
+from validation.verdict.conditions import separate_conditions
 from validation.verdict.error_draws import TrialErrors, session_errors, usable_errors
 from validation.verdict.quantities import relevance_limits
 from validation.verdict.verdict import Verdict, judge_model, undecided_verdict
@@ -186,22 +186,19 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
     predicted = predict_session(measured, tested, chosen.say)
     events = find_session_events(predicted, tested)
     scored = score_session(predicted, events, tested.store)
-    findings = find_faults(predicted, events, scored, tested)
-    limits = relevance_limits(chosen.relevant)
+    findings = find_faults(predicted, events, scored, tested, relevance_limits(chosen.relevant))
     found = usable_errors(predicted, scored.traces, events, tested, findings.left_out)
-    observed = with_conditions(findings, found, Explained(), limits)
-    verdict = _verdict(predicted, found, observed, tested, chosen)
-    shown = bool(verdict.facts.get("rejected")) or any(f.kind in (ODD, CHANGED) for f in observed.faults)
+    verdict = _verdict(predicted, found, findings, tested, chosen)
+    shown = bool(verdict.facts.get("rejected")) or any(f.kind in (ODD, CHANGED_CONDITION) for f in findings.faults)
     by_key = any(m.driven_by_key for m in predicted.trials)  # causes are told by the force
     asked = chosen.wants_causes(shown) and not by_key
     explained = _explain(predicted, findings, tested, chosen) if asked else Explained()
     if explained.findings:
-        named = replace(findings, faults=(*unexplained(findings, explained), *explained.findings))
-        found = usable_errors(predicted, scored.traces, events, tested, named.left_out)
-        observed, before = with_conditions(named, found, explained, limits), observed
-        if (observed.left_out, observed.conditions) != (before.left_out, before.conditions):
-            verdict = _verdict(predicted, found, observed, tested, chosen)
-    findings = observed
+        before = findings
+        findings = with_causes(before, explained, sorted(found))
+        if (findings.left_out, findings.conditions) != (before.left_out, before.conditions):
+            found = usable_errors(predicted, scored.traces, events, tested, findings.left_out)
+            verdict = _verdict(predicted, found, findings, tested, chosen)
     changes = [asdict(change) for change in explained.changes]
     rivals = compare_rivals(predicted, scored, tested, findings.left_out)
     made = Comparison(predicted, events, scored, findings, verdict, rivals, tested, chosen, changes)
@@ -294,37 +291,29 @@ def cost_of(predicted: PredictedSession) -> dict[str, float]:
     return {"right_hand_sides": sum(rhs) / len(rhs), "seconds": min(seconds)}
 
 
-ODD, CHANGED = "outlying residual", "changed condition"
+ODD = "outlying residual"
 
 
-def unexplained(findings: SessionFindings, explained: Explained) -> list[SessionFinding]:
-    """Findings without what the search for causes says more of: a trial that only the model finds odd, and a change."""
-    named = {f.trial for f in explained.findings}
-    return [f for f in findings.faults if not named or not (f.kind == CHANGED or (f.kind == ODD and f.trial in named))]
+def with_causes(findings: SessionFindings, explained: Explained, numbers: Sequence[int]) -> SessionFindings:
+    """Findings with the causes in place of what they explain; trials from a cause on are a condition of their own.
 
+    A change that was seen stays unless a cause from a trial on explains it, and then says where the condition begins.
 
-def with_conditions(
-    findings: SessionFindings, found: Mapping[int, TrialErrors], explained: Explained, limits: Mapping[str, float]
-) -> SessionFindings:
-    """Findings with the conditions that nothing is pooled beyond, and the changes that only single quantities show."""
+    Parameters
+    ----------
+    numbers : of the usable trials
+    """
     steps = {change.first for change in explained.changes if change.profile == STEP}
-    named = steps if len(steps) == 1 else set()
-    conditions = separate_conditions(sorted(found), findings.conditions, named)
-    changes = find_changes(found, conditions or [sorted(found)], limits)
-    faults = *findings.faults, *map(_finding_of_change, changes)
-    conditions = separate_conditions(sorted(found), conditions, {change.first for change in changes})
-    return replace(findings, faults=faults, conditions=conditions)
-
-
-def _finding_of_change(change: Change) -> SessionFinding:
-    q = change.quantity
-    size = f"{abs(q.factor * change.size):.2g}{'' if q.unit_shown == '°' else ' '}{q.unit_shown}"
-    text = (
-        f"from trial {change.first} on the difference from the model in {q.title} is another one than up to trial "
-        f"{change.last}, by {size}, {change.deviations:.0f} standard deviations of the trials' scatter (limit "
-        f"{change.limit:.0f})"
-    )
-    return SessionFinding(CHANGED, float(change.first), q.channel, change.deviations, change.limit, text)
+    odd = {f.trial for f in explained.findings}
+    kept = [
+        f
+        for f in findings.faults
+        if not (f.kind == CHANGED_CONDITION and steps) and not (f.kind == ODD and f.trial in odd)
+    ]
+    is_cut = any(f.kind == CHANGED_CONDITION for f in findings.faults)
+    cuts = steps if len(steps) == 1 and not is_cut else set()
+    conditions = separate_conditions(numbers, findings.conditions, cuts)
+    return replace(findings, faults=(*kept, *explained.findings), conditions=conditions)
 
 
 def of_one_kind(trials: Sequence[MeasuredTrial], findings: SessionFindings, but: str = "") -> list[MeasuredTrial]:

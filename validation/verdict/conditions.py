@@ -55,32 +55,16 @@ def separate_conditions(
     return tuple(out) if len(out) > 1 else ()
 
 
-def find_changes(
-    found: Mapping[int, TrialErrors], conditions: Sequence[Collection[int]], limits: Mapping[str, float]
-) -> list[Change]:
-    """Changes within each condition, of the trials on the branch of the motion that most of them take.
+def find_change(found: Mapping[int, TrialErrors], limits: Mapping[str, float]) -> Change | None:
+    """The change within trials of one stroke, of those on the branch of the motion that most of them take.
 
     Parameters
     ----------
-    found : errors of the usable trials, by number
-    conditions : numbers of the trials of each
+    found : errors of the trials, by number
     limits : of relevance, as of `quantities.relevance_limits`
     """
-    out = []
-    for members in conditions:
-        numbers = sorted(n for n in members if n in found)
-        most = Counter(found[n].branch for n in numbers).most_common(1)
-        numbers = [n for n in numbers if found[n].branch == most[0][0]]
-        change = _largest_change(found, numbers, limits)
-        if change is not None:
-            parts = [n for n in numbers if n < change.first], [n for n in numbers if n >= change.first]
-            out += [change, *find_changes(found, parts, limits)]
-    return out
-
-
-def _largest_change(
-    found: Mapping[int, TrialErrors], numbers: Sequence[int], limits: Mapping[str, float]
-) -> Change | None:
+    most = Counter(one.branch for one in found.values()).most_common(1)
+    numbers = sorted(n for n in found if found[n].branch == most[0][0])
     n = len(numbers)
     places = range(FEWEST_IN_PART, n - FEWEST_IN_PART + 1)
     if not places:

@@ -15,7 +15,7 @@ from validation.findings.film import check_camera_clock, find_miswired_film
 from validation.findings.find_faults import _check_capstan
 from validation.findings.finding import SessionFinding
 from validation.findings.let_off_and_check import compare_check_height, compare_let_off, find_let_off_and_check
-from validation.findings.outlying_trials import find_changed_condition, find_outlying_residuals, make_residuals
+from validation.findings.outlying_trials import find_outlying_residuals, make_residuals
 from validation.findings.stroke_kinds import find_mixed_strokes, find_single_strokes, group_strokes
 from validation.findings.trial_records import find_duplicates
 
@@ -76,20 +76,6 @@ def moved(residuals, where, by):
 def uncertain(m):
     """A trial whose zero of the force is hardly known: its force may move it anywhere."""
     return replace(m, force=replace(m.force, hum=replace(m.force.hum, u_offset_n=0.2)))
-
-
-@pytest.mark.parametrize("first", [3, 4, 5])
-def test_a_change_in_mid_session_is_found_where_it_is(stage, first):
-    residuals = make_residuals(stage.predicted, stage.events, stage.trials)
-    later = np.array(residuals.numbers) >= first
-    trials = {m.number: m for m in stage.trials}
-    for by in (0.2, 0.05):
-        (found,) = find_changed_condition(stage.tested, trials, moved(residuals, later, by))
-        assert found.trial == first
-    assert find_changed_condition(stage.tested, trials, moved(residuals, later, 2e-3)) == []
-    assert find_changed_condition(stage.tested, trials, residuals) == []
-    loose = {n: uncertain(m) for n, m in trials.items()}
-    assert find_changed_condition(stage.tested, loose, moved(residuals, later, 0.05)) == []
 
 
 def test_an_odd_residual_is_found_only_where_the_force_does_not_explain_it(stage):
