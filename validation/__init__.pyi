@@ -15,10 +15,10 @@ from .infer.result import Identification as Identification
 from .infer.write import write_identified as write_identified
 from .infer.write import write_reading as write_reading
 from .options import CompareOptions as CompareOptions
-from .pipeline.compare_session import compare as compare
-from .pipeline.compare_sessions import compare_many as compare_many
-from .pipeline.compare_sessions import validate_session as validate_session
-from .pipeline.compare_sessions import validate_sessions as validate_sessions
+from .pipeline.compare import compare as compare
+from .pipeline.compare import compare_many as compare_many
+from .pipeline.compare import validate_session as validate_session
+from .pipeline.compare import validate_sessions as validate_sessions
 from .report.write import write_report as write_report
 from .result import ValidationResult as ValidationResult
 from .side_by_side import SideBySide as SideBySide

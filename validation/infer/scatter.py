@@ -12,8 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import chi2
-from scipy.stats import t as student
+from scipy.special import chdtri, stdtrit
 
 from validation.conventions import Array
 from validation.infer.fit import Fitted
@@ -67,7 +66,7 @@ def widened(width: Array, jack: Array, trials: int) -> Array:
 
     The jackknife of few trials is itself known to a third only: the larger of the two would always be too large.
     """
-    most = np.sqrt(chi2.ppf(BY_CHANCE, max(trials - 1, 1)) / max(trials - 1, 1))
+    most = np.sqrt(chdtri(max(trials - 1, 1), 1.0 - BY_CHANCE) / max(trials - 1, 1))
     return np.where(np.isfinite(jack) & (jack > most * width), jack, width)
 
 
@@ -77,7 +76,7 @@ def factors(fitted: Fitted) -> Array:
     _, spread = fitted.marginal.sizes.belief()
     unknown = np.linalg.inv(found.information + np.diag(1.0 / spread**2))  # covariance of the logarithms of sizes
     varied = np.einsum("pi,ij,pj->p", found.shares, unknown, found.shares)
-    return np.asarray(student.ppf(0.975, np.clip(0.5 / np.maximum(varied, 1e-9), LEAST_FREEDOM, None)))
+    return np.asarray(stdtrit(np.clip(0.5 / np.maximum(varied, 1e-9), LEAST_FREEDOM, None), 0.975))
 
 
 def of_lacking(fitted: Fitted) -> Array:

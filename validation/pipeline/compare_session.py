@@ -15,7 +15,7 @@ from dataclasses import asdict, replace
 from datetime import datetime
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any
 
 import model
 from rig.session import Session
@@ -26,9 +26,9 @@ from validation.findings.find_faults import SessionFindings, find_faults
 from validation.findings.finding import CHANGED_CONDITION, select_sound_trials
 from validation.infer.causes.explain import Explained, explain_difference
 from validation.infer.causes.responses import STEP
-from validation.measurement.measure_session import measure_session, open_session, representative
+from validation.measurement.measure_session import measure_session, representative
 from validation.measurement.trial import MeasuredTrial
-from validation.options import CompareOptions, ComparisonOptions
+from validation.options import ComparisonOptions
 from validation.pipeline.advice import what_to_do
 from validation.pipeline.part_names import name_parts
 from validation.pipeline.verdict import fitted_trials, identified_warnings, prediction_lines, verdict_lines
@@ -105,77 +105,6 @@ def provenance(
 
 
 FINER = "; the verdict's test of the primary quantities does not resolve it"
-
-
-def compare(
-    session: Session | str | Path,
-    action: model.Action | str | Path = "hirschkorn2004",
-    **options: Unpack[CompareOptions],
-) -> ValidationResult:
-    """Compare every usable trial of a session with its own prediction.
-
-    Parameters
-    ----------
-    session : Session or path
-    action : model.Action, name or path
-    **options
-        tolerance : float, default 1e-5
-            Requested largest error of any predicted angle, rad.
-        rivals : tuple of str, default ("null", "raw_force", "unfitted", "polynomial", "fir", "fir_lags")
-            What is scored beside the model: the null model, the model under the recorded force, the values before an
-            identification, and three black boxes (`validation.statistics.rivals`).
-        budget : bool, default True
-            Draw the uncertain inputs, some 220 runs of one trial; without them there is no verdict.
-        explain : bool or None, default None
-            Find the causes that explain what model and trials, and the trials among themselves, differ by: always,
-            never, or (None) where the verdict resolves a difference or a trial is odd.
-        effects : bool, default True
-            Whether effects that the model lacks are among the causes; each compiles a scene of its own once, half a
-            minute in all.
-        by_motion : bool, default False
-            Drive the model by the key's measured motion instead of the force, in all trials; where no force was
-            recorded it always does. Also compare the force that the motion needs, in the trial of median peak force.
-        further : bool, default False; True where a report is written
-            Also make the tables that only a report shows: forces and energies inside the action, the force that the
-            motion of the key needs.
-        keep_predictions : bool, default True
-            Store predictions and scores in the session's ``derived`` and reuse them when their inputs have not changed.
-        u_rest_level_m : float, default 0.1 mm / √3
-            Standard uncertainty of hammer height and key dip at rest on the bench.
-        condition : str, optional
-            Condition of the session's trial plan to compare; needed where usable trials are of several.
-        relevant : dict, optional
-            Limits from which a difference matters, of `validation.verdict.quantities.RELEVANT`: ``travel`` (share of a
-            channel's travel, default 0.05), ``check_height`` (m, 2e-3), ``let_off`` (m, 5e-4), ``time`` (s, 2e-3),
-            ``speed`` (share, 0.05).
-        predict, rest_state, geometry : callable, optional
-            Stand-ins for ``model.simulate``, ``model.rest_state`` and `validation.measurement.geometry.geometry_of`.
-        now : callable
-            The clock of the report's date.
-        progress : callable, optional
-            Called with a line of text per trial.
-
-    Returns
-    -------
-    ValidationResult
-
-    Raises
-    ------
-    ValidationInputError
-        When the session or the action cannot be used, or no trial is usable.
-    TypeError
-        A keyword that is not known.
-
-    Examples
-    --------
-    >>> import validation
-    >>> result = validation.compare("sessions/example_forte", "hirschkorn2004", budget=False, explain=False)
-    >>> hammer = result.channels.set_index("channel").loc["hammer"]
-    >>> bool(hammer.s_r_rad < hammer.rmse_rad < 0.01)  # beyond the scatter of the trials, but small
-    True
-    """
-    chosen = ComparisonOptions.of(options)
-    return compare_by(open_session(session), load_model(action), chosen)
 
 
 def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions) -> ValidationResult:

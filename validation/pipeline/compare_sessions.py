@@ -11,20 +11,16 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Unpack
 
 import model
 from model.errors import ModelError
 from rig.errors import RigError
 from rig.session import Session
-from validation.cache.report_cache import report_folder
 from validation.errors import ValidationError, ValidationInputError
 from validation.measurement.measure_session import conditions_of, open_session
-from validation.options import CompareOptions, ComparisonOptions
+from validation.options import ComparisonOptions
 from validation.pipeline.compare_session import compare_by, load_model
 from validation.prediction.model_under_test import action_sha256
-from validation.report.files import check_folder
-from validation.report.write import write_side_by_side
 from validation.result import ValidationResult
 from validation.side_by_side import SideBySide
 
@@ -103,42 +99,10 @@ USER_ERRORS = (RigError, ValidationError, ModelError)
 """What a session that cannot be read or predicted raises; a defect is not among them."""
 
 
-def compare_many(
-    sessions: Sequence[Session | str | Path],
-    actions: Sequence[model.Action | str | Path] = ("hirschkorn2004",),
-    **options: Unpack[CompareOptions],
+def compare_every(
+    sessions: Sequence[Session | str | Path], actions: Sequence[model.Action | str | Path], chosen: ComparisonOptions
 ) -> SideBySide:
-    """Compare every session with every model.
-
-    Parameters
-    ----------
-    sessions : sequence of Session or path
-        A session of several conditions counts as one session for each, unless ``condition`` chooses.
-    actions : sequence of name, path or model.Action
-    **options
-        Those of `validation.compare`; ``condition`` holds for all sessions.
-
-    Returns
-    -------
-    SideBySide
-        One result for each session and model, and how the models compare.
-
-    Raises
-    ------
-    ValidationInputError
-        A session or a model is given twice, a model cannot be read, or no session can be compared.
-    TypeError
-        A keyword that is not known.
-
-    Examples
-    --------
-    >>> import validation
-    >>> models = ["hirschkorn2004", "hirschkorn2004-regulated"]
-    >>> side = validation.compare_many(["sessions/example_forte"], models, budget=False, explain=False)
-    >>> [result.action_name for result in side.results]
-    ['hirschkorn2004', 'hirschkorn2004-regulated']
-    """
-    chosen = ComparisonOptions.of(options)
+    """Compare every session with every model, as `validation.compare_many` says."""
     models = distinct_models([load_model(action) for action in actions])
     opened, refused = open_all(sessions)
     results: list[ValidationResult] = []
@@ -176,86 +140,3 @@ def open_all(sessions: Sequence[Session | str | Path]) -> tuple[list[Session], l
         except USER_ERRORS as error:
             refused.append((str(error), error))
     return opened, refused
-
-
-def validate_sessions(
-    sessions: Sequence[Session | str | Path],
-    actions: Sequence[model.Action | str | Path] = ("hirschkorn2004",),
-    out: str | Path | None = None,
-    **options: Unpack[CompareOptions],
-) -> SideBySide:
-    """Compare every session with every model and write one report.
-
-    Parameters
-    ----------
-    sessions : sequence of Session or path
-    actions : sequence of name, path or model.Action
-    out : path, optional
-        Folder for ``report.html``, ``results.json`` and ``tables/*.csv``; by default that of the session, if it is one.
-    **options
-        Those of `validation.compare`.
-
-    Returns
-    -------
-    SideBySide
-        With ``files`` naming what was written.
-
-    Raises
-    ------
-    ValidationInputError
-        No session can be compared, a session or model is given twice, or the folder cannot be written.
-    TypeError
-        A keyword that is not known.
-
-    Examples
-    --------
-    >>> import validation
-    >>> side = validation.validate_sessions(["sessions/example_forte"], out="report", budget=False, explain=False)
-    >>> side.files["report.html"].name
-    'report.html'
-    """
-    chosen = ComparisonOptions.of(options)
-    folder = report_folder([s.path if isinstance(s, Session) else s for s in sessions], out)
-    check_folder(folder)  # before any work is done
-    side = compare_many(sessions, actions, **CompareOptions({"further": True, **options}))
-    chosen.say("writing the report")
-    return write_side_by_side(side, folder)
-
-
-def validate_session(
-    session: Session | str | Path,
-    action: model.Action | str | Path = "hirschkorn2004",
-    out: str | Path | None = None,
-    **options: Unpack[CompareOptions],
-) -> ValidationResult:
-    """Compare one session with one model and write the report: `validate_sessions` for one of each.
-
-    Parameters
-    ----------
-    session : Session or path
-    action : name, path or model.Action
-    out : path, optional
-        Folder for the report; by default that of the session.
-    **options
-        Those of `validation.compare`.
-
-    Returns
-    -------
-    ValidationResult
-        With ``files`` naming what was written.
-
-    Raises
-    ------
-    ValidationInputError
-        The session cannot be compared, or the folder cannot be written.
-    TypeError
-        A keyword that is not known.
-
-    Examples
-    --------
-    >>> import validation
-    >>> result = validation.validate_session("sessions/example_forte", out="one", budget=False, explain=False)
-    >>> "report.html" in result.files
-    True
-    """
-    return validate_sessions([session], [action], out, **options).results[0]

@@ -25,7 +25,7 @@ from validation.infer.problem import Columns, Problem
 from validation.infer.response import Own
 from validation.infer.sources import IdentifyOptions, collect
 from validation.infer.unknowns import expand, unknowns
-from validation.pipeline.compare_session import compare as compare_session
+from validation.pipeline.compare import compare as compare_session
 from validation.report.files import check_target
 
 SESSIONS = Path(__file__).parents[3] / "sessions"
