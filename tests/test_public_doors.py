@@ -74,7 +74,11 @@ IMPORTS = {
         (f"rig.Session.open({SESSION!r}).trials[0].read()",
          "nidaqmx numba scipy pandas matplotlib model vision rig.simulated"),
     ],
-    "validation": [("validation", "numpy pandas model rig")],
+    "validation": [
+        ("validation", "numpy pandas model rig"),
+        ("validation.compare, validation.compare_many, validation.validate_session, validation.validate_sessions",
+         "numpy numba scipy pandas matplotlib h5py"),
+    ],
 }  # fmt: skip
 
 

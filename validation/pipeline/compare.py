@@ -81,7 +81,8 @@ def compare(
     >>> bool(hammer.s_r_rad < hammer.rmse_rad < 0.01)  # beyond the scatter of the trials, but small
     True
     """
-    from validation.measurement.measure_session import open_session  # start-up: half a second of processor time
+    # start-up: a second of processor time, which asking for the name does not need
+    from validation.measurement.measure_session import open_session
     from validation.options import ComparisonOptions
     from validation.pipeline.compare_session import compare_by, load_model
 
@@ -124,7 +125,8 @@ def compare_many(
     >>> [result.action_name for result in side.results]
     ['hirschkorn2004', 'hirschkorn2004-regulated']
     """
-    from validation.options import ComparisonOptions  # start-up: half a second of processor time
+    # start-up: a second of processor time, which asking for the name does not need
+    from validation.options import ComparisonOptions
     from validation.pipeline.compare_sessions import compare_every
 
     return compare_every(sessions, actions, ComparisonOptions.of(options))
@@ -166,7 +168,8 @@ def validate_sessions(
     >>> side.files["report.html"].name
     'report.html'
     """
-    from rig.session import Session  # start-up: half a second of processor time
+    # start-up: a second of processor time, which asking for the name does not need
+    from rig.session import Session
     from validation.cache.report_cache import report_folder
     from validation.options import CompareOptions, ComparisonOptions
     from validation.report.files import check_folder
@@ -176,7 +179,8 @@ def validate_sessions(
     check_folder(folder)  # before any work is done
     side = compare_many(sessions, actions, **CompareOptions({"further": True, **options}))
     chosen.say("writing the report")
-    from validation.report.write import write_side_by_side  # start-up: what only draws
+    # start-up: what only draws comes last
+    from validation.report.write import write_side_by_side
 
     return write_side_by_side(side, folder)
 
