@@ -1,9 +1,4 @@
-"""Exposure times of frames from the camera's frame clock or counted pulses, and a film's clock offset.
-
-Exposure starts on a rising edge of the frame clock, a fixed delay later where the camera has one; the time of a frame
-is the middle of its exposure. `estimate_offset` compares a tracked angle with an encoder on the same body. Arrays that
-cannot be a clock, or motion too small to determine an offset, raise `VisionInputError`.
-"""
+"""Offset of a film's clock against an encoder on the same body."""
 
 from __future__ import annotations
 
@@ -12,132 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vision.arrays import ArrayRecord, as_numbers
+from vision.arrays import as_numbers
 from vision.errors import VisionInputError
 
 MAX_OFFSET_FRAMES = 20.0  # between a film's clock and an encoder's that is looked for
 MIN_MOVED_U = 20.0
 """The angle must change by this many of its own standard uncertainties."""
-
-
-@dataclass(frozen=True)
-class FrameTimes(ArrayRecord):
-    """Middle of each exposure, s, shape (n,), and the standard uncertainty all of them share."""
-
-    time_s: NDArray[np.float64]
-    u_time_s: float
-
-
-def times_of_edges(edge_time_s: ArrayLike, exposure_s: float = 0.0, delay_s: float = 0.0) -> NDArray[np.float64]:
-    """Middle of each exposure from the times of the frame clock's rising edges.
-
-    Parameters
-    ----------
-    edge_time_s : array_like, shape (n,)
-        Increasing.
-    exposure_s : float
-    delay_s : float
-        From the edge to the start of the exposure, as the camera's manual states it.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Times, s.
-
-    Raises
-    ------
-    VisionInputError
-        Edges that do not increase, or an exposure or delay that cannot be.
-
-    Examples
-    --------
-    >>> import vision
-    >>> vision.times_of_edges([0.0, 0.0005], exposure_s=1e-4)
-    array([5.0e-05, 5.5e-04])
-    """
-    edges = as_numbers(edge_time_s, "frame clock: edges")
-    if edges.ndim != 1 or not np.all(np.isfinite(edges)) or np.any(np.diff(edges) <= 0.0):
-        raise VisionInputError("frame clock: its edges must be finite and increase; check the counter's recording")
-    if not (0.0 <= exposure_s < np.inf and np.isfinite(delay_s)):
-        raise VisionInputError(
-            f"frame clock: exposure {exposure_s} s and delay {delay_s} s; needs finite values, none below 0"
-        )
-    if edges.size > 1 and exposure_s > np.diff(edges).min() * 1.0001:
-        raise VisionInputError(
-            f"frame clock: exposure {exposure_s:g} s is longer than a frame, {np.diff(edges).min():g} s"
-        )
-    return edges + delay_s + 0.5 * exposure_s
-
-
-def times_of_counts(
-    sample_time_s: ArrayLike, count: ArrayLike, exposure_s: float = 0.0, delay_s: float = 0.0
-) -> FrameTimes:
-    """Middle of each exposure from a counter of the camera's pulses that is read at sample times.
-
-    The pulse that makes a count lies between two samples, and all pulses lie on one straight line; what both leave
-    undetermined is the stated uncertainty. Pulses that lie on no line (lost, or an irregular clock) are refused.
-
-    Parameters
-    ----------
-    sample_time_s : array_like, shape (k,)
-    count : array_like of int, shape (k,)
-        Pulses since the counter was armed; never falls.
-    exposure_s : float
-    delay_s : float
-        From the pulse to the start of the exposure, as the camera's manual states it.
-
-    Returns
-    -------
-    FrameTimes
-        Frame 0 belongs to the first pulse counted within the samples.
-
-    Raises
-    ------
-    VisionInputError
-        Counts that fall or are too few, or pulses that lie on no line.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import vision
-    >>> sample_time_s = np.arange(500) / 5000.0
-    >>> frames = vision.times_of_counts(sample_time_s, np.floor(2000.0 * sample_time_s).astype(int))
-    >>> print(f"{1e3 * np.diff(frames.time_s).mean():.3f} ms")
-    0.500 ms
-    """
-    time = as_numbers(sample_time_s, "counted frames: times")
-    counted = as_numbers(count, "counted frames: counts", dtype=np.int64)
-    if time.ndim != 1 or counted.shape != time.shape or time.size < 3 or np.any(np.diff(time) <= 0.0):
-        raise VisionInputError("counted frames: needs increasing sample times and one count for each")
-    steps = np.diff(counted)
-    if np.any(steps < 0):
-        raise VisionInputError(
-            "counted frames: counts must be whole numbers that never fall; check the counter's channel"
-        )
-    rise = np.flatnonzero(steps)
-    if rise.size < 3:
-        raise VisionInputError(f"counted frames: {rise.size} counts within the samples; needs at least 3")
-    if steps.max() > 1:
-        at = float(time[int(np.argmax(steps)) + 1])
-        raise VisionInputError(
-            f"counted frames: {steps.max()} counts in one sample at {at:g} s; read the counter faster"
-        )
-    number = counted[rise + 1].astype(float)
-    early, late = time[rise], time[rise + 1]
-    line = np.polyval(np.polyfit(number, 0.5 * (early + late), 1), number)
-    # the clock may be shifted as a whole as long as every pulse stays within its sample: with a frame clock that
-    # is derived from the sample clock no averaging makes that narrower
-    lowest, highest = float((early - line).max()), float((late - line).min())
-    width = float((late - early).mean())
-    if lowest - highest > 0.5 * width:
-        worst = int(np.argmax(np.abs(0.5 * (early + late) - line)))
-        raise VisionInputError(
-            f"counted frames: pulse {int(number[worst])} lies {(lowest - highest) * 1e6:.0f} us off a regular clock; "
-            "pulses were lost, or the frame clock is not regular"
-        )
-    edges = line + 0.5 * (lowest + highest)
-    u = max(highest - lowest, 0.25 * width) / np.sqrt(12.0)
-    return FrameTimes(times_of_edges(edges, exposure_s, delay_s), float(u))
 
 
 @dataclass(frozen=True)

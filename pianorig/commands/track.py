@@ -89,13 +89,9 @@ def command(
         list[str] | None,
         typer.Option("--place", help="Where a body is in those frames: body=ANGLE_DEG,X_PX,Y_PX; may be repeated."),
     ] = None,
-    propose_bodies: Annotated[
+    draw_frames: Annotated[
         Path | None,
-        typer.Option("--propose-bodies", help="Propose outlines (.toml, and a .png to look at) instead of tracking."),
-    ] = None,
-    marks: Annotated[
-        Path | None,
-        typer.Option("--marks", help="Follow the points and lines of this TOML file instead of bodies."),
+        typer.Option("--draw-frames", help="Draw frames with a grid (.png), to draw outlines on, instead of tracking."),
     ] = None,
     preview: Annotated[
         int | None,
@@ -109,6 +105,8 @@ def command(
         Path | None, typer.Option("--figure", help="Draw angles and residuals: .svg, .pdf or .png.")
     ] = None,
     as_json: AsJson = False,
+    propose_bodies: Annotated[Path | None, typer.Option("--propose-bodies", hidden=True)] = None,
+    marks: Annotated[Path | None, typer.Option("--marks", hidden=True)] = None,
 ) -> None:
     """Track rigid bodies; give angles and their uncertainty.
 
@@ -120,30 +118,26 @@ def command(
         film = film.resolve()
         if not film.name:
             raise CommandInputError(f"{film}: is no film; give a film or a folder of pictures")
+    if propose_bodies is not None:
+        raise CommandInputError(
+            "--propose-bodies is gone: draw the outlines with pianorig bench, or over --draw-frames FRAMES.png"
+        )
+    if marks is not None:
+        raise CommandInputError("--marks is gone: track a body with an outline around the point or edge")
     target = out if out is not None else film.with_suffix(".angles.csv")
     for path, endings in (
         (target, (".csv",)),
-        (propose_bodies, (".toml",)),
+        (draw_frames, (".png",)),
         (overlay, (".avi",)),
         (contact_sheet, (".png",)),
         (figure, FIGURE_ENDINGS),
     ):
         check_writable(path, *endings)
     filmed = workflows.SessionFilm(film, bodies, frame_rate, allow_truncated, channel, first_frame, last_frame)
-    if propose_bodies is not None:
-        refuse_beside(ctx, "--propose-bodies", "tracks nothing", "propose_bodies", "film", *READ[3:])
-        found = workflows.propose_outlines(filmed, propose_bodies)
-        names = ", ".join(found["bodies"])
-        tell(as_json, found, [f"{found['out']}: {names}; look at {found['picture']}, then correct and name them"])
-        return
-    if marks is not None:
-        refuse_beside(ctx, "--marks", "follows points and lines, in pixels", "marks", "every", "n_still", *READ)
-        with bar("following", quiet=as_json) as progress:
-            followed = workflows.follow_marks_of(filmed, marks, every=every, n_still=n_still, progress=progress)
-        write_table(target, followed.to_table())
-        summary = workflows.marks_summary(followed)
-        lines = [f"{target}: {len(followed.frame)} frames", *workflows.marks_lines(summary)]
-        tell(as_json, {"out": target, "marks": summary}, lines)
+    if draw_frames is not None:
+        refuse_beside(ctx, "--draw-frames", "tracks nothing", "draw_frames", "film", *READ[3:])
+        drawn = workflows.draw_frames_of(filmed, draw_frames)
+        tell(as_json, drawn, [f"{drawn['out']}: frames with a grid in film pixels; {drawn['first']}: the first one"])
         return
     camera = workflows.camera_of(calibration, tilt, distortion)
     workflows.check_pixel_aspect(pixel_aspect, calibration)

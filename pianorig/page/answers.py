@@ -39,7 +39,7 @@ from pianorig.page.catalogue import (
     session_detail,
 )
 from pianorig.page.live import LiveStream
-from pianorig.page.outlines import FilmSubject, outlines_of, propose, save, save_marks, subject_of, track_again
+from pianorig.page.outlines import FilmSubject, outlines_of, save, subject_of, track_again
 from pianorig.page.reply import Asked, Guarded, Reply, Sent, Served, Stream
 from pianorig.page.review import MOST_MODELS, film_view, trial_view
 from pianorig.player.animation import WEB as PLAYER
@@ -260,7 +260,7 @@ def _frames(served: Served, name: str, number: str, first: str, count: str, aske
     return Sent(grey, {"Content-Type": "application/octet-stream", "Cache-Control": "private, max-age=3600"})
 
 
-# outlines, points and lines of a film; tracking it
+# outlines of a film; tracking it
 
 
 def _of_film(served: Served, owner: str, number: str) -> FilmSubject:
@@ -271,24 +271,13 @@ def _track(served: Served, owner: str, number: str, asked: Asked) -> dict[str, A
     subject = _of_film(served, owner, number)
     if not subject.bodies.is_file():
         raise CommandInputError(f"{subject.bodies.name}: no outlines yet; save them first")
-    return _begin_tracking(served, owner, subject, ["--bodies", str(subject.bodies)], asked)
-
-
-def _follow(served: Served, owner: str, number: str, asked: Asked) -> dict[str, Any]:
-    subject = _of_film(served, owner, number)
-    if not subject.marks.is_file():
-        raise CommandInputError(f"{subject.marks.name}: no points or lines yet; save them first")
-    words = ["--marks", str(subject.marks), "--out", str(subject.marks_table)]
-    return _begin_tracking(served, owner, subject, words, asked)
-
-
-def _begin_tracking(served: Served, owner: str, subject: FilmSubject, words: list[str], asked: Asked) -> dict[str, Any]:
+    words = ["--allow-truncated", "--bodies", str(subject.bodies)]
     rate_hz = asked.content.get("frame_rate_hz")
     if rate_hz is not None:
         if type(rate_hz) not in (int, float) or not 0.0 < rate_hz < 1e9:
             raise CommandInputError(f"frame rate {str(rate_hz)[:40]}: allowed a positive number of frames/s")
-        words = [*words, "--frame-rate", repr(rate_hz)]
-    return served.jobs.begin(owner, ["track", str(subject.path), "--allow-truncated", *words])
+        words += ["--frame-rate", repr(rate_hz)]
+    return served.jobs.begin(owner, ["track", str(subject.path), *words])
 
 
 # the recording that is made
@@ -347,19 +336,12 @@ ADDRESSES: dict[str, dict[str, Any]] = {
         "get": lambda it, owner, number, asked: outlines_of(_of_film(it, owner, number)),
         "post": lambda it, owner, number, asked: save(_of_film(it, owner, number), asked.content.get("bodies")),
     },
-    f"{OUTLINES}/proposal": {
-        "get": lambda it, owner, number, asked: {"outlines": propose(_of_film(it, owner, number))}
-    },
     f"{OUTLINES}/track": {"post": _track},
     f"{OUTLINES}/frame": {
         "post": lambda it, owner, number, asked: track_again(
             _of_film(it, owner, number), asked.content.get("frame"), asked.content.get("places")
         )
     },
-    f"{OUTLINES}/marks": {
-        "post": lambda it, owner, number, asked: save_marks(_of_film(it, owner, number), asked.content.get("marks"))
-    },
-    f"{OUTLINES}/follow": {"post": _follow},
     f"/film/{NAME}/{NUMBER}/{NUMBER}-{NUMBER}": {"get": _frames},
 }
 """What ``get``, ``post`` and ``delete`` do at each address."""

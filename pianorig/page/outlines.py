@@ -1,10 +1,10 @@
-"""Outlines, points and lines on a film as the page edits them; single frames tracked again."""
+"""Outlines on a film as the page edits them; single frames tracked again."""
 
 from __future__ import annotations
 
 import math
 import shutil
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,17 +16,11 @@ from pianorig.console.column_file import read_table
 from pianorig.errors import CommandInputError
 from pianorig.page.catalogue import Catalogue, UnknownName, open_session, readable_trial
 from pianorig.page.review import outlined_film
-from pianorig.player.moving_action import pack
 from pianorig.workflows.session_film import BODIES_NAME, STEP, SessionFilm
 from pianorig.workflows.track import retrack
-from rig.atomic_write import write_text
-from rig.configuration.toml_file import dump_toml
 from rig.session import Session, Trial
 from vision.output.overlay import describe_problems, select_worst_rows
 from vision.results.flags import FAILURE
-
-MARKS_NAME = "marks.toml"
-"""Points and lines of a session's films, beside its outlines."""
 
 Found = tuple[pd.DataFrame, dict[str, Any]]
 
@@ -43,15 +37,6 @@ class FilmSubject:
     def table(self) -> Path:
         """Where ``pianorig track`` writes the angles."""
         return self.path.with_suffix(".angles.csv")
-
-    @property
-    def marks(self) -> Path:
-        """The file of points and lines to follow."""
-        return self.path.with_suffix(".marks.toml") if self.owner is None else self.bodies.with_name(MARKS_NAME)
-
-    @property
-    def marks_table(self) -> Path:
-        return self.path.with_suffix(".marks.csv")
 
     def film(self, frame_rate_hz: float | None = None) -> SessionFilm:
         """The film as tracking takes it."""
@@ -82,109 +67,11 @@ def subject_of(catalogue: Catalogue, owner: str, number: int) -> FilmSubject:
     return FilmSubject(trial.film, session.path / BODIES_NAME, (session, trial))
 
 
-MOST_MARKS, LONGEST_NAME = 32, 60
-Row = dict[str, Any]
-
-
-def marks_of(subject: FilmSubject) -> dict[str, Any]:
-    """The saved marks, and where following found them; files that cannot be read are a ``problem``."""
-    view: Row = {"file": subject.marks.name, "marks": [], "found": {}, "problem": ""}
-    try:
-        marks = vision.load_marks(subject.marks) if subject.marks.is_file() else []
-        view["marks"] = [_plain_mark(mark) for mark in marks]
-        view["found"] = _found_marks(subject)
-    except (vision.BodyError, CommandInputError) as error:
-        view["problem"] = str(error)
-    return view
-
-
-def _plain_mark(mark: vision.PointMark | vision.LineMark) -> Row:
-    if isinstance(mark, vision.PointMark):
-        return {"kind": "point", "name": mark.name, "points": [list(mark.at_px)], "size": mark.radius_px}
-    points = [list(mark.from_px), list(mark.to_px)]
-    return {"kind": "line", "name": mark.name, "points": points, "size": mark.width_px}
-
-
-def _found_marks(subject: FilmSubject) -> dict[str, Any]:
-    """Of each followed mark: frames, values and uncertainties (px), and where it was lost."""
-    if not subject.marks_table.is_file():
-        return {}
-    table = read_table(subject.marks_table, "follow the marks again")
-    found = {}
-    for column in table.columns:
-        name = column.removesuffix("_flag")
-        kinds = ("offset_px",) if f"{name}_offset_px" in table else ("x_px", "y_px")
-        if name == column or any(f"{name}_{kind}" not in table for kind in kinds) or "frame" not in table:
-            continue
-        found[name] = {
-            "frame": table["frame"].to_numpy(dtype=int).tolist(),
-            "lost": ((table[column].to_numpy(dtype=int) & int(FAILURE)) != 0).tolist(),
-            **{kind: pack(table[f"{name}_{kind}"].to_numpy(dtype=float)) for kind in kinds},
-            **{f"u_{kind}": pack(table[f"{name}_u_{kind}"].to_numpy(dtype=float)) for kind in kinds},
-        }
-    return found
-
-
-def save_marks(subject: FilmSubject, rows: Any) -> dict[str, Any]:
-    """Check marks against the film and write them; a file that was there is kept as ``….previous.toml``.
-
-    Parameters
-    ----------
-    rows : list of kind (``point``, ``line``), name, points (one or two [x, y] in film pixels), size (px)
-    """
-    if not isinstance(rows, list) or not 1 <= len(rows) <= MOST_MARKS:
-        raise CommandInputError(f"marks: allowed a list of 1 to {MOST_MARKS}")
-    marks = [_mark(row) for row in rows]
-    names = [mark.name for mark in marks]
-    for name in names:
-        if names.count(name) > 1:
-            raise CommandInputError(f"mark {name}: named {names.count(name)} times; names must be unique")
-    with vision.open_film(subject.path, allow_truncated=True) as film:
-        for mark in marks:
-            if not mark.mask(film.height, film.width).any():
-                raise CommandInputError(
-                    f"mark {mark.name}: lies outside the picture of {film.width} x {film.height} px"
-                )
-    if subject.marks.is_file():
-        shutil.copyfile(subject.marks, subject.marks.with_suffix(".previous.toml"))
-    write_text(subject.marks, _toml(marks))
-    return {"file": subject.marks.name, "marks": names}
-
-
-def _toml(marks: list[vision.PointMark | vision.LineMark]) -> str:
-    """Points first, then lines, as `vision.load_marks` reads them."""
-    kinds = (("point", vision.PointMark), ("line", vision.LineMark))
-    return "\n".join(
-        f"[[{name}]]\n{dump_toml(asdict(mark))}" for name, kind in kinds for mark in marks if isinstance(mark, kind)
-    )
-
-
-def _mark(row: Any) -> vision.PointMark | vision.LineMark:
-    if not isinstance(row, dict) or row.get("kind") not in ("point", "line"):
-        raise CommandInputError(f"mark {str(row)[:60]!r}: allowed a table with the kind point or line")
-    name, points, size = row.get("name"), row.get("points"), row.get("size")
-    if not isinstance(name, str) or not 1 <= len(name) <= LONGEST_NAME:
-        raise CommandInputError(f"mark: name {str(name)[:60]!r}: allowed text of 1 to {LONGEST_NAME} characters")
-    wanted = 1 if row["kind"] == "point" else 2
-    if not isinstance(points, list) or len(points) != wanted or not all(_is_place(point) for point in points):
-        raise CommandInputError(f"mark {name}: allowed {wanted} place{'s' if wanted > 1 else ''} [x, y]; click it")
-    if not _is_number(size):
-        raise CommandInputError(f"mark {name}: size {str(size)[:40]}: allowed a number of pixels")
-    places = [(float(x), float(y)) for x, y in points]
-    if row["kind"] == "point":
-        return vision.PointMark(name, places[0], float(size))  # type: ignore[arg-type]  # checked
-    return vision.LineMark(name, places[0], places[1], float(size))  # type: ignore[arg-type]  # checked
-
-
-def _is_place(point: Any) -> bool:
-    return isinstance(point, list) and len(point) == 2 and all(_is_number(x) for x in point)
-
-
 def _is_number(x: Any) -> bool:
     return type(x) in (int, float) and math.isfinite(x)
 
 
-MOST_BODIES, MOST_POINTS = 32, 500
+MOST_BODIES, MOST_POINTS, LONGEST_NAME = 32, 500, 60
 WORST = 12
 
 
@@ -197,15 +84,8 @@ def outlines_of(subject: FilmSubject) -> dict[str, Any]:
         "table": subject.table.name if subject.table.is_file() else "",
         "outlines": [_plain(body) for body in bodies],
         "worst": worst_frames(subject),
-        "marks": marks_of(subject),
         "doubt": subject.film().doubt_about_times or "",
     }
-
-
-def propose(subject: FilmSubject) -> list[dict[str, Any]]:
-    """Outlines proposed from the film, to be corrected and named."""
-    with vision.open_film(subject.path, allow_truncated=True) as film:
-        return [_plain(body) for body in vision.propose_bodies(film)]
 
 
 def _plain(body: vision.Body) -> dict[str, Any]:

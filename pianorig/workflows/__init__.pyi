@@ -33,12 +33,9 @@ from .session_paths import session_folder as session_folder
 from .track import budget_lines as budget_lines
 from .track import camera_of as camera_of
 from .track import check_pixel_aspect as check_pixel_aspect
+from .track import draw_frames_of as draw_frames_of
 from .track import draw_track as draw_track
-from .track import follow_marks_of as follow_marks_of
-from .track import marks_lines as marks_lines
-from .track import marks_summary as marks_summary
 from .track import preview_track as preview_track
-from .track import propose_outlines as propose_outlines
 from .track import read_places as read_places
 from .track import retrack as retrack
 from .track import rows_per_second as rows_per_second

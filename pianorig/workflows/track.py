@@ -1,8 +1,8 @@
-"""Tracking of a film, alone or as part of a session: outlines proposed, angles, marks, single frames again."""
+"""Tracking of a film, alone or as part of a session: frames to draw on, angles, single frames again."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -24,39 +24,13 @@ from vision.tracking.options import FitOptions, TrackOptions
 from vision.uncertainty.budget import TERMS
 
 
-def propose_outlines(film: SessionFilm, out: Path) -> dict[str, Any]:
-    """Write proposed outlines to ``out`` and a picture of them beside it; an existing file is not overwritten.
-
-    Where none can be proposed, the picture shows frames to draw outlines on, and the first frame is written pixel by
-    pixel, as ``…_frame.png``.
-
-    Returns
-    -------
-    dict : ``out``, ``picture``, ``bodies`` (names)
-
-    Raises
-    ------
-    vision.TrackingError : none can be proposed; the reason and the pictures are named
-    """
-    if out.suffix != ".toml":
-        raise CommandInputError(f"{out}: --propose-bodies writes outlines; the name must end in .toml")
-    if out.exists():
-        raise CommandInputError(f"{out}: exists and may hold corrected outlines; choose another name or remove it")
+def draw_frames_of(film: SessionFilm, out: Path) -> dict[str, Path]:
+    """Write a picture of frames with a grid in film pixels, to draw outlines on, and the first one pixel by pixel."""
+    plain = out.with_name(f"{out.stem}_first.png")
     with film.open() as source:
-        try:
-            bodies = vision.propose_bodies(source)
-        except vision.TrackingError as error:
-            plain = out.with_name(f"{out.stem}_frame.png")
-            vision.write_picture(out.with_suffix(".png"), vision.draw_frames(source))
-            vision.write_picture(plain, grey_picture(source.read(0), source.bit_depth))
-            raise vision.TrackingError(
-                f"{error}: {out.with_suffix('.png')} shows frames and their pixels, {plain} the first one as it is"
-            ) from None
-        picture = vision.draw_bodies(source.read(0), bodies, source.bit_depth)
-    drawing = out.with_suffix(".png")
-    vision.write_picture(drawing, picture)
-    vision.save_bodies(out, bodies)
-    return {"out": out, "picture": drawing, "bodies": [body.name for body in bodies]}
+        vision.write_picture(out, vision.draw_frames(source))
+        vision.write_picture(plain, grey_picture(source.read(0), source.bit_depth))
+    return {"out": out, "first": plain}
 
 
 COLUMNS = 3
@@ -95,58 +69,6 @@ def preview_track(film: SessionFilm, picture: Path, count: int, **options: Unpac
         lines.append(f"{where}: {'; '.join(part for part in (angles, remark) if part)}")
     lost = {body: int(n) for body, n in zip(result.bodies, result.failed.sum(axis=0), strict=True)}
     return {"picture": picture, "frames": result.frame.tolist(), "lost": lost, "lines": lines}
-
-
-def follow_marks_of(
-    film: SessionFilm,
-    marks: Path,
-    *,
-    every: int = 1,
-    n_still: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
-) -> vision.MarkResult:
-    """Follow the marks of a file through a film.
-
-    Parameters
-    ----------
-    marks : TOML file, see `vision.load_marks`
-    every, n_still, progress : as for `vision.follow_marks`
-
-    Raises
-    ------
-    vision.VisionInputError : marks or film that cannot be used
-    """
-    known = vision.load_marks(marks)
-    with film.open() as source:
-        times, _ = film.frame_times(source)
-        followed = vision.follow_marks(source, known, times, every=every, n_still=n_still, progress=progress)
-    return replace(followed, frame=followed.frame + film.first_frame)
-
-
-def marks_summary(result: vision.MarkResult) -> dict[str, dict[str, float]]:
-    """Per mark: frames, lost ones, and median standard uncertainty, px, of a line's offset or of a point's x and y."""
-    lines = {}
-    for i, mark in enumerate(result.marks):
-        known = ~result.failed[:, i]
-        names = ["u_offset_px"] if isinstance(mark, vision.LineMark) else ["u_x_px", "u_y_px"]
-        values = {name: getattr(result, name)[known, i] for name in names}
-        lines[mark.name] = {
-            "frames": len(result.frame),
-            "lost": int((~known).sum()),
-            **{f"median_{name}": float(sorted(value)[len(value) // 2]) for name, value in values.items() if len(value)},
-        }
-    return lines
-
-
-def marks_lines(summary: dict[str, dict[str, float]]) -> list[str]:
-    """`marks_summary` as lines of text."""
-    lines = []
-    for name, facts in summary.items():
-        sizes = [
-            f"{key.removeprefix('median_').removesuffix('_px')} {facts[key]:.4f} px" for key in facts if "u_" in key
-        ]
-        lines.append(f"  {name:<16} {facts['lost']} frames lost; median {', '.join(sizes) or 'u not known'}")
-    return lines
 
 
 @contextmanager

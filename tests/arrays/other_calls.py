@@ -28,7 +28,6 @@ HEAVY = {
     "vision.track": ("gives vision.tracking.track_film.frame_times",),
     "vision.preview": ("gives vision.tracking.retrack.frame_times",),
     "vision.retrack_frames": ("gives vision.tracking.retrack.frame_times",),
-    "vision.follow_marks": ("gives vision.marks.follow.frame_times",),
     f"{BACKEND}.configure": ("rig.daq.tasks.check_command",),
     f"{BACKEND}.loopback_read": (
         "rig.daq.tasks.motor_task", "rig.daq.tasks.prepare_command", "rig.daq.tasks.load_command",
@@ -110,8 +109,6 @@ CALLS: dict[str, Callable[[], Arguments]] = {
     "vision.cramer_rao_bound": lambda: {
         "picture": picture().astype(float), "mask": np.ones((12, 16), bool), "noise_grey": 2.0,
     },
-    "vision.times_of_edges": lambda: {"edge_time_s": ROWS},
-    "vision.times_of_counts": lambda: {"sample_time_s": ROWS, "count": np.arange(24) // 3},
     "vision.estimate_offset": lambda: {
         "time_s": np.arange(48.0, 208.0), "angle_rad": swing(np.arange(49.0, 209.0)), "u_angle_rad": np.ones(160),
         "encoder_time_s": np.arange(256.0), "encoder_rad": swing(np.arange(256.0)),
@@ -122,9 +119,6 @@ CALLS: dict[str, Callable[[], Arguments]] = {
     },
     "vision.retrack_frames": lambda: {
         "path_or_source": film(), "bodies": bodies(), "frames": [1], "places": [{}], "frame_time_s": ROWS[:4],
-    },
-    "vision.follow_marks": lambda: {
-        "path_or_source": film(), "marks": [vision.PointMark("spot", (8.0, 6.0), 4.0)], "frame_time_s": ROWS[:4],
     },
     "rig.make_target": lambda: {
         "name": "push", "force_n": recording(), "interval_s": 1e-3, "sample_rate_hz": 1000.0, "key_bottom_s": 0.2,

@@ -7,13 +7,11 @@ its place in the reference.
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.film.source import FrameSource
 from vision.fitting.assessment import UNKNOWN, Ratios
 from vision.fitting.template import Template
 from vision.kernel_cache import cached_njit
@@ -50,22 +48,6 @@ class Fit:
 
 
 FAILED = Fit(np.full(3, np.nan), np.full((3, 3), np.nan), 0.0, 0.0, 0.0, np.nan, np.nan, 0, False)
-
-
-class Fitter(ABC):
-    """Fits one body or mark."""
-
-    template: Template
-    has_cautious_start = False
-    """Whether ``cautious`` makes a difference to `reset`."""
-
-    @abstractmethod
-    def fit(self, film: FrameSource, index: int, pose: NDArray[np.float64], covered: NDArray[np.uint8] | None) -> Fit:
-        """Fit the body in frame ``index``, starting from ``pose``; ``covered`` marks template pixels to leave out."""
-
-    @abstractmethod
-    def reset(self, cautious: bool = False) -> None:
-        """Forget the state carried over from the previous frame; ``cautious`` as for much of the body hidden."""
 
 
 @cached_njit(nogil=True)

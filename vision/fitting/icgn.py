@@ -28,7 +28,7 @@ from vision.fitting.assessment import (
     coherence_ratios,
     template_blocks,
 )
-from vision.fitting.base import FAILED, MARGIN_PX, Fit, Fitter, region_of
+from vision.fitting.base import FAILED, MARGIN_PX, Fit, region_of
 from vision.fitting.bspline import noise_gain
 from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.illumination import LocalIllumination
@@ -108,12 +108,10 @@ def fit_settings() -> Settings:
     return Settings(noise_gain(), SCALE_FLOOR_GREY, TOLERANCE_PX, STOP_U, MAX_ITERATIONS)
 
 
-class IcgnFitter(Fitter):
+class IcgnFitter:
     """Fits one body; carries the weights of its pixels over from frame to frame."""
 
-    has_cautious_start = True
-
-    def __init__(self, template: Template, frames: FrameSpline | None = None, memory: FitMemory | None = None) -> None:
+    def __init__(self, template: Template, frames: FrameSpline, memory: FitMemory | None = None) -> None:
         self.template = template
         self._frames = frames
         self._light = LocalIllumination(template)
@@ -192,7 +190,7 @@ class IcgnFitter(Fitter):
         region = region_of(template, start, film.height, film.width)
         if region is None:
             return FAILED
-        if self._frames is None or self._frames.film is not film:
+        if self._frames.film is not film:
             self._frames = FrameSpline(film)
         part = self._frames.filtered_part(index, region)
         coefficient, (y0, _, x0, _) = part.coefficient, part.box

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.film.source import FrameSource
-from vision.fitting.base import FAILED, Fit, Fitter
+from vision.fitting.base import FAILED, Fit
+from vision.fitting.icgn import IcgnFitter
 from vision.fitting.template import Template
 from vision.frame_fit.judgement import Figures, Standards, judge_fit, update_usual_quality
 from vision.frame_fit.motion import Motion, expect_pose, is_placed, place_body
@@ -150,7 +151,7 @@ class BodyTracker:
     """One body, the ``number``-th of those whose ``motion`` and ``standards`` it uses; ``looks_far``: whether it is
     looked for in the whole picture once it is lost."""
 
-    fitter: Fitter
+    fitter: IcgnFitter
     motion: Motion
     standards: Standards
     number: int = 0
@@ -163,7 +164,7 @@ class BodyTracker:
         self._fit: Fit | Callable[[], Fit] = FAILED
 
     @classmethod
-    def create_single(cls, fitter: Fitter) -> BodyTracker:
+    def create_single(cls, fitter: IcgnFitter) -> BodyTracker:
         """Of a body without others, at rest where it is in the reference."""
         tracker = cls(fitter, Motion.from_templates([fitter.template]), Standards.from_templates([fitter.template]))
         tracker.place(-1, np.zeros(3))
@@ -274,7 +275,7 @@ class BodyTracker:
         self, film: FrameSource, index: int, start: NDArray[np.float64], covered: NDArray[np.uint8] | None
     ) -> tuple[Fit, FrameFlag]:
         """Fit without the weights of the frame before: from equal ones, then in case much of the body is hidden."""
-        for cautious in (False, True)[: 1 + self.fitter.has_cautious_start]:
+        for cautious in (False, True):
             self.fitter.reset(cautious)
             fit = self.fitter.fit(film, index, start, covered)
             flag = self._flags_of(fit, start)

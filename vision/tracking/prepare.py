@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,10 +16,8 @@ from vision.bodies.masks import exclude_saturated, masks_from_distances, outline
 from vision.bodies.occlusion import Occlusion
 from vision.bodies.outlines import Body
 from vision.errors import VisionInputError, VisionWarning
-from vision.film.open import open_or_use
 from vision.film.source import FrameSource
 from vision.film.time_scale import warn_of_uneven_times
-from vision.fitting.pose_covariance import predicted_u_angle
 from vision.fitting.template import build_template
 from vision.item_map import ItemMap, serial_map
 from vision.reference.camera_faults import (
@@ -148,42 +145,6 @@ def _bounding_box(region: NDArray[np.bool_]) -> tuple[int, int, int, int]:
     """Rectangle (y0, y1, x0, x1) of a region."""
     rows, columns = np.flatnonzero(region.any(axis=1)), np.flatnonzero(region.any(axis=0))
     return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
-
-
-def predict_uncertainty(
-    path_or_source: str | os.PathLike[str] | FrameSource, bodies: Sequence[Body], *, n_still: int | None = None
-) -> dict[str, float]:
-    """Standard uncertainty of each body's angle from noise and reference, before the film is tracked.
-
-    The other terms of the budget are in what `vision.track` gives to its ``expected`` callable.
-
-    Parameters
-    ----------
-    path_or_source : path or FrameSource
-    bodies : sequence of Body
-    n_still : int or None
-        Still frames at the start; found from the film when None.
-
-    Returns
-    -------
-    dict of str to float
-        Body name to u, rad.
-
-    Raises
-    ------
-    VisionInputError
-        Film or outlines that cannot be used.
-
-    Examples
-    --------
-    >>> import vision
-    >>> expected = vision.predict_uncertainty("film.mraw", vision.load_bodies("bodies.toml"))
-    >>> all(0.0 < u < 1e-3 for u in expected.values())
-    True
-    """
-    with open_or_use(path_or_source) as film:
-        ready = prepare(film, bodies, n_still)
-    return {template.name: predicted_u_angle(template, ready.reference.noise_grey) for template in ready.templates}
 
 
 def frame_times(film: FrameSource, given_s: ArrayLike | None) -> NDArray[np.float64]:

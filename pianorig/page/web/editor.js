@@ -38,7 +38,6 @@ export class OutlineEditor {
 
   choose(i) { for (const body of this.bodies) delete body.open; this.chosen = i; this.point = -1; this.changed(false); this.panel.canvas.focus(); }
 
-  replace(bodies) { this.keep(); this.bodies = structuredClone(bodies); this.chosen = 0; this.point = -1; this.changed(); }
 
   add() {
     this.keep();

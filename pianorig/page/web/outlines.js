@@ -1,10 +1,9 @@
-// From a film to angles: outlines proposed or drawn, saved, tracked; the worst frames, placed by hand and tracked again.
+// From a film to angles: outlines drawn, saved, tracked; the worst frames, placed by hand and tracked again.
 import { link, remember } from "./address.js";
 import { OutlineEditor } from "./editor.js";
 import { make } from "./elements.js";
 import { FilmPanel } from "./film.js";
 import { jobButton } from "./jobs.js";
-import { marksPart } from "./marks.js";
 import { ask, at, LOOK_ONLY, mayWrite } from "./server.js";
 import { say } from "./user.js";
 
@@ -32,17 +31,15 @@ export async function showOutlines(main, values) {
     ...films.map((one, i) => make("option", { value: i }, one.title)));
   select.value = films.indexOf(wanted);
   main.append(make("div", { class: "row" }, make("label", {}, "Film", select)));
-  let closed = false, marks = null, known = await ask(base);
+  let closed = false, known = await ask(base);
   const panel = new FilmPanel(owner, trial, known.film);
   const kept = `outlines ${owner} ${trial}`;
   const editor = new OutlineEditor(panel, JSON.parse(sessionStorage.getItem(kept) || "null") || known.outlines, (bodies, dirty) => {
     if (dirty) sessionStorage.setItem(kept, JSON.stringify(bodies));
-    marks?.release();
     list();
   });
   const slider = make("input", { type: "range", min: 0, max: known.film.n_frames - 1, value: values.get("frame") || 0, "aria-label": "Frame", oninput: () => go(Number(slider.value)) });
   const rows = make("div"), worst = make("ol", { class: "worst" }), hints = make("p", { class: "hint" });
-  const proposeButton = make("button", { type: "button", onclick: propose }, "Propose outlines");
   const saveButton = make("button", { type: "button", class: "first", disabled: !mayWrite(), title: mayWrite() ? null : LOOK_ONLY, onclick: save }, "Save");
   const rate = make("input", { type: "number", min: "0", step: "any", id: "rate", placeholder: "from the file" });
   const again = make("button", { type: "button", disabled: true, onclick: trackFrame }, "Track this frame again");
@@ -55,12 +52,11 @@ export async function showOutlines(main, values) {
     },
     done: async () => { say("tracked"); await reload(); },
   });
-  marks = marksPart({ panel, editor, base, known: known.marks, kept: `marks ${owner} ${trial}`, ended: () => closed, reload, rate: () => Number(rate.value) || undefined });
   main.append(known.doubt ? make("p", { class: "notice" }, known.doubt) : "",
     make("div", { class: "review" }, make("div", {}, panel.element, slider, hints),
-      make("div", {}, make("div", { class: "row" }, proposeButton, make("button", { type: "button", onclick: () => editor.add() }, "New body"), make("button", { type: "button", onclick: () => editor.undo() }, "Undo"), saveButton),
+      make("div", {}, make("div", { class: "row" }, make("button", { type: "button", onclick: () => editor.add() }, "New body"), make("button", { type: "button", onclick: () => editor.undo() }, "Undo"), saveButton),
         rows, make("fieldset", {}, make("legend", {}, "Track"), trial === 0 ? make("p", {}, make("label", { for: "rate" }, "True frame rate, frames/s"), " ", rate) : "", track),
-        marks.element, make("fieldset", {}, make("legend", {}, "Worst frames"), worst, make("div", { class: "row" }, again, still),
+        make("fieldset", {}, make("legend", {}, "Worst frames"), worst, make("div", { class: "row" }, again, still),
           make("p", { class: "hint" }, "Drag a tracked outline to where the body is, [ and ] turn it; then track this frame again. By keys, on the picture: B chooses a body, the arrows move it.")))),
     make("details", { open: !known.outlines.length }, make("summary", {}, "How to draw"),
       make("p", {}, "Outlines lie on the still frames at the start. Click corner after corner; a click on the first corner closes the outline, after that a click adds a point in the nearest edge; drag a point to move it, arrow keys move the chosen one by a pixel (with Shift a tenth, with Ctrl ten), Delete takes it away, Ctrl-Z takes the last change back. Without a pointer: Enter on the picture sets a corner, the arrows move it. A body in front has the larger layer; its parent is the body it turns on."),
@@ -105,7 +101,7 @@ export async function showOutlines(main, values) {
         make("button", { type: "button", "aria-pressed": String(i === editor.chosen), onclick: () => editor.choose(i) }, make("span", { class: "swatch", style: `background:${editor.color(i)}` }), ` ${body.points.length} points`),
         name, parent, layer, make("button", { type: "button", "aria-label": `Delete ${body.name}`, onclick: () => editor.remove(i) }, "✕"));
     }), names(), make("datalist", { id: "usual" }, ...USUAL.map((text) => make("option", { value: text }))));
-    hints.textContent = editor.bodies.length ? "" : "No outlines yet: let some be proposed, or begin with a new body and click its corners.";
+    hints.textContent = editor.bodies.length ? "" : "No outlines yet: begin with a new body and click its corners.";
   }
 
   function showWorst() {
@@ -119,19 +115,8 @@ export async function showOutlines(main, values) {
     panel.film = known.film;
     panel.setBodies(known.film.bodies);
     editor.forgetPlaces();
-    marks.set(known.marks);
     showWorst();
     panel.draw(panel.shown);
-  }
-
-  async function propose() {
-    proposeButton.disabled = true;
-    hints.textContent = "looking for bodies that move as one …";
-    try {
-      const { outlines } = await ask(`${base}/proposal`);
-      editor.replace(outlines);
-      say(`${outlines.length} outlines proposed: correct and name them`);
-    } catch (error) { say(error.message); } finally { proposeButton.disabled = false; list(); }
   }
 
   async function save() {
@@ -157,5 +142,5 @@ export async function showOutlines(main, values) {
   panel.frame(Number(values.get("frame")) || 0);
   main.dataset.ready = "true";
   window.benchEditor = editor; // for tests of the page
-  return () => { closed = true; marks.close(); editor.close(); panel.close(); delete main.dataset.ready; };
+  return () => { closed = true; editor.close(); panel.close(); delete main.dataset.ready; };
 }

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import vision
 from tests.command_line import run
 from tests.vision.known_films import smooth_step
 from vision import Body, open_film, save_bodies, write_avi, write_mraw
@@ -88,26 +89,18 @@ def test_three_frames_are_shown_before_the_film_is_tracked(
     assert json.loads(capsys.readouterr().out)["preview"]["lost"] == {"bar": 0}
 
 
-def test_marks_are_followed_instead_of_bodies(
-    filmed: tuple[Path, Path, np.ndarray],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    refused: Callable[..., None],
+def test_frames_are_drawn_to_draw_outlines_on(
+    filmed: tuple[Path, Path, np.ndarray], tmp_path: Path, refused: Callable[..., None]
 ) -> None:
-    film, _, angle = filmed
-    marks, out = tmp_path / "marks.toml", tmp_path / "marks.csv"
-    marks.write_text('[[point]]\nname = "end"\nat_px = [150, 96]\nradius_px = 12\n')
-    assert run("track", film, "--marks", marks, "--out", out) == 0
-    said = capsys.readouterr().out
-    assert "marks.csv: 60 frames" in said and "end" in said and "0 frames lost; median u_x 0.0" in said
-    table = pd.read_csv(out)
-    error = table["end_y_px"] - (96.0 - (150.0 - 92.0) * np.sin(angle))
-    assert np.all(np.abs(error - error[:14].mean()) < 5.0 * table["end_u_y_px"])
-    assert run("track", film, "--marks", marks, "--out", out, "--json") == 0
-    assert json.loads(capsys.readouterr().out)["marks"]["end"]["lost"] == 0
-    for more in (("--calibration", tmp_path / "camera.toml"), ("--tilt", "1"), ("--overlay", tmp_path / "o.avi")):
-        refused(f"leave out {more[0]}", "track", film, "--marks", marks, "--out", out, *more)
-    refused("leave out --bodies", "track", film, "--propose-bodies", tmp_path / "p.toml", "--bodies", film)
+    film, outlines, _ = filmed
+    assert run("track", film, "--draw-frames", tmp_path / "frames.png") == 0
+    first = cv2.imread(str(tmp_path / "frames_first.png"), cv2.IMREAD_GRAYSCALE)
+    with vision.open_film(film) as source:
+        np.testing.assert_array_equal(first, source.read(0))  # pixel by pixel
+    assert cv2.imread(str(tmp_path / "frames.png")).shape[1] > first.shape[1]
+    refused("leave out --bodies", "track", film, "--draw-frames", tmp_path / "f.png", "--bodies", outlines)
+    refused("an outline around the point", "track", film, "--marks", tmp_path / "marks.toml")
+    refused("draw the outlines with", "track", film, "--propose-bodies", tmp_path / "p.toml")
 
 
 def test_the_rate_of_a_video_file_is_doubted(

@@ -14,7 +14,6 @@ import vision
 from rig.simulated import ActionGeometry, CameraSettings, film_bodies, film_trial
 from tests.pianorig.page.conftest import Page, serve
 from tests.pianorig.page.stories import opened, until
-from vision.results.flags import FAILURE
 
 FILMED = ("whippen", "jack", "repetition")
 CAMERA = CameraSettings(width=280, height=212, scale_px_per_m=2240.0)
@@ -95,7 +94,6 @@ def test_from_a_foreign_film_to_three_angles(browser: Any, tmp_path: Path) -> No
             assert {name: one.layer for name, one in saved.items()} == {one.name: one.layer for one in truth}
             check_angles(table, blow)
             again(tab, tmp_path)
-            point_and_line(user, tmp_path, truth)
 
 
 def check_angles(table: pd.DataFrame, blow: model.Solution) -> None:
@@ -143,37 +141,6 @@ def again(tab: Any, folder: Path) -> None:
     pd.testing.assert_frame_equal(before[others], after[others])
 
 
-def point_and_line(user: User, folder: Path, truth: list[vision.Body]) -> None:
-    """A point of the whippen's texture, and a line, clicked, saved and followed."""
-    tab, canvas = user.tab, user.tab.locator(".film canvas")
-    whippen = next(body for body in truth if body.name == "whippen").polygon_px.clip(
-        (0, 0), (CAMERA.width - 1, CAMERA.height - 1)
-    )
-    x, y = whippen.mean(axis=0)
-    tab.get_by_role("button", name="To the still frames").click()
-    until(tab, "document.querySelector('.film canvas').dataset.frame === '0'")
-    canvas.scroll_into_view_if_needed()
-    k = canvas.bounding_box()["width"] / CAMERA.width
-    tab.get_by_role("button", name="New point").click()
-    canvas.click(position={"x": (x + 0.5) * k, "y": (y + 0.5) * k})
-    tab.get_by_role("button", name="New line").click()
-    for dx in (-15, 15):
-        canvas.click(position={"x": (x + dx + 0.5) * k, "y": (y + 0.5) * k})
-    tab.get_by_role("button", name="Follow", exact=True).press("Enter")
-    tab.get_by_text("followed", exact=True).wait_for(timeout=120_000)
-    saved = vision.load_marks(folder / "foreign.marks.toml")
-    assert [type(mark) for mark in saved] == [vision.PointMark, vision.LineMark]
-    marks, angles = pd.read_csv(folder / "foreign.marks.csv"), pd.read_csv(folder / "foreign.angles.csv")
-    turn = -(angles["whippen_rad"] - angles["whippen_rad"][0]).to_numpy()
-    from_middle = np.array(saved[0].at_px) - angles.loc[0, ["whippen_x_px", "whippen_y_px"]].to_numpy(dtype=float)
-    carried_x = angles["whippen_x_px"] + np.cos(turn) * from_middle[0] - np.sin(turn) * from_middle[1]
-    known = (marks["point1_flag"] & int(FAILURE)) == 0
-    missed = (marks["point1_x_px"] - carried_x)[known]
-    assert known.mean() > 0.8 and np.std(missed) < 0.3, (known.mean(), np.std(missed))
-    tab.get_by_label("Frame", exact=True).fill("20")
-    tab.get_by_text("point1 x ").wait_for()
-
-
 def test_points_are_added_moved_deleted_and_taken_back(browser: Any, filmed: Path, looking: Page) -> None:
     with opened(browser, looking, f"{looking.address}#outlines?film=example_forte&trial=1") as tab:
         tab.locator("main[data-ready]").wait_for()
@@ -207,21 +174,3 @@ def test_points_are_added_moved_deleted_and_taken_back(browser: Any, filmed: Pat
             tab.get_by_role("button", name="Undo", exact=True).click()
         assert tab.evaluate("window.benchEditor.bodies.length") == 3
         assert tab.get_by_role("button", name="Save", exact=True).is_disabled()  # looking only
-
-
-def test_a_mark_drawn_anew_has_nothing_of_the_old_one(browser: Any, filmed: Path, looking: Page) -> None:
-    session = filmed / "example_forte"
-    (session / "marks.toml").write_text(
-        '[[line]]\nname = "line1"\nfrom_px = [20, 10]\nto_px = [100, 12.5]\nwidth_px = 8\n'
-    )
-    row = ",".join(f"line1_{name}" for name in ("offset_px", "u_offset_px", "turn_rad", "u_turn_rad", "flag"))
-    (session / "trial_0001.marks.csv").write_text(f"time_s,frame,{row}\n0,0,0,.1,0,.1,0\n0,1,7.25,.1,0,.1,0\n")
-    with opened(browser, looking, f"{looking.address}#outlines?film=example_forte&trial=1&frame=1") as tab:
-        tab.get_by_text("line1 +7.25").wait_for()
-        tab.get_by_role("button", name="Delete line1").click()
-        tab.get_by_role("button", name="To the still frames").click()
-        tab.get_by_role("button", name="New line").click()
-        assert tab.get_by_label("Name of mark 1").input_value() == "line1"
-        tab.get_by_label("Frame", exact=True).fill("1")
-        until(tab, "document.querySelector('.film canvas').dataset.frame === '1'")
-        assert tab.get_by_text("7.25").count() == 0

@@ -1,1 +1,0 @@
-"""Propose outlines from the film: motion segmentation of tracked points."""
