@@ -30,7 +30,6 @@ from .film.source import Film as Film
 from .film.source import FrameSource as FrameSource
 from .film.time_scale import frame_times_at_rate as frame_times_at_rate
 from .fitting.pose_covariance import cramer_rao_bound as cramer_rao_bound
-from .output.outline_drawing import draw_bodies as draw_bodies
 from .output.outline_drawing import draw_frames as draw_frames
 from .output.outline_drawing import write_picture as write_picture
 from .output.overlay import write_contact_sheet as write_contact_sheet

@@ -1,10 +1,6 @@
 from . import figure as figure
 from .blow_measures import BlowMeasures as BlowMeasures
 from .blow_measures import measure_blow as measure_blow
-from .effects import Effect as Effect
-from .effects import felt_law_effects as felt_law_effects
-from .effects import joint_effects as joint_effects
-from .effects import joint_sweep as joint_sweep
 from .figure import draw_study as draw_study
 from .variants import FORTE_VARIANTS as FORTE_VARIANTS
 from .variants import PIANO_VARIANTS as PIANO_VARIANTS

@@ -38,7 +38,7 @@ COMMANDS = {
     "track": Listed("track", FILMS, "Track rigid bodies; give angles and their uncertainty."),
     "simulate": Listed("simulate", MODEL, "Predict motion under a force, or the force of a motion."),
     "touch": Listed("touch", MODEL, "Compare how actions feel, from slow press to repetition."),
-    "study": Listed("", MODEL, "Compare a blow on variants, laws of felt, joints that give."),
+    "study": Listed("", MODEL, "Compare a blow on variants of an action."),
     "sensitivity": Listed("sensitivity", MODEL, "Rank parameters by what they do to a blow."),
     "regulate": Listed("regulate", MODEL, "Measure and regulate an action as a technician does."),
     "validate": Listed("validate", COMPARED, "Report how well models predict the measured angles."),
@@ -61,8 +61,6 @@ GROUPED = {
     "study": {
         "variants": Listed("study", MODEL, "Compare variants of an action under one blow.", "variants"),
         "thesis": Listed("study", MODEL, "Compare the thesis's variants of damping and friction.", "thesis"),
-        "felt-law": Listed("study", MODEL, "Compare the laws of felt at equal slow loading curves.", "felt_law"),
-        "joints": Listed("study", MODEL, "Compare rigid joints with joints that give.", "joints"),
     },
 }
 """The commands of each group."""
@@ -71,6 +69,8 @@ RETIRED_COMMANDS = {
     "dataset": "the data set is made by the script examples/dataset/make_dataset.py",
     "serve-sim": "the virtual bench is served by the script examples/serve_sim.py",
     **{f"calibrate-{what}": f"it is `pianorig calibrate {what}`" for what in GROUPED["calibrate"]},
+    "study felt-law": "a law is chosen by `pianorig simulate --set contact02.law=stulov`",
+    "study joints": "a blow with joints that give is `pianorig simulate --scene giving-joints`",
     "study friction-limit": "it is made by `python examples/thesis friction-limit`",
     "study string": "it is made by `python examples/thesis string`",
 }

@@ -1,4 +1,4 @@
-"""``pianorig study``: what a blow becomes on variants of an action, under each law of felt, with joints that give."""
+"""``pianorig study``: what a blow becomes on variants of an action."""
 
 from __future__ import annotations
 
@@ -19,20 +19,6 @@ from pianorig.console.overrides import in_scene, load_changed, read_variant, say
 from pianorig.console.progress import working
 
 Rows = list[dict[str, Any]]
-
-WORDS = {
-    "strike_ms": "strike ms",
-    "bottom_ms": "bottom ms",
-    "free_flight_ms": "free ms",
-    "strike_m_per_s": "strike m/s",
-    "contact_ms": "contact ms",
-    "rebound": "rebound",
-    "check_mm": "check mm",
-    "down_n": "down N",
-    "let_off_n": "let-off N",
-    "give_mm": "give mm",
-}
-SWEPT = ("strike_ms", "bottom_ms", "free_flight_ms", "strike_m_per_s", "rebound", "check_mm", "give_mm")
 
 Force: TypeAlias = Annotated[
     Path | None,
@@ -91,44 +77,6 @@ def thesis(
     chosen = in_scene(load_changed(action, set_, scale, scene), scene)
     model.choice_of(chosen).need_played_key(chosen.name)  # the piano is a force on the key
     _report(chosen, force, "thesis-forte", "simulating nine blows", _compare_as_thesis, (out, as_json))
-
-
-def felt_law(
-    action: Action = DEFAULT_ACTION,
-    force: Force = None,
-    set_: Settings = None,
-    scale: Scale = None,
-    out: Out = None,
-    as_json: AsJson = False,
-) -> None:
-    """Compare the laws of felt at equal slow loading curves.
-
-    At equal peak force and loss, which leaves what the memory itself does: examples/thesis.
-
-    Example:  pianorig study felt-law --action hirschkorn2004-regulated --out laws
-    """
-    chosen = load_changed(action, set_, scale)
-    model.choice_of(chosen).need_played_key(chosen.name)
-    _report(chosen, force, "forte", "simulating the blow and a slow press under each law", _felt_law, (out, as_json))
-
-
-def joints(
-    action: Action = DEFAULT_ACTION,
-    force: Force = None,
-    set_: Settings = None,
-    scale: Scale = None,
-    out: Out = None,
-    as_json: AsJson = False,
-) -> None:
-    """Compare rigid joints with joints that give.
-
-    One joint at a time, all together, and over their stiffness.
-
-    Example:  pianorig study joints --action hirschkorn2004-regulated --out joints
-    """
-    chosen = load_changed(action, set_, scale)
-    model.choice_of(chosen).need_played_key(chosen.name)
-    _report(chosen, force, "forte", "simulating the blow with joints that give", _joints, (out, as_json))
 
 
 def _report(
@@ -199,65 +147,3 @@ def _study_lines(study: model.study.Study) -> list[str]:
         "hold: hammer to string; moved: in the last 0.1 s of the hold; lever: contacts of knuckle and lever meanwhile;",
         "RMS: difference of the hammer's angle from the action as given",
     ]
-
-
-def _felt_law(action: model.Action, time_s: Any, force_n: Any) -> Found:
-    effects = model.study.felt_law_effects(action, time_s, force_n)
-    lines = [
-        f"{action.name}: the law of felt changed, slow loading curves and everything else as they are;",
-        "+- standard uncertainty from the declared numbers of the law",
-        *effect_lines(effects),
-    ]
-    rows = effect_rows(effects)
-    return Found(lines, {"felt_law": rows}, {"effects": rows}, {})
-
-
-def _joints(action: model.Action, time_s: Any, force_n: Any) -> Found:
-    """A blow with joints that give, one at a time and together, and over their stiffness."""
-    effects = model.study.joint_effects(action, time_s, force_n)
-    swept: Rows = [
-        {"factor": factor, **marks} for factor, marks in model.study.joint_sweep(action, time_s, force_n).items()
-    ]
-    lines = [
-        f"{action.name}: joints that give, everything else as it is; their numbers are guesses, a stiffness within",
-        "a factor of five: +- standard uncertainty from these guesses",
-        *effect_lines(effects, ("joint", "")),
-        "\nall five, their stiffness times a factor (dampings times its root)",
-        f"{'factor':<8}" + "".join(f"{WORDS[name]:>12}" for name in SWEPT) + "  held",
-    ]
-    for row in swept:
-        head = f"{row['factor']:g}" if row["factor"] else "rigid"
-        lines.append(f"{head:<8}{''.join(f'{row[name]:>12.4g}' for name in SWEPT)}  {'yes' if row['held'] else 'no'}")
-    lines += [
-        "\nThe thesis (5.2): bushings 'were modelled as perfect revolute joints, though it is known that there is",
-        "some movement'; the key's on its rail 'caused a noticeable discrepancy in the key position measurement'",
-    ]
-    rows = effect_rows(effects)
-    return Found(lines, {"joints": rows, "joints_stiffness": swept}, {"effects": rows, "stiffness": swept}, {})
-
-
-def effect_rows(effects: Sequence[model.study.Effect]) -> Rows:
-    """One plain row for each effect, values beside their uncertainties."""
-    return [
-        {"of": e.of, "law": e.law, "held": e.held}
-        | {key: number for name in e.value for key, number in ((name, e.value[name]), (f"u_{name}", e.u[name]))}
-        for e in effects
-    ]
-
-
-def effect_lines(effects: Sequence[model.study.Effect], first: tuple[str, str] = ("felt", "law")) -> list[str]:
-    """A table of effects; a dash for what did not happen; ``first`` heads what they are of."""
-    names = [name for name in WORDS if name in effects[0].value]
-    wide = max(11, *(len(e.of) + 1 for e in effects))
-    lines = [f"{first[0]:<{wide}}{first[1]:<14}" + "".join(f"{WORDS[name]:>16}" for name in names) + "  held"]
-    for e in effects:
-        cells = "".join(f"{_cell(e.value[name], e.u[name]):>16}" for name in names)
-        lines.append(f"{e.of:<{wide}}{e.law:<14}{cells}  {'yes' if e.held else 'no'}")
-    return lines
-
-
-def _cell(value: float, u: float) -> str:
-    if value != value:
-        return "-"
-    digits = 4 if abs(value) >= 100.0 else 3
-    return f"{value:.{digits}g}" if not u > 1e-6 * abs(value) else f"{value:.{digits}g}+-{u:.1g}"

@@ -96,7 +96,7 @@ def read_variant(text: str, called: str = "--variant") -> tuple[str, dict[str, f
     if laws:
         raise CommandInputError(
             f"{called} {name}: found a law of felt ({', '.join(laws)}), allowed numbers; "
-            "laws are compared by study felt-law, or by validate with one --action for each"
+            "laws are compared by simulate --set CONTACT.law=NAME, or by validate with one --action for each"
         )
     return name, read_settings(others), read_settings(given["--scale"], "--scale")
 

@@ -29,9 +29,6 @@ HEAVY = {
     f"{TOUCH}.feel": (f"{TOUCH}.feel.weigh", f"{TOUCH}.feel.hammer_speeds"),
     f"{TOUCH}.fastest_repetition": (f"{TOUCH}.feel.strikes_string",),
     f"{STUDY}.compare": (f"{STUDY}.variants.simulate_many",),
-    f"{STUDY}.felt_law_effects": (f"{STUDY}.effects.touch_and_blow_marks",),
-    f"{STUDY}.joint_effects": (f"{STUDY}.effects.blow_marks",),
-    f"{STUDY}.joint_sweep": (f"{STUDY}.effects.blow_marks",) * 2,
 }
 
 TIME, FORCE = np.array([0.0, 1.0]), np.array([0.0, 4.0])
@@ -178,11 +175,6 @@ CALLS: dict[str, Callable[[], Arguments]] = {
     },
     f"{STUDY}.measure_blow": lambda: {"action": action(), "solution": blow(), "force_n": ROWS},
     f"{STUDY}.compare": lambda: {"action": action(), **TABLE, "variants": []},
-    **{
-        f"{STUDY}.{name}": lambda: {"action": action(), **TABLE}
-        for name in ("felt_law_effects", "joint_effects")
-    },
-    f"{STUDY}.joint_sweep": lambda: {"action": action(), **TABLE, "factors": np.array([2.0])},
     **{
         f"model.observables.{name}": lambda: {"action": action(), "angle_rad": states()}
         for name in ("key_front_height_m", "key_front_gap_m", "capstan_gap_m")

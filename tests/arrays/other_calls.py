@@ -105,7 +105,6 @@ CALLS: dict[str, Callable[[], Arguments]] = {
         "path": Out("film.mraw"), "frames": [picture() * np.uint16(16)] * 2, "frame_rate_hz": 25.0, "bit_depth": 12,
     },
     "vision.write_picture": lambda: {"path": Out("grey.png"), "picture": picture()},
-    "vision.draw_bodies": lambda: {"picture": picture(), "bodies": bodies(), "bit_depth": 8},
     "vision.cramer_rao_bound": lambda: {
         "picture": picture().astype(float), "mask": np.ones((12, 16), bool), "noise_grey": 2.0,
     },

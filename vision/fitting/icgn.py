@@ -111,7 +111,7 @@ def fit_settings() -> Settings:
 class IcgnFitter:
     """Fits one body; carries the weights of its pixels over from frame to frame."""
 
-    def __init__(self, template: Template, frames: FrameSpline, memory: FitMemory | None = None) -> None:
+    def __init__(self, template: Template, frames: FrameSpline | None = None, memory: FitMemory | None = None) -> None:
         self.template = template
         self._frames = frames
         self._light = LocalIllumination(template)
@@ -190,7 +190,7 @@ class IcgnFitter:
         region = region_of(template, start, film.height, film.width)
         if region is None:
             return FAILED
-        if self._frames.film is not film:
+        if self._frames is None or self._frames.film is not film:
             self._frames = FrameSpline(film)
         part = self._frames.filtered_part(index, region)
         coefficient, (y0, _, x0, _) = part.coefficient, part.box

@@ -1,8 +1,7 @@
-"""Outlines drawn over a picture, and pictures written whole or not at all."""
+"""Frames of a film with a grid in film pixels, to draw outlines on; pictures written whole or not at all."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vision.arrays import as_numbers
-from vision.bodies.outlines import Body, signed_distance
 from vision.errors import FilmError
 from vision.files import whole_file
 from vision.film.source import FrameSource
-from vision.output.colours import body_colour, to_bgr
 
 MIN_WIDTH_PX = 800
 MARGIN_PX = 44
@@ -27,52 +24,16 @@ Colour = tuple[int, int, int]
 GRID = (0, 220, 255)
 
 
-def draw_bodies(picture: ArrayLike, bodies: Sequence[Body], bit_depth: int, *, grid: bool = False) -> NDArray[np.uint8]:
-    """Draw outlines and names over a picture, with film pixels along its sides.
-
-    Parameters
-    ----------
-    picture : ndarray, shape (height, width)
-    bodies : sequence of Body
-    bit_depth : int
-        Of the picture's grey values.
-    grid : bool
-        Draw the lines of the scales over the picture.
-
-    Returns
-    -------
-    ndarray of uint8, shape (h, w, 3)
-        Colour in the order of OpenCV, enlarged to a width of at least 800 px, with a margin for the scales.
-
-    Raises
-    ------
-    VisionInputError
-        A picture that is no table of finite numbers.
-
-    Examples
-    --------
-    >>> import vision
-    >>> with vision.open_film("film.mraw") as film:
-    ...     drawn = vision.draw_bodies(film.read(0), vision.load_bodies("bodies.toml"), film.bit_depth)
-    >>> drawn.shape[1] >= 800
-    True
-    """
+def _draw_with_scales(picture: ArrayLike, bit_depth: int) -> NDArray[Any]:
+    """A frame in colour, at least `MIN_WIDTH_PX` wide, with film pixels along its sides and a grid."""
     grey = grey_picture(picture, bit_depth)
     factor = max(1, -(-MIN_WIDTH_PX // grey.shape[1]))
     large = cv2.resize(grey, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)
     colour: NDArray[Any] = cv2.copyMakeBorder(
         cv2.cvtColor(large, cv2.COLOR_GRAY2BGR), MARGIN_PX, 0, MARGIN_PX, 0, cv2.BORDER_CONSTANT, value=(0, 0, 0)
     )
-    _draw_scales(colour, grey.shape, factor, grid)
-    for i, body in enumerate(bodies):
-        tint = to_bgr(body_colour(body.name, i))
-        points = np.rint((body.polygon_px + 0.5) * factor).astype(np.int32) + MARGIN_PX
-        cv2.polylines(colour, [points], True, tint, 2, cv2.LINE_AA)
-    for i, body in enumerate(bodies):  # over all outlines
-        x, y = _innermost_pixel(body.polygon_px, *grey.shape)
-        _write(colour, body.name, int((x + 0.5) * factor) + MARGIN_PX, int((y + 0.5) * factor) + MARGIN_PX,
-               to_bgr(body_colour(body.name, i)), 0.6)  # fmt: skip
-    return np.asarray(colour, dtype=np.uint8)
+    _draw_scales(colour, grey.shape, factor)
+    return colour
 
 
 def grey_picture(picture: ArrayLike, bit_depth: int) -> NDArray[np.uint8]:
@@ -82,13 +43,7 @@ def grey_picture(picture: ArrayLike, bit_depth: int) -> NDArray[np.uint8]:
     return np.asarray((grey / 2.0 ** (bit_depth - 8)).clip(0, 255).astype(np.uint8))
 
 
-def _innermost_pixel(polygon_px: NDArray[np.float64], height: int, width: int) -> tuple[int, int]:
-    """The pixel (x, y) of the picture furthest inside an outline: there a name lies on its body."""
-    y, x = np.unravel_index(int(np.argmax(signed_distance(polygon_px, height, width))), (height, width))
-    return int(x), int(y)
-
-
-def _draw_scales(picture: NDArray[Any], shape: tuple[int, ...], factor: int, grid: bool) -> None:
+def _draw_scales(picture: NDArray[Any], shape: tuple[int, ...], factor: int) -> None:
     """Film pixels along the upper and the left side, as outlines are written in."""
     step = next(step for step in (10, 20, 50, 100, 200, 500, 1000) if step * factor >= SCALE_STEP_PX or step == 1000)
     for along, size in enumerate((shape[1], shape[0])):
@@ -97,11 +52,10 @@ def _draw_scales(picture: NDArray[Any], shape: tuple[int, ...], factor: int, gri
             place = (at, MARGIN_PX) if along == 0 else (MARGIN_PX, at)
             tick = (at, MARGIN_PX - 5) if along == 0 else (MARGIN_PX - 5, at)
             cv2.line(picture, place, tick, WHITE, 1)
-            if grid:
-                end = (at, picture.shape[0] - 1) if along == 0 else (picture.shape[1] - 1, at)
-                line = picture.copy()
-                cv2.line(line, place, end, GRID, 1)
-                picture[:] = cv2.addWeighted(picture, 0.6, line, 0.4, 0.0)
+            end = (at, picture.shape[0] - 1) if along == 0 else (picture.shape[1] - 1, at)
+            line = picture.copy()
+            cv2.line(line, place, end, GRID, 1)
+            picture[:] = cv2.addWeighted(picture, 0.6, line, 0.4, 0.0)
             _write(picture, str(value), *((at, MARGIN_PX - 14) if along == 0 else (MARGIN_PX // 2 - 2, at)), WHITE, 0.4)
     _write(picture, "px", MARGIN_PX // 2 - 2, MARGIN_PX - 14, WHITE, 0.4)
 
@@ -190,7 +144,7 @@ def draw_frames(film: FrameSource, count: int = 4) -> NDArray[np.uint8]:
     chosen = np.unique(np.linspace(0, film.n_frames - 1, count).astype(int))
     tiles = []
     for index in chosen:
-        drawn = draw_bodies(film.read(int(index)), [], film.bit_depth, grid=True)
+        drawn = _draw_with_scales(film.read(int(index)), film.bit_depth)
         title = np.zeros((TITLE_PX, drawn.shape[1], 3), dtype=np.uint8)
         words = f"frame {index}" + (" (outlines are drawn on this one)" if index == 0 else "")
         put_text(title, words, (8, TITLE_PX - 8), WHITE, 0.5)
