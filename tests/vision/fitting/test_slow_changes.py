@@ -74,6 +74,24 @@ def test_scale_and_bent_light(changes: tuple[float, ...]) -> None:
     assert fit.noise_grey < 1.3
 
 
+def test_a_change_is_followed_where_it_leaves_the_turn_known() -> None:
+    """Texture at one end: growth about the middle is hardly told from a shift along the body, well from a turn."""
+    (still, mask), rng = still_bar("speckle"), np.random.default_rng(3)
+    y, x = np.mgrid[0 : still.shape[0], 0 : still.shape[1]].astype(float)
+    first, last = np.flatnonzero(mask.any(axis=0))[[0, -1]]
+    still = 100.0 + (still - 100.0) * (0.02 + 0.98 / (1.0 + np.exp((first + 0.7 * (last - first) - x) / 3.0)))
+    template = build_template("bar", still, mask, 10, noise_grey=1.0)
+    (cx, cy), grown = template.centre_px, 1.01
+    u_turn, u_along, _ = SlowChanges(template).variance_factor((0.0, 0.0, grown, *UNCHANGED[3:]))
+    assert u_turn < 1.1 and u_along > 5.0
+    drawn = ndimage.map_coordinates(still, [cy + (y - cy) / grown, cx + (x - cx) / grown], order=3, mode="nearest")
+    frame = np.clip(np.rint(drawn + rng.standard_normal(still.shape)), 0, 255).astype(np.uint8)
+    fitter = IcgnFitter(template)
+    fit = fitter.fit(ArrayFilm(frame[None]), 0, np.zeros(3), None)
+    np.testing.assert_allclose(fitter.state()["changes"], (0.0, 0.0, grown - 1.0, *UNCHANGED[3:]), atol=0.001)
+    assert np.all(np.abs(fit.pose) < 4.0 * np.sqrt(np.diag(fit.covariance)) + [3e-5, 3e-3, 3e-3])
+
+
 @pytest.mark.parametrize(("texture", "seed"), [("speckle", 0), ("wood", 3)])
 def test_defocus_that_drifts_does_not_drag_the_pose(texture: str, seed: int) -> None:
     """Up to 1.5 px in the last frame: contours that do not balance would drag the angle by up to 160 mdeg."""
