@@ -22,7 +22,7 @@ from rig.configuration.rig_file import Rig, load_rig, parse_rig
 from rig.recording.options import Progress
 from rig.recording.recorder import record as record_session
 from rig.session import Session, Trial
-from rig.session.journal import JournalWriter
+from rig.session.journal_writer import JournalWriter
 from rig.simulated.backend import DEFAULT_BENCH, SimulatedBackend, build_device
 from rig.simulated.bench.bench_time import PacedClock, VirtualClock
 from rig.simulated.bench.plant_protocol import PlantBlock

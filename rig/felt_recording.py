@@ -35,9 +35,10 @@ from rig.configuration.toml_file import dump_toml
 from rig.errors import RigInputError
 from rig.guided_calibration import changed
 from rig.mains_hum import fit_mains_hum
+from rig.recording.begin_session import new_session
 from rig.recording.options import RecordingKeywords, RecordingOptions
+from rig.recording.record_entries import record_entries
 from rig.recording.trial_plan import Entry
-from rig.recording.trial_run import new_session, record_entries
 from rig.safety.dry_run import PredictedBlow, dry_run
 from rig.safety.permission import require_permission
 from rig.session.folder import Session, Trial

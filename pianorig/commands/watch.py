@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from rig.session.journal import LiveView
+    from rig.session.live_view import LiveView
 
 DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
 """Bits of a braille character by row and column."""
@@ -149,7 +149,7 @@ def follow_session(
     """Show a session whenever there is something new, until its plan is complete or nobody plays any more; return the
     last view.
     """
-    from rig.session.journal import SessionFollower  # start-up: 0.4 s of h5py
+    from rig.session.live_view import SessionFollower  # start-up: 0.4 s of h5py
 
     follower = SessionFollower(session)
     seen: tuple[int, str, int] | None = None

@@ -12,8 +12,9 @@ import numpy as np
 from pianorig.page.catalogue import LARGEST_TRIAL_BYTES, open_session, shortened
 from rig.errors import RigError
 from rig.session import TrialData
-from rig.session.journal import JournalFollower, TrialHead
+from rig.session.live_view import JournalFollower
 from rig.session.sealed_trial import read_trial
+from rig.session.trial_head import TrialHead
 from validation.curves.display_signs import SIGN, TITLE
 from vision.output.colours import body_colour
 

@@ -18,7 +18,7 @@ from rig.safety.dry_run import Predict
 from rig.safety.permission import Permission
 from rig.session.folder import Trial
 from rig.session.info import ActionInfo, RoomInfo
-from rig.session.journal import JournalWriter, OpenJournal
+from rig.session.journal_writer import JournalWriter, OpenJournal
 
 
 @dataclass(frozen=True)

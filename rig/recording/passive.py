@@ -26,23 +26,18 @@ from rig.backend import Backend, Block, Timing
 from rig.configuration.profile import MotorCommand
 from rig.configuration.rig_file import Rig, RigConfig, load_rig
 from rig.errors import RigInputError
+from rig.recording.begin_session import new_session
+from rig.recording.clock_watch import ClockWatch
 from rig.recording.options import Progress, RecordingKeywords, RecordingOptions
+from rig.recording.provenance import trial_provenance
+from rig.recording.seal_trials import Stroke, seal_cut
 from rig.recording.trial_plan import MAX_TRIALS
-from rig.recording.trial_run import (
-    LATE_S,
-    ClockWatch,
-    Stroke,
-    closed,
-    new_session,
-    reason_of,
-    seal_cut,
-    status_of,
-    trial_provenance,
-)
+from rig.recording.trial_run import LATE_S, closed, reason_of, status_of
 from rig.safety.interrupts import deferred, termination_as_interrupt
 from rig.session.folder import Session, Trial
 from rig.session.info import PASSIVE, FileInfo, PlanInfo, of_same_name, restored
-from rig.session.journal import JournalWriter, TrialHead
+from rig.session.journal_writer import JournalWriter
+from rig.session.trial_head import TrialHead
 
 SUSTAINED_S = 2e-3
 """How long a trigger must hold: a spike on a wire is no stroke."""

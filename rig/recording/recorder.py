@@ -13,9 +13,10 @@ from typing import Unpack
 
 from rig.configuration.profile import Profile, load_profile, motor_command
 from rig.configuration.rig_file import Rig, load_rig
+from rig.recording.begin_session import new_session
 from rig.recording.options import RecordingKeywords, RecordingOptions
+from rig.recording.record_entries import record_entries
 from rig.recording.trial_plan import plain_plan
-from rig.recording.trial_run import new_session, record_entries
 from rig.safety.dry_run import dry_run
 from rig.safety.permission import require_permission
 from rig.session.folder import Session

@@ -32,14 +32,15 @@ from rig.configuration.rig_file import Rig, parse_rig
 from rig.errors import RigInputError
 from rig.recording.options import RecordingOptions, ResumeKeywords
 from rig.recording.passive import StrokeDetector, StrokeSettings
+from rig.recording.record_entries import record_entries
+from rig.recording.seal_trials import Stroke, seal_cut, seal_journal
 from rig.recording.trial_plan import WARM_UP_REASON, Entry
-from rig.recording.trial_run import Stroke, record_entries, seal_cut, seal_journal
 from rig.safety.dry_run import dry_run
 from rig.safety.permission import require_permission
 from rig.session import annotation_file
 from rig.session.folder import INFO_NAME, UNREADABLE, Session
 from rig.session.info import PASSIVE, FileInfo
-from rig.session.journal import Journal, scan_journal, stored_blocks
+from rig.session.journal_records import Journal, scan_journal, stored_blocks
 from rig.session.seal import OPEN_ELSEWHERE, has_seal, seal_again
 from rig.session.sealed_trial import trial_problem
 from rig.session.trial_data import TrialData

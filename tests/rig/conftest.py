@@ -19,7 +19,8 @@ import pytest
 from rig import Profile, Rig, RigConfig, Session, load_rig, parse_profile, parse_rig
 from rig import record as record_session
 from rig.daq import nidaqmx_backend
-from rig.session.journal import END, JournalWriter, encode, records
+from rig.session.journal_records import END, encode, records
+from rig.session.journal_writer import JournalWriter
 from rig.simulated.backend import DEFAULT_BENCH, SimulatedBackend, build_device
 from rig.simulated.bench.plant_protocol import PlantBlock
 from rig.simulated.bench.sensors import EncoderSensor, ForceSensor, SensorSet

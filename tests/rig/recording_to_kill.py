@@ -18,7 +18,7 @@ from fake_backend import FakeBackend
 
 from rig import Progress, load_profile, load_rig, platform_calls
 from rig import record as record_session
-from rig.session.journal import JournalWriter
+from rig.session.journal_writer import JournalWriter
 from rig.session.sealed_trial import Content
 
 TRIALS = 3

@@ -17,7 +17,7 @@ import pytest
 from rig import InputError, Session, platform_calls, read_channels
 from rig import recover as recover_session
 from rig.atomic_write import replace_when_complete, sha256_of_file, write_text
-from rig.session.journal import JournalWriter
+from rig.session.journal_writer import JournalWriter
 
 
 def test_an_exception_while_writing_leaves_the_old_file_and_nothing_else(tmp_path) -> None:

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from rig import Block, Session, TrialData
-from rig.session.journal import JournalWriter, TrialHead
+from rig.session.journal_writer import JournalWriter
+from rig.session.trial_head import TrialHead
 
 
 class Recording:

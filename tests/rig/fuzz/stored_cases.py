@@ -18,7 +18,8 @@ import pytest
 
 from rig import Block, ChannelInfo, MotorCommand, Session, Timing, load_rig, read_channels
 from rig.foreign.reading import read_segments
-from rig.session.journal import BLOCK, COMMAND, HEAD, Journal, TrialHead, block_payload, blocks_of, encode, scan
+from rig.session.journal_records import BLOCK, COMMAND, HEAD, Journal, block_payload, blocks_of, encode, scan
+from rig.session.trial_head import TrialHead
 from tests.rig.foreign import tdms_bytes
 from tests.rig.fuzz.damage import Case, same_values
 

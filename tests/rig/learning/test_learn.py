@@ -9,7 +9,7 @@ import pytest
 
 from rig import InputError, Profile, Timing, TrialData, learn, make_target, motor_command, parse_profile
 from rig.learning import key_bottom, key_points, profile_of, within_limits
-from rig.session.journal import TrialHead
+from rig.session.trial_head import TrialHead
 
 RATE = 5000.0
 BOTTOM_S = 0.12

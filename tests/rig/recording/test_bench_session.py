@@ -39,8 +39,11 @@ from rig import (
     recover as recover_session,
 )
 from rig.daq.task_plan import recording_plan
-from rig.session.journal import FrameClock, JournalWriter, SessionFollower, block_payload
+from rig.session.journal_records import block_payload
+from rig.session.journal_writer import JournalWriter
+from rig.session.live_view import SessionFollower
 from rig.session.sealed_trial import read_trial, write_trial
+from rig.session.trial_head import FrameClock
 from rig.simulated.backend import CAMERA_CLOCK_ERROR, DEFAULT_BENCH
 from rig.simulated.bench.sensors import load_sensors
 from tests.rig.fuzz.stored_cases import journal_in

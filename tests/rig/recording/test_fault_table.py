@@ -29,7 +29,7 @@ import pytest
 from rig import HardwareFault, Profile, RecordingFault, Session, parse_profile
 from rig import record as record_session
 from rig import recover as recover_session
-from rig.session.journal import JournalWriter
+from rig.session.journal_writer import JournalWriter
 from rig.simulated import SimulatedBackend
 from rig.simulated.device.state import FaultPlan, parse_faults
 from rig.simulated.device.watchdog import check_watchdogs

@@ -14,8 +14,8 @@ import pytest
 
 from rig import Block, Progress, Rig, Session, load_rig, parse_profile, parse_rig
 from rig import record as record_session
-from rig.recording.trial_run import RestDetector
-from rig.session.journal import SessionFollower
+from rig.recording.rest_detector import RestDetector
+from rig.session.live_view import SessionFollower
 from rig.session.sealed_trial import read_trial, write_trial, write_trial_parts
 from tests.rig.fake_backend import RATE_HZ as RATE
 from tests.rig.fake_backend import FakeBackend

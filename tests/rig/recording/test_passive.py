@@ -31,7 +31,7 @@ from rig import (
     recover as recover_session,
 )
 from rig.recording.passive import Stroke, StrokeDetector, StrokeSettings
-from rig.session.journal import SessionFollower
+from rig.session.live_view import SessionFollower
 from tests.command_line import run
 from tests.rig.fake_backend import RATE_HZ as RATE
 from tests.rig.fake_backend import FakeBackend

@@ -29,7 +29,7 @@ from rig import (
     recover as recover_session,
 )
 from rig.safety.interlocks import Interlocks
-from rig.session.journal import scan_journal, stored_blocks
+from rig.session.journal_records import scan_journal, stored_blocks
 from rig.simulated.device.state import FaultPlan, parse_faults
 
 PUSHING_S = 0.39

@@ -25,21 +25,10 @@ from hypothesis import strategies as st
 
 from rig import Block, EncoderInfo, ForceInfo, HardwareFault, InputError, RecordingFault
 from rig.platform_calls import remove
-from rig.session.journal import (
-    BLOCK,
-    COMMAND,
-    END,
-    HEAD,
-    FrameClock,
-    JournalFollower,
-    JournalWriter,
-    SessionFollower,
-    TrialHead,
-    block_payload,
-    encode,
-    scan,
-    scan_journal,
-)
+from rig.session.journal_records import BLOCK, COMMAND, END, HEAD, block_payload, encode, scan, scan_journal
+from rig.session.journal_writer import JournalWriter
+from rig.session.live_view import JournalFollower, SessionFollower
+from rig.session.trial_head import FrameClock, TrialHead
 from tests.rig.fake_backend import FakeBackend
 from tests.rig.fuzz.stored_cases import journal_in
 

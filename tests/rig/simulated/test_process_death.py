@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from rig import Session
-from rig.session.journal import scan_journal
+from rig.session.journal_records import scan_journal
 
 STEP = Path(__file__).parents[1] / "step.toml"
 MOST_UNCOMMITTED = 500
