@@ -322,7 +322,7 @@ TRIALS = 2
 # loaded before the recording begins, then waiting for its folder
 WATCH = """
 import pathlib, sys, time
-import pianorig.commands.watch, rig.session.journal
+import pianorig.commands.watch, rig.session.live_view
 from pianorig.cli import main
 print("{}", flush=True)
 while not (pathlib.Path(sys.argv[2]) / "session.toml").exists():

@@ -1,0 +1,185 @@
+"""Sensors: stated noise, offset, gain, hum and delay are what is read; settings outside their range are refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rig import InputError
+from rig.simulated.backend import DEFAULT_BENCH
+from rig.simulated.bench.sensors import (
+    DelayLine,
+    EncoderSensor,
+    EncoderSignals,
+    ForceSensor,
+    ForceSignal,
+    load_sensors,
+    quantise,
+)
+
+CELL = {"sensitivity_mv_per_v": 2.0, "full_scale_n": 100.0, "noise_n": 0.0}
+TABLES = {
+    "seed": 3,
+    "force_sensor": CELL,
+    "encoders": {
+        "key": {"counts_per_revolution": 4096},
+        "whippen": {"counts_per_revolution": 8192, "sign": -1},
+        "hammer": {"counts_per_revolution": 163840},
+    },
+    "specimen": {"anything": 1},
+}
+
+
+def newtons(signal: ForceSignal, force_n: np.ndarray) -> np.ndarray:
+    return signal.millivolts_per_volt(force_n, np.arange(force_n.size) / 5000.0) * 50.0
+
+
+def test_the_cell_gives_its_sensitivity_gain_error_and_offset() -> None:
+    sensor = ForceSensor(**CELL, gain_error=0.01, offset_n=0.5)
+    np.testing.assert_allclose(newtons(ForceSignal(sensor, 1, 1), np.array([0.0, 10.0, -4.0])), [0.5, 10.6, -3.54])
+
+
+def test_noise_has_the_stated_deviation_and_is_white() -> None:
+    sensor = ForceSensor(**{**CELL, "noise_n": 0.03})
+    noise = newtons(ForceSignal(sensor, 1, 1), np.zeros(200_000))
+    assert noise.std() == pytest.approx(0.03, rel=0.01)
+    assert abs(np.corrcoef(noise[1:], noise[:-1])[0, 1]) < 0.01
+
+
+def test_noise_does_not_depend_on_the_length_of_the_blocks() -> None:
+    sensor = ForceSensor(**{**CELL, "noise_n": 0.03})
+    whole = newtons(ForceSignal(sensor, 1, 1), np.zeros(1000))
+    parts = ForceSignal(sensor, 1, 1)
+    split = np.concatenate([newtons(parts, np.zeros(n)) for n in (1, 99, 400, 500)])
+    np.testing.assert_array_equal(whole, split)
+
+
+def test_hum_has_the_stated_amplitudes_frequency_and_phase() -> None:
+    sensor = ForceSensor(**CELL, hum_n=(0.3, 0.0, 0.1), hum_hz=50.0, hum_phase_rad=(0.4,), hum_phase_scatter=False)
+    time_s = np.arange(500) / 5000.0
+    expected = 0.3 * np.sin(2 * np.pi * 50 * time_s + 0.4) + 0.1 * np.sin(2 * np.pi * 150 * time_s)
+    np.testing.assert_allclose(newtons(ForceSignal(sensor, 1, 1), np.zeros(500)), expected, atol=1e-12)
+
+
+def test_offset_and_hum_phase_scatter_from_trial_to_trial_by_the_stated_amount() -> None:
+    sensor = ForceSensor(**CELL, hum_n=(0.3,), offset_n=1.0, offset_scatter_n=0.2)
+    signals = [ForceSignal(sensor, 5, trial) for trial in range(1, 2001)]
+    offsets = np.array([s.offset_n for s in signals])
+    assert offsets.mean() == pytest.approx(1.0, abs=0.02) and offsets.std() == pytest.approx(0.2, rel=0.06)
+    phases = np.array([s.hum_phase_rad[0] for s in signals])
+    assert np.abs(np.exp(1j * phases).mean()) < 0.06
+    assert ForceSignal(sensor, 5, 7).offset_n == offsets[6]
+    assert ForceSignal(sensor, 6, 7).offset_n != offsets[6]
+
+
+def test_the_cell_saturates() -> None:
+    sensor = ForceSensor(**CELL, saturation_mv_per_v=3.0)
+    assert newtons(ForceSignal(sensor, 1, 1), np.array([1e6, -1e6])) == pytest.approx([150.0, -150.0])
+
+
+def test_counts_are_whole_start_at_zero_and_err_by_less_than_one() -> None:
+    scales = (
+        EncoderSensor(counts_per_revolution=4096),
+        EncoderSensor(counts_per_revolution=8192, sign=-1),
+        EncoderSensor(counts_per_revolution=163840),
+    )
+    angle = 0.3 + np.linspace(0, 1, 4001)[:, None] * np.array([0.5, -0.25, 2.0])
+    signals = EncoderSignals(scales, 1, 1)
+    counts = np.concatenate([signals.quarter_counts(part) for part in np.array_split(angle, 7)])
+    exact = (angle - angle[0]) * np.array([4096, -8192, 163840]) / (2 * np.pi)
+    error = counts - exact
+    assert counts.dtype == np.int64 and not counts[0].any()
+    assert np.abs(error).max() < 1.0
+    # uniform within one count about a constant that depends on where in a count the trial began
+    np.testing.assert_allclose(error[100:].std(axis=0), 1 / np.sqrt(12), rtol=0.1)
+
+
+def test_a_delay_line_delays_by_whole_and_broken_samples_whatever_the_blocks() -> None:
+    signal = 3.0 + 0.01 * np.arange(300.0)
+    for delay in (0.0, 1.0, 40.03226):
+        line = DelayLine(delay)
+        out = np.concatenate([line.push(part) for part in np.array_split(signal, [1, 2, 50, 51, 200])])
+        expected = np.maximum(3.0 + 0.01 * (np.arange(300.0) - delay), 3.0)
+        np.testing.assert_allclose(out[2:], expected[2:], atol=1e-12)
+    assert DelayLine(2.5).push(np.empty(0)).size == 0
+
+
+def test_quantisation_rounds_to_steps_and_clips_at_the_range() -> None:
+    step = 20 / 2**16
+    got = quantise(np.array([0.0, 0.6 * step, -0.4 * step, 11.0, -11.0]), 10.0, 16)
+    np.testing.assert_allclose(got, [0.0, step, 0.0, 10.0 - step, -10.0], atol=1e-15)
+
+
+def test_sensors_are_read_from_the_bench_tables_and_a_seed_overrides_the_files() -> None:
+    sensors = load_sensors(TABLES)
+    assert [s.sign for s in sensors.encoders] == [1, -1, 1] and sensors.seed == 3
+    assert load_sensors(TABLES, seed=9).seed == 9
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "value"),
+    [
+        ("force_sensor", "noise_n", -0.1),
+        ("force_sensor", "noise_n", float("nan")),
+        ("force_sensor", "sensitivity", 2.0),
+        ("force_sensor", "full_scale_n", "100 N"),
+        ("encoders", "hammer", {"counts_per_revolution": 163841}),
+        ("encoders", "hammer", {"counts_per_revolution": 163840, "sign": 0}),
+        ("encoders", "jack", {"counts_per_revolution": 4096}),
+    ],
+)
+def test_bad_sensor_settings_are_refused_with_their_key(table, key, value) -> None:
+    with pytest.raises(InputError, match=rf"bench: .*{table}\.{key}"):
+        load_sensors({**TABLES, table: {**TABLES[table], key: value}})
+    incomplete = {k: v for k, v in TABLES.items() if k != table}
+    with pytest.raises(InputError, match=f"{table} is missing"):
+        load_sensors(incomplete)
+
+
+def test_a_scale_off_its_centre_divides_badly_and_a_pivot_shifts_by_what_is_planted() -> None:
+    made = EncoderSensor(
+        counts_per_revolution=40_000_000, sign=1, lines_per_revolution=100, interpolation_rad=2e-5,
+        eccentricity_rad=1e-3, pivot_shift_rad=3e-5,
+    )  # fmt: skip
+    plain = EncoderSensor(counts_per_revolution=40_000_000)
+    angle = np.linspace(0, 2 * np.pi, 20_001)[:, None] * np.ones(3) + 0.1
+    per_rad = 40_000_000 / (2 * np.pi)
+    errors, shifts = [], []
+    for trial in range(40):
+        signals = EncoderSignals((made, plain, made), 5, trial)
+        error = signals.quarter_counts(angle) / per_rad - (angle - angle[0])
+        assert np.abs(error[:, 1]).max() < 1.01 / per_rad
+        t = angle[:, 0]
+        columns = [f(k * t) for k in (1, 100) for f in (np.sin, np.cos)]
+        basis = np.column_stack([*columns, np.ones_like(t), np.clip((t - t[0]) / 0.005, 0, 1)])
+        fit, *_ = np.linalg.lstsq(basis, error[:, 0], rcond=None)
+        errors.append(fit[:4])
+        shifts.append(fit[5])
+        assert np.hypot(*fit[:2]) == pytest.approx(1e-3, rel=1e-3) and np.hypot(*fit[2:4]) == pytest.approx(
+            2e-5, rel=0.02
+        )
+    np.testing.assert_allclose(errors, np.tile(errors[0], (40, 1)), atol=2e-7)  # mounted once
+    assert np.std(shifts) == pytest.approx(3e-5, rel=0.35)
+
+
+def test_a_scale_whose_centre_rises_reads_lift_over_radius() -> None:
+    radius, lines = 0.0261, 327680
+    sensors = tuple(EncoderSensor(counts_per_revolution=lines, sign=s, scale_radius_m=radius) for s in (-1, 1, 1))
+    signals = EncoderSignals(sensors, 1, 1)
+    angle = np.zeros((3, 3))
+    angle[:, 1] = [0.0, 0.01, 0.02]
+    before = angle.copy()
+    counts = signals.quarter_counts(angle, np.array([0.0, 1e-4, 3e-4]))
+    np.testing.assert_array_equal(angle, before)
+    expected = np.array([0.0, 1e-4, 3e-4]) / radius * lines / (2.0 * np.pi)
+    assert np.abs(counts[:, 0] + expected).max() <= 1.0  # sign -1
+    assert np.abs(counts[:, 1] - angle[:, 1] * lines / (2.0 * np.pi)).max() <= 1.0
+    assert np.all(counts[:, 2] == 0)
+    still = EncoderSignals((EncoderSensor(counts_per_revolution=lines), *sensors[1:]), 1, 1)
+    assert np.all(still.quarter_counts(np.zeros((2, 3)), np.array([0.0, 1e-3])) == 0)  # no radius: no error
+
+
+def test_radius_of_the_bench_follows_from_its_lines() -> None:
+    key = load_sensors(DEFAULT_BENCH).encoders[0]
+    assert key.scale_radius_m == pytest.approx(8192 * 20e-6 / (2.0 * np.pi), rel=1e-3)
+    assert key.counts_per_revolution == 8192 * 40
