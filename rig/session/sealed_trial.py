@@ -1,6 +1,6 @@
 """One trial as an HDF5 file that netCDF-4 tools open: ``/daq`` on the sample clock, ``/camera`` on the frame clock.
 
-Written once and sealed when a trial ends; until then samples go to the journal (`rig.session.journal_writer`). Every dataset carries its
+Written once and sealed when a trial ends (before: `rig.session.journal_writer`). Every dataset carries its
 unit and the SHA-256 of its bytes; the root carries the SHA-256 of all content, which identifies the trial in derived
 results. HDF5's own bookkeeping, such as the attributes of dimension scales, is not in it: it covers only what is
 written through :class:`Content`, in the order of names, whatever the order of writing. A truncated or altered file is
