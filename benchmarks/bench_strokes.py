@@ -165,6 +165,27 @@ def scaled(i: int, by: float) -> Change:
     return lambda data, _: recount(data, lambda c: np.round(c * np.where(np.arange(3) == i, by, 1.0)).astype(np.int64))
 
 
+def read_late(i: int, by_s: float) -> Change:
+    """An encoder that reads later."""
+
+    def change(data: TrialData, stroke: Stroke) -> TrialData:
+        late = np.round(np.interp(data.time_s - by_s, data.time_s, data.encoder_count[:, i]))
+        return recount(data, lambda c: np.where(np.arange(3) == i, late[:, None], c).astype(np.int64))
+
+    return change
+
+
+def wrong_at_rest(i: int, by_rad: float) -> Change:
+    """An encoder whose reading at rest is wrong: it reads more once its body has turned by a milliradian."""
+
+    def change(data: TrialData, stroke: Stroke) -> TrialData:
+        per = data.encoders[i].rad_per_count
+        more = -np.expm1(-np.abs(data.encoder_count[:, i] * per) / 1e-3) * by_rad / per
+        return recount(data, lambda c: np.round(c + np.where(np.arange(3) == i, more[:, None], 0.0)).astype(np.int64))
+
+    return change
+
+
 def force(made: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Change:
     """Another force, of that and the time."""
     return lambda data, _: replace(data, raw_force_n=made(data.raw_force_n, data.time_s))

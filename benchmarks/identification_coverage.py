@@ -34,10 +34,11 @@ from validation.conventions import Array
 from validation.errors import ValidationError
 from validation.infer.blocks import INSTRUMENT, Block
 from validation.infer.budget import CONVERGED, Budget, End
-from validation.infer.causes.responses import ADDED, addable
+from validation.infer.channels import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL
 from validation.infer.estimates import IDENTIFIED, LACKING, NORMAL, estimate_all
 from validation.infer.fit import Fitted, fit_multistart
 from validation.infer.further import HALF_KNOWN, SENSORS, Candidate, Prospect, further, prospects
+from validation.infer.hypotheses import ADDED, addable
 from validation.infer.identify import FIT_SHARE, LEAST_EFFECT_RAD, default_budget_s
 from validation.infer.lacks import SIZE_U, fit_with, supported
 from validation.infer.noise import Sizes, likeliest
@@ -48,14 +49,7 @@ from validation.infer.observations import (
 from validation.infer.problem import Columns, Problem, at_start, linear_residuals
 from validation.infer.response import ModelResponse
 from validation.infer.scatter import factors, lacking
-from validation.infer.unknowns import (
-    FORCE_DELAY,
-    FORCE_GAIN,
-    FORCE_LEVEL,
-    Parameter,
-    Unknowns,
-    unknowns,
-)
+from validation.infer.unknowns import Parameter, Unknowns, unknowns
 from validation.measurement.trial import measure
 from validation.prediction.model_under_test import ModelUnderTest
 

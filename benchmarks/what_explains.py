@@ -7,8 +7,8 @@ Sessions are strokes of the virtual bench (motor arm, sensors with errors, stren
 six where some trials may differ from the others. What is planted is ``+`` between:
 
 ``CAUSE:SIZE[:PROFILE]``
-    a change, in % (effects: times what their files state; lengths: mm, delays: ms, levels: N), in ``all`` trials, in
-    ``one`` (the fourth), from that on (``step``), or as a ``trend`` to the last. Causes are errors of channels (``force
+    a change, in % (effects: times what their files state; lengths: mm, delays: ms, levels: N, zeros: mrad), in ``all``
+    trials, in ``one`` (the fourth), from that on (``step``), or as a ``trend`` to the last. Causes are errors of channels (``force
     gain``; ``clock rate``), values of the action and felts (``contact02``) by their names, and effects that the model
     lacks (``shank``, ``contact12.stulov``, ``giving`` for all joints).
 ``own``
@@ -38,24 +38,26 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import model
-from benchmarks.bench_strokes import BENCH, Change, delayed, louder, scaled, stretched, stroke_of
+from benchmarks.bench_strokes import (
+    BENCH,
+    Change,
+    delayed,
+    louder,
+    read_late,
+    scaled,
+    stretched,
+    stroke_of,
+    wrong_at_rest,
+)
 from benchmarks.runner import Key, Run, Table, may_be
 from rig.session import Session, SessionInfo
 from rig.session.info import FileInfo
 from rig.simulated.bench.plant import load_plant
+from validation.conventions import ENCODER_CHANNELS
 from validation.infer.causes.explain import Explained, explain_difference
-from validation.infer.causes.responses import (
-    ADDED,
-    ALL,
-    CLOCK,
-    ENCODER_SCALES,
-    ONE,
-    SESSION_ERRORS,
-    STEP,
-    TREND,
-    addable,
-)
-from validation.infer.unknowns import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL, lead_of, single_names
+from validation.infer.channels import CLOCK, DELAY, ERROR_BY_NAME, FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL, SCALE, ZERO
+from validation.infer.hypotheses import ADDED, ALL, ONE, STEP, TREND, addable
+from validation.infer.unknowns import lead_of, single_names
 from validation.measurement.measure_session import measure_session
 from validation.prediction.model_under_test import ModelUnderTest
 
@@ -66,7 +68,9 @@ APART = {
     FORCE_GAIN: ("5/7/10", (ONE, TREND, STEP)),
     FORCE_LEVEL: ("0.1/0.2/0.4", (ONE, TREND, STEP)),
     FORCE_DELAY: ("1/2/3", (ONE, TREND, STEP)),
-    **dict.fromkeys(ENCODER_SCALES, ("4/6/9", (ONE, STEP))),
+    **{f"{name} {SCALE}": ("4/6/9", (ONE, STEP)) for name in ENCODER_CHANNELS},
+    **{f"{name} {DELAY}": ("1/2/3", (ONE, TREND, STEP)) for name in ENCODER_CHANNELS},
+    **{f"{name} {ZERO}": ("0.5/1/2", (ONE, STEP)) for name in ENCODER_CHANNELS},
     "key.joint_friction.A": ("30/50/80", (TREND, STEP)),
     "contact07.friction.A": ("30/50/80", (TREND, STEP)),
     "contact02": ("40/60/100", (STEP,)),
@@ -79,7 +83,9 @@ SHARED = {
     FORCE_LEVEL: "0.1/0.2/0.4",
     FORCE_DELAY: "1/2/3",
     CLOCK: "1/2/3",
-    **dict.fromkeys(ENCODER_SCALES, "3/5/8"),
+    **{f"{name} {SCALE}": "3/5/8" for name in ENCODER_CHANNELS},
+    **{f"{name} {DELAY}": "1/2/3" for name in ENCODER_CHANNELS},
+    **{f"{name} {ZERO}": "0.5/1/2" for name in ENCODER_CHANNELS},
     **{f"{body}.joint_friction.A": "30/50/80" for body in ("key", "whippen", "jack", "repetition", "hammer")},
     **{f"contact{n}.friction.A": "20/40/60" for n in ("01", "04", "07", "10")},
     **{f"contact{n}": "30/50/80" for n in ("01", "02", "03", "12")},
@@ -113,7 +119,9 @@ class Planted(NamedTuple):
     def amount(self, number: int) -> float:
         """How much of its size a trial has, SI; what is relative as a factor less 1."""
         share = {ALL: 1.0, TREND: (number - 1) / (MORE - 1), ONE: number == FAULTY, STEP: number >= FAULTY}
-        return self.size * float(share[self.profile]) * {"1": 1e-2, "m": 1e-3, "s": 1e-3}.get(self.unit, 1.0)
+        return (
+            self.size * float(share[self.profile]) * {"1": 1e-2, "m": 1e-3, "s": 1e-3, "rad": 1e-3}.get(self.unit, 1.0)
+        )
 
     def misread(self, number: int) -> Change:
         """What is wrong with the record of a trial, of an error of its channels."""
@@ -122,15 +130,18 @@ class Planted(NamedTuple):
             return lambda data, _: replace(
                 data, force_info=replace(data.force_info, preload_n=data.force_info.preload_n + by)
             )
-        if self.cause in ENCODER_SCALES:
-            return scaled(ENCODER_SCALES.index(self.cause), 1.0 + by)
+        error = ERROR_BY_NAME[self.cause]
+        if error.kind == SCALE:
+            return scaled(error.encoder, 1.0 + by)
+        if error.kind:
+            return (read_late if error.kind == DELAY else wrong_at_rest)(error.encoder, by)
         return {FORCE_GAIN: louder(1.0 + by), FORCE_DELAY: delayed(by), CLOCK: stretched(1.0 + by)}[self.cause]
 
 
 def planted(token: str, action: model.Action) -> Planted:
     """What a word ``CAUSE:SIZE[:PROFILE]`` plants."""
     cause, size, profile = [*token.split(":"), ALL][:3]
-    units = dict.fromkeys(SESSION_ERRORS, "1") | {FORCE_LEVEL: "N", FORCE_DELAY: "s"}
+    units = {name: error.unit for name, error in ERROR_BY_NAME.items()}
     names = single_names(action)
     if cause in names:
         unit = lead_of(model.quantities_of(action), names[cause]).unit
@@ -170,7 +181,7 @@ def explained(
             stroke = stroke_of(kind, seed, number, specimen, tuple((k, v) for k, v in played.items() if v))
             data = stroke.data
             for p in these:
-                if p.cause in SESSION_ERRORS and p.amount(number):
+                if p.cause in ERROR_BY_NAME and p.amount(number):
                     data = p.misread(number)(data, stroke)
             session.add_trial(data)
         tested = ModelUnderTest(action)

@@ -16,14 +16,14 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from validation.conventions import Array
+from validation.infer.channels import SCALE, ZERO, error_shape
 from validation.infer.observations import CHANNEL_NAMES, ENCODERS, FILM, ObservedTrial
 
-MOVED_RAD = 1e-3  # turn over which the error of an encoder that does not grow with the angle comes about
 FLOOR_RAD = 1e-5  # least size of a channel's response
 SMOOTH = 5  # phases over which the size of the response is taken
 LOST_RAD = 1e3  # standard uncertainty of what a film lost
-SCALES = tuple(f"{CHANNEL_NAMES[c]} {'film' if c in FILM else 'encoder'} scale" for c in (*ENCODERS, *FILM))
-INSTRUMENT = (*SCALES, *(f"{CHANNEL_NAMES[c]} encoder zero" for c in ENCODERS))
+SCALES = tuple(f"{CHANNEL_NAMES[c]} {'film scale' if c in FILM else SCALE}" for c in (*ENCODERS, *FILM))
+INSTRUMENT = (*SCALES, *(f"{CHANNEL_NAMES[c]} {ZERO}" for c in ENCODERS))
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def _sensors(t: ObservedTrial) -> tuple[Array, Array]:
     own = np.zeros((len(t.channels) * m, len(t.channels)))
     for k, c in enumerate(t.channels):
         part, turned = slice(k * m, (k + 1) * m), np.nan_to_num(t.change_rad[:, k])
-        moved = -np.expm1(-np.abs(turned) / MOVED_RAD)
+        moved = error_shape(ZERO, turned, t.time_s)
         own[part, k] = t.u_zero_rad[k] * moved
         if c == 0 and t.key_moves:  # errors of the key's encoder move like a parameter
             continue

@@ -30,6 +30,7 @@ from rig.session.force_correction import Quiet
 from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.infer.blocks import INSTRUMENT, Block, make_blocks, rows
+from validation.infer.channels import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL
 from validation.infer.fit import LAST_ROUNDS, Fitted
 from validation.infer.noise import (
     FAMILIES,
@@ -45,7 +46,6 @@ from validation.infer.noise import (
 from validation.infer.observations import ObservedTrial, observe
 from validation.infer.problem import Problem
 from validation.infer.response import ModelResponse, Response
-from validation.infer.unknowns import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL
 from validation.measurement.trial import MeasuredTrial
 from validation.report.files import check_target, write_files
 

@@ -1,6 +1,6 @@
 """What strokes still say where the model lacks something: which change takes the lack away, and what is known with it.
 
-Conventions: what may be lacking is what the search for causes tries (`difference.responses`): effects that the action
+Conventions: what may be lacking is what the search for causes tries (`hypotheses`): effects that the action
 does not have, and values that the fit held. Each is let in as one more column of the linear model where the fit ended,
 an effect by runs of its scene there; the likeliest are fitted anew with their own size free. Fits that explain the
 strokes as well, to a factor of `ODDS`, are all kept: a value is known in spite of the lack where each of them
@@ -22,9 +22,9 @@ from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.infer.blocks import LOST_RAD, Block, rows
 from validation.infer.budget import Budget
-from validation.infer.causes.responses import addable
 from validation.infer.estimates import IDENTIFIED, LACKING, NORMAL, Estimate, estimate_all
 from validation.infer.fit import Fitted, fit_alike, fit_conditional
+from validation.infer.hypotheses import addable
 from validation.infer.identifiability import HALF, Combination, directions
 from validation.infer.noise import Marginal
 from validation.infer.observations import ObservedTrial

@@ -9,7 +9,7 @@ believed beforehand, rises. Source: Searle, Casella and McCulloch (1992), Varian
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,11 +19,12 @@ from scipy.linalg.lapack import dtrtrs
 
 from validation.conventions import Array
 from validation.infer.blocks import INSTRUMENT, Block
+from validation.infer.observations import CHANNEL_NAMES, ENCODERS
 from validation.infer.response import Own
 from validation.infer.unknowns import Parameter
 
-OWN_S = 0.01
-"""Correlation time of a trial's own wandering."""
+OWN_S = (3e-3, 0.01, 3e-2)
+"""Correlation times of a trial's deviation: an impact, the escapement, a stroke; a third of its variance each."""
 SCALES_S = (3e-3, 3e-2, 0.3)
 """Correlation times of the discrepancy: an impact, a stroke, a trial."""
 FAMILIES = ("friction of contacts", "friction of joints", "damping", "stiffness", "springs")
@@ -40,9 +41,11 @@ LIKE_LAWS = 0.5  # standard deviation of the logarithm: the part that is like la
 
 def family_of(parameter: Parameter) -> int:
     """Place in `FAMILIES` of a law; -1 for what is none."""
-    if not parameter.factor:
-        return -1
-    path = parameter.paths[0]
+    return law_family(parameter.paths[0]) if parameter.factor else -1
+
+
+def law_family(path: str) -> int:
+    """Place in `FAMILIES` of the law that a path of the action belongs to."""
     if "joint_friction" in path:
         return 1
     if "friction" in path:
@@ -75,6 +78,12 @@ class Sizes:
     def start(families: NDArray[np.intp], seen: Array) -> Sizes:
         """Sizes to start learning from; ``seen`` (sessions, c) is 1 where a session has a channel, else 0."""
         return Sizes._all(families, seen, SCATTER, OWN, COMMON)
+
+    @staticmethod
+    def null(families: NDArray[np.intp], own: float) -> Sizes:
+        """Sizes of a model that lacks nothing, the encoders measured; each trial deviates by ``own``."""
+        seen = np.isin(range(len(CHANNEL_NAMES)), ENCODERS).astype(float)[None]
+        return Sizes._all(families, seen, SCATTER, own, FLOOR)
 
     @staticmethod
     def tight(families: NDArray[np.intp], seen: Array) -> Sizes:
@@ -148,6 +157,11 @@ class Sizes:
             np.concatenate([np.full(f, SCATTER_BELIEF[1]), own[1].ravel(), spread.ravel()]),
         )
 
+    def log_prior(self) -> float:
+        """Log density of the logarithms before the strokes, but for a constant."""
+        middle, spread = self.belief()
+        return -0.5 * float((((self.log() - middle) / spread) ** 2).sum())
+
 
 TINY = 1e-9  # of a variance, so that a covariance has a root
 
@@ -176,14 +190,16 @@ class Columns:
         return np.asarray(scaled @ scaled.T)
 
 
-def smooth(block: Block, channel: int, correlated_s: float) -> Array:
+def smooth(block: Block, channel: int, *correlated_s: float) -> Array:
     """Root (n, m) of a process over the phases of one channel of a trial.
 
     Rows of a trial are channel after channel. Smooth parts are Gaussian processes over time with exponential
-    correlation, as large where the action responds as `Block.size` says. Source: Kennedy and O'Hagan (2001).
+    correlation, the mean of those of the times given, and as large where the action responds as `Block.size` says.
+    Source: Kennedy and O'Hagan (2001).
     """
     t, m = block.time_s, block.time_s.size
-    k = np.exp(-np.abs(t[:, None] - t[None, :]) / correlated_s) + TINY * np.eye(m)
+    apart = np.abs(t[:, None] - t[None, :])
+    k = np.mean([np.exp(-apart / s) for s in correlated_s], axis=0) + TINY * np.eye(m)
     out = np.zeros((block.white.size, m))
     out[channel * m : (channel + 1) * m] = block.size[channel][:, None] * cholesky(k, lower=True)
     return out
@@ -192,7 +208,7 @@ def smooth(block: Block, channel: int, correlated_s: float) -> Array:
 def own_parts(block: Block, sizes: Sizes) -> Columns:
     """Of one trial: its laws, which scatter, and its own wandering."""
     m, first = block.time_s.size, len(FAMILIES) + block.session * sizes.channels
-    wander = [smooth(block, c, OWN_S) for c in range(len(block.size))]
+    wander = [smooth(block, c, *OWN_S) for c in range(len(block.size))]
     place = [sizes.families[sizes.families >= 0], *(np.full(m, first + c) for c in block.channels)]
     columns = np.hstack([law_columns(block, sizes), *wander])
     return Columns(columns, np.concatenate(place).astype(np.intp))
@@ -240,6 +256,17 @@ def parts_of(blocks: Sequence[Block], sizes: Sizes) -> Parts:
     sessions = sorted({b.session for b in blocks})
     common = {s: common_parts([b for b in blocks if b.session == s], sizes) for s in sessions}
     return common, [own_parts(b, sizes) for b in blocks]
+
+
+def null_covariances(block: Block, sizes: Sizes) -> tuple[Array, Array, Array]:
+    """Covariances (n, n) of a trial that stands for all: sensors and drive with its deviation, laws, what all share."""
+    common, (own,) = parts_of([block], sizes)
+    size, laws = np.exp(sizes.log()), law_columns(block, sizes)
+    alone = replace(sizes, by_family=np.full_like(sizes.by_family, LEAST))
+    each = np.diag(block.white) + block.own @ block.own.T + own.covariance(np.exp(alone.log()))
+    root = reached(block, sizes, np.eye(laws.shape[1] + len(each)))
+    shared = root @ common[block.session].covariance(size) @ root.T + block.instrument @ block.instrument.T
+    return each, (laws * sizes.scatter[sizes.families >= 0] ** 2) @ laws.T, shared
 
 
 def solved(lower: Array, right: Array) -> Array:
@@ -352,8 +379,7 @@ class Marginal:
 
     def log_evidence(self, residuals: Sequence[Array]) -> float:
         """The same with what is believed of the sizes beforehand."""
-        middle, spread = self.sizes.belief()
-        return self.log_likelihood(residuals) - 0.5 * float((((self.sizes.log() - middle) / spread) ** 2).sum())
+        return self.log_likelihood(residuals) + self.sizes.log_prior()
 
 
 GROWN = (2.0, 4.0, 0.5)

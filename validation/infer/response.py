@@ -35,17 +35,18 @@ from model.simulation.options import ForceDrivenOptions
 from validation.conventions import BODIES, WORKERS, Array
 from validation.conventions import KEY as KEY_BODY
 from validation.errors import ValidationInputError
-from validation.infer.blocks import MOVED_RAD, Block
-from validation.infer.observations import FILM, ObservedTrial
-from validation.infer.unknowns import (
+from validation.infer.blocks import Block
+from validation.infer.channels import (
     FORCE_DELAY,
     FORCE_GAIN,
     FORCE_LEVEL,
     KEY_SCALE,
     KEY_ZERO,
-    POSITIONS,
-    Parameter,
+    ZERO,
+    error_shape,
 )
+from validation.infer.observations import FILM, ObservedTrial
+from validation.infer.unknowns import POSITIONS, Parameter
 from validation.measurement.position_sensors import PositionSensors
 
 Job = TypeVar("Job")
@@ -193,7 +194,7 @@ class Case:
         assert isinstance(fit, KeyFit)
         # control points of knots at every sample stand next to the curve
         c, turned = fit.coefficients, fit.coefficients + fit.offset_rad
-        moved = -np.expm1(-np.abs(turned) / MOVED_RAD)
+        moved = error_shape(ZERO, turned, trial.time_s)
         for draw, weight in self.draws:
             random = np.random.default_rng([DRAW_SEED, trial.session, trial.number, draw])
             away = solve_banded((0, DEGREE), fit.factor, random.standard_normal(len(c)))
@@ -225,7 +226,7 @@ class Case:
         seen = trial.seen(turn_rad, self.film_late_s)
         if trial.key_moves and trial.channels[0] == 0:
             turned = seen[:, 0]
-            zero = self.key_zero * trial.u_key_rad * -np.expm1(-np.abs(turned) / MOVED_RAD)
+            zero = self.key_zero * trial.u_key_rad * error_shape(ZERO, turned, trial.time_s)
             seen[:, 0] = turned * (1.0 + self.key_scale * trial.u_key_scale) + zero
         return seen
 

@@ -17,6 +17,7 @@ from fnmatch import fnmatchcase
 import model
 from model.parameters.quantity import Quantity, allowed_range
 from validation.errors import ValidationInputError
+from validation.infer.channels import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL, KEY_SCALE, KEY_ZERO
 from validation.measurement.position_sensors import POSITION_ERRORS
 
 FELT = "felt:"
@@ -144,8 +145,6 @@ BOX = 4.0
 THRESHOLDS = ("friction_threshold.v_t", "friction_threshold.omega_t")
 LARGE_RELATIVE_U = 0.25
 PRINTED = "printed digits"
-FORCE_GAIN, FORCE_LEVEL, FORCE_DELAY = "force gain", "force level", "force delay"
-KEY_SCALE, KEY_ZERO = "key encoder scale", "key encoder zero"
 
 
 @dataclass(frozen=True)

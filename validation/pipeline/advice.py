@@ -12,7 +12,7 @@ from validation.findings.find_faults import order_kinds
 from validation.findings.finding import SessionFinding
 from validation.findings.unusable import list_unusable_data, name_unusable
 from validation.infer.causes.explain import CompatibleChange, Explained
-from validation.infer.causes.responses import ALL
+from validation.infer.hypotheses import ALL
 from validation.measurement.trial import trials_in_words
 from validation.result import AGREES
 from validation.statistics.rivals import Rivals

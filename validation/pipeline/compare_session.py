@@ -25,7 +25,7 @@ from validation.events.session_events import Window, find_session_events
 from validation.findings.find_faults import SessionFindings, find_faults
 from validation.findings.finding import CHANGED_CONDITION, select_sound_trials
 from validation.infer.causes.explain import Explained, explain_difference
-from validation.infer.causes.responses import STEP
+from validation.infer.hypotheses import STEP
 from validation.measurement.measure_session import measure_session, representative
 from validation.measurement.trial import MeasuredTrial
 from validation.options import ComparisonOptions

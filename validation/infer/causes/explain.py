@@ -17,20 +17,11 @@ import numpy as np
 import model
 from validation.errors import ValidationInputError
 from validation.findings.finding import SessionFinding
-from validation.infer.causes.responses import (
-    ADDED,
-    ALL,
-    ENCODER_SCALES,
-    FEWEST_TOLD_APART,
-    ONE,
-    SESSION_ERRORS,
-    TREND,
-    Responses,
-    sources,
-)
+from validation.infer.causes.responses import Responses
 from validation.infer.causes.search import Fit, Found, Search, find_causes
+from validation.infer.channels import ERROR_BY_NAME
+from validation.infer.hypotheses import ADDED, ALL, FEWEST_TOLD_APART, ONE, TREND, sources
 from validation.infer.observations import ObservedTrial, observe
-from validation.infer.unknowns import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL
 from validation.measurement.measure_session import representative
 from validation.measurement.trial import MeasuredTrial, trials_in_words
 from validation.prediction.joint_draws import chosen_trials
@@ -39,8 +30,7 @@ from validation.prediction.posterior import TABLE
 
 MOST_TRIALS = 12  # that are searched, evenly chosen
 MOST_NAMED = 3  # causes or pairs that the trials cannot tell apart; more are no answer
-FINDINGS = {FORCE_GAIN: "force gain", FORCE_LEVEL: "force level", FORCE_DELAY: "force delay"}
-FINDINGS |= dict.fromkeys(ENCODER_SCALES, "encoder scale")
+FINDINGS = {name: error.kind or name for name, error in ERROR_BY_NAME.items()}
 
 
 @dataclass(frozen=True)
@@ -75,7 +65,9 @@ class CompatibleChange:
                 rate = 100 * (self.change ** (1 / (self.last - self.first)) - 1)
                 return f"{self.cause} drifts by {rate:+.2g} % per trial, {size}{drift} {known}".replace("-", "−")
             return f"{self.cause} {size}{when} {known}"
-        factor, unit = {"m": (1e3, "mm"), "s": (1e3, "ms")}.get(self.unit, (1.0, self.unit))
+        factor, unit = {"m": (1e3, "mm"), "s": (1e3, "ms"), "rad": (math.degrees(1.0), "°")}.get(
+            self.unit, (1.0, self.unit)
+        )
         sign = "−" if self.change < 0 else "+"
         known = f"(u {factor * self.u:.1g})"
         if self.profile == TREND:
@@ -86,7 +78,7 @@ class CompatibleChange:
     @property
     def of_session(self) -> bool:
         """Whether it is a fault of the session: of a channel or a clock."""
-        return self.cause in SESSION_ERRORS
+        return self.cause in ERROR_BY_NAME
 
 
 @dataclass(frozen=True)

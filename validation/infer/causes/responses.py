@@ -1,310 +1,31 @@
-"""What may be wrong, in which trials, and what the model does then: runs side by side, under a force of few points.
+"""What the model does where something is wrong in some trials: runs side by side, under a force of few points.
 
 Conventions: differences are measured less predicted, channel after channel, (3 m,) rad, at phases that the trials
-share. Derivatives are differences of runs of one trial, which stands for the others: strokes of one kind. What is wrong
-with a channel is its error: a force gain of 0.9 reads 0.9 of the force that acted beside the preload, which is
-declared and not read; a level of 0.1 N is a preload declared 0.1 N too large. Of an effect that the model does not
-have, amount 1 is the effect as its file and the laws of felt state it, 2 gives twice as much (half the stiffness), and
-0 is the model as it is.
+share. Derivatives are differences of runs of one trial, which stands for the others: strokes of one kind.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import model
 from model.errors import ModelError
-from model.parameters.action import CONTACTS
-from model.parameters.effects import KEY_LIFT, PINS, RAIL, STRING_EFFECT
-from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, Array
+from model.parameters.effects import KEY_LIFT, RAIL
+from validation.conventions import ENCODER_BODIES, Array
 from validation.events.key_lift import SCALE_RADIUS_M
 from validation.infer.blocks import rows
-from validation.infer.observations import ObservedTrial
+from validation.infer.channels import CLOCK, DELAY, FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL
+from validation.infer.hypotheses import LEAST_ADDED, STEP_ADDED, Source, candidates
+from validation.infer.observations import ENCODERS, ObservedTrial
 from validation.infer.response import SEGMENTS, noise_knots, slow_noise_n
-from validation.infer.unknowns import (
-    FORCE_DELAY,
-    FORCE_GAIN,
-    FORCE_LEVEL,
-    LAW_U,
-    NORMAL,
-    THRESHOLDS,
-    lead_of,
-    single_names,
-)
 from validation.prediction.joint_draws import drawn_tolerance
 from validation.prediction.many_runs import Run, coarse_force, run_many
 from validation.prediction.model_under_test import ModelUnderTest
-from validation.prediction.posterior import posterior_of, principal_axes
-
-MASS_WRONG, LENGTH_WRONG_M, DRIVE_WRONG_M = 0.1, 1e-3, 5e-3  # the arm is set on the key by hand
-GAIN_WRONG, LEVEL_WRONG_N, DELAY_WRONG_S = 0.05, 0.1, 1e-3
-LAWS = (".friction.A", ".joint_friction.A", ".normal.D", ".torque", ".stiffness")
-MASSES = (".mass", ".inertia")
-STEP_SIZE, SMALL_STEP = 0.33, 0.1  # of ``wrong``, for differences
-
-
-# from trial to trial, in units of ``wrong``: 2 % of a law, 0.3 % of the force (a bench's blows), 0.01 N, 0.05 ms,
-# 0.1 % of a scale; of lengths in m
-LAW_SCATTER, GAIN_SCATTER, LEVEL_SCATTER, DELAY_SCATTER = 0.07, 0.06, 0.1, 0.05
-SCALE_SCATTER, LENGTH_SCATTER_M = 0.02, 3e-6
-CLOCK = "clock rate"
-ENCODER_SCALES = tuple(f"{name} encoder scale" for name in ENCODER_CHANNELS)
-SESSION_ERRORS = (FORCE_GAIN, FORCE_LEVEL, FORCE_DELAY, CLOCK, *ENCODER_SCALES)
-CLOCK_WRONG = 0.01
-SCALE_WRONG = 0.05
-ALL, ONE, TREND, STEP = "all", "one", "trend", "step"
-FEWEST_TOLD_APART = 4  # trials, below which one trial cannot be told from a change between two of them
-ADDED = "added "
-MODES, MOST_MODES = "string.modes", 100.0  # so many, that it is as finely swung as any specimen
-STIFF = -1.0  # power of the amount that stiffness goes with
-SIZES: Mapping[str, tuple[tuple[str, float], ...]] = {
-    "shank": (("shank.frequency_hz", 0.5 * STIFF),),
-    STRING_EFFECT: (("string.tension", STIFF), ("string.mass", STIFF), (MODES, 0.0)),
-    RAIL: ((f"{RAIL}.normal.c", STIFF),),
-    **{pin: ((f"{pin}.stiffness", STIFF), (f"{pin}.damping", STIFF)) for pin in PINS},
-}
-"""What an effect's amount moves, first the value by which its size is told: a string of as much speed and less weight,
-a joint of as long a time and less stiffness."""
-MEMORIES = {"stulov": "tau", "hysteresis": "beta"}
-"""Laws of felt that remembers, and the number that makes their memory larger."""
-JOINTS = f"{ADDED}giving joints' stiffness"
-FURTHEST, FURTHEST_ADDED, FURTHEST_OF_SESSION = 4.0, 10.0, 10.0
-"""Amounts that are looked at: a part is what it is said to be to some degree, an amplifier or a clock need not be."""
-LEAST_ADDED, STEP_ADDED = 0.03, 0.05  # amounts: below the first it is as if not there; the step once it is
-
-
-@dataclass(frozen=True)
-class Source:
-    """One thing that may be wrong."""
-
-    name: str  # of a parameter, a felt, or an error of the session
-    unit: str  # SI unit of what is added; 1 means a factor
-    paths: tuple[str, ...]  # parameters of the action that move together; none for an error of the session
-    wrong: float  # how far off it may be, as a logarithm where ``unit`` is 1
-    known: float  # its stated standard uncertainty, in units of ``wrong``
-    law: bool = False  # whether it is a law: all together say what the model can do
-    named: bool = True  # whether it may be named; else it is only taken out
-    step: float = STEP_SIZE  # for differences, in units of ``wrong``
-    scatter: float = 0.0  # from trial to trial, standard deviation in units of ``wrong``
-    profiles: tuple[str, ...] = (ALL,)  # in which trials it may be wrong
-    # effects, laws: what the model lacks and an amount adds to its scene: effects, and laws of felt by contact
-    effects: tuple[str, ...] = ()
-    laws: tuple[tuple[str, str], ...] = ()
-    # paths with their values at amount 1, and the power of the amount that each goes with
-    scaled: tuple[tuple[str, float, float], ...] = ()
-
-    @property
-    def added(self) -> bool:
-        """Whether it is an effect that the model does not have."""
-        return bool(self.scaled)
-
-    def scene(self, action: model.Action, z: float) -> model.SceneChoice | None:
-        """The scene of the action with so much of the effect; None where it has one that excludes it."""
-        choice = model.choice_of(action)
-        if set(self.effects) & set(choice.effects) or any(action.law(felt) in MEMORIES for felt, _ in self.laws):
-            return None
-        values = tuple((path, value * z**power) for path, value, power in self.scaled)
-        return replace(choice, effects=(*choice.effects, *self.effects), laws=self.laws, values=values)
-
-    def size(self, z: float, u: float) -> tuple[float, float]:
-        """What a reader is told of an amount and its u: a factor and its relative u where ``unit`` is 1, else SI."""
-        if not self.added:
-            return self.at(1.0 if self.unit == "1" else 0.0, z), self.wrong * u
-        _, value, power = self.scaled[0]
-        size, relative = (1.0 if self.unit == "1" else value) * z**power, abs(power) * u / z
-        return size, relative * (1.0 if self.unit == "1" else size)
-
-    @property
-    def kind(self) -> str:
-        """What it is called in a list of all that was tried."""
-        if not self.paths:
-            return self.name
-        return "laws of friction, felt and springs" if self.law else "lengths" if self.unit == "m" else "masses"
-
-    def values(self, action: model.Action, z: float) -> dict[str, float]:
-        """Values of its paths at ``z``."""
-        return {path: self.at(action[path], z) for path in self.paths}
-
-    def at(self, value: float, z: float) -> float:
-        """A value changed by ``z``."""
-        return value * math.exp(self.wrong * z) if self.unit == "1" else value + self.wrong * z
-
-    @property
-    def of_session(self) -> bool:
-        """Whether it is an error of the session's channels or its clock."""
-        return self.name in SESSION_ERRORS
-
-    @property
-    def of_setup(self) -> bool:
-        """Whether it is an error of the session, or where the force acts, which is set by hand."""
-        return self.of_session or self.name.startswith("drive")
-
-    @property
-    def furthest(self) -> float:
-        """The largest amount that is looked at."""
-        return FURTHEST_ADDED if self.added else FURTHEST_OF_SESSION if self.of_session else FURTHEST
-
-    @property
-    def encoder(self) -> int:
-        """Channel whose scale it is; -1 for all else."""
-        return ENCODER_SCALES.index(self.name) if self.name in ENCODER_SCALES else -1
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """One thing that may be wrong in some trials."""
-
-    source: int  # its index
-    # ``all`` trials, ``one``, a ``trend`` that grows evenly from the first trial on, a ``step`` at one trial
-    profile: str
-    weights: tuple[float, ...]  # (trials,) share of the amount that each trial has
-    # first, last: numbers of the first and last trial that has it
-    first: int
-    last: int
-    rarity: float  # negative logarithm of the share of what may be wrong that it has beforehand
-
-    @property
-    def seen_in(self) -> int:
-        """Index of the trial that has most of it."""
-        return int(np.argmax(np.abs(self.weights)))
-
-
-def sources(action: model.Action, trial: ObservedTrial) -> tuple[Source, ...]:
-    """Everything that may be wrong: the channels of the session first, then the action's values.
-
-    Conventions: amounts are in units of `Source.wrong`: a factor exp(wrong z), or wrong z added in SI. What is known
-    of a value (its stated u, or the joint uncertainty of an identified action) is taken out of every comparison;
-    ``wrong`` is how far off a value may be that is not what it is said to be: 30 % of a law, as in `unknowns.priors`,
-    10 % of a mass, a millimetre of a length, 5 mm of where the force acts, of the force 5 %, 0.1 N and 1 ms, 5 % of an
-    encoder's scale and 1 % of the rate of the clock. The force may be wrong in one trial, drift or jump; laws drift or
-    jump; where a contact is or the force acts jumps, as a scale does; the clock's rate, masses, pivots and centres of
-    mass are what they are.
-    """
-    every, lasting = (ALL, ONE, TREND, STEP), (ALL, STEP)
-    gain, level, delay = math.log1p(trial.u_gain) / GAIN_WRONG, trial.u_preload_n / LEVEL_WRONG_N, trial.u_delay_s
-    found = [
-        Source(FORCE_GAIN, "1", (), GAIN_WRONG, gain, scatter=GAIN_SCATTER, profiles=every),
-        Source(FORCE_LEVEL, "N", (), LEVEL_WRONG_N, level, scatter=LEVEL_SCATTER, profiles=every),
-        Source(
-            FORCE_DELAY, "s", (), DELAY_WRONG_S, delay / DELAY_WRONG_S,
-            step=SMALL_STEP, scatter=DELAY_SCATTER, profiles=every,
-        ),
-        Source(CLOCK, "1", (), CLOCK_WRONG, 0.0),
-        *(
-            Source(name, "1", (), SCALE_WRONG, 0.0, scatter=SCALE_SCATTER, profiles=(ALL, ONE, STEP))
-            for name in ENCODER_SCALES
-        ),
-    ]  # fmt: skip
-    quantities = model.quantities_of(action)
-    for name, paths in sorted(single_names(action).items()):
-        lead = lead_of(quantities, paths)
-        relative = lead.u / abs(lead.value)
-        law = len(paths) > 1 or name.endswith(LAWS)
-        if law or name.endswith(MASSES):
-            wrong = LAW_U if law else MASS_WRONG
-            profiles = (ALL, TREND, STEP) if law else (ALL,)
-            scatter = LAW_SCATTER if law else 0.0
-            found.append(Source(name, "1", paths, wrong, relative / wrong, law, scatter=scatter, profiles=profiles))
-        elif name in THRESHOLDS:
-            found.append(Source(name, "1", paths, LAW_U, relative / LAW_U, named=False))
-        elif lead.unit == "m":
-            drive = name.startswith("drive")
-            wrong = DRIVE_WRONG_M if drive else LENGTH_WRONG_M
-            known, moves, scatter = lead.u / wrong, lasting if drive or "contact" in name else (ALL,), LENGTH_SCATTER_M
-            found.append(
-                Source(name, "m", paths, wrong, known, step=SMALL_STEP, scatter=scatter / wrong, profiles=moves)
-            )
-        elif lead.u > 0.0 and not name.endswith(NORMAL):
-            found.append(Source(name, lead.unit, paths, lead.u, 1.0, named=False))
-    return (*found, *addable(action))
-
-
-def addable(action: model.Action) -> Iterator[Source]:
-    """Effects that the action does not have: of its parts, of all joints together, and memory of each felt."""
-
-    def source(effects: Sequence[str], sizes: Sequence[tuple[str, float]], name: str = "", **laws: str) -> Source:
-        scaled = tuple((path, MOST_MODES if path == MODES else action[path], power) for path, power in sizes)
-        unit = "1" if name else action.effects[sizes[0][0]].unit
-        return Source(
-            name or f"{ADDED}{sizes[0][0]}", unit, (), 1.0, 0.0,
-            step=1.0, effects=tuple(effects), laws=tuple(laws.items()), scaled=scaled,
-        )  # fmt: skip
-
-    choice = model.choice_of(action)
-    for effect, sizes in SIZES.items():
-        if effect not in choice.effects:
-            yield source([effect], sizes)
-    if not {RAIL, *PINS} & set(choice.effects):
-        yield source([RAIL, *PINS], [size for pin in PINS for size in SIZES[pin]], JOINTS)
-    for felt in CONTACTS:
-        if action.law(felt) not in MEMORIES and felt not in choice.without:
-            for law, number in MEMORIES.items():
-                yield source([], [(f"{felt}.{law}.{number}", 1.0)], **{felt: law})
-
-
-def candidates(listed: Sequence[Source], numbers: Sequence[int]) -> tuple[Candidate, ...]:
-    """Every source that may be named, in all trials, in one, as a trend, and from one trial on.
-
-    Half of what may be wrong is so in all trials, the rest evenly a matter of one trial, a trend, a step, of the
-    session and of the model: each share is that of all candidates of the kind together. Of what may be wrong in one, a
-    step at the second trial is the first trial alone, one at the last trial that trial alone.
-
-    Parameters
-    ----------
-    listed : sources
-    numbers : of the trials, in the order of the trials
-    """
-    found: list[Candidate] = []
-    for k, source in enumerate(listed):
-        if source.named:
-            wanted = source.profiles if len(numbers) >= FEWEST_TOLD_APART else (ALL,)
-            found += [
-                Candidate(k, profile, tuple(weights), first, last, 0.0)
-                for profile in wanted
-                for weights, first, last in _profile(profile, numbers, ONE in wanted)
-            ]
-    kinds = [(c.profile, c.profile != ALL and listed[c.source].of_session) for c in found]
-    share = {kind: 0.5 / max(len(set(kinds)) - 1, 1) if kind[0] != ALL else 0.5 for kind in set(kinds)}
-    among = {kind: kinds.count(kind) * sum(share.values()) / share[kind] for kind in share}
-    return tuple(replace(c, rarity=math.log(among[kind])) for c, kind in zip(found, kinds, strict=True))
-
-
-def _profile(profile: str, numbers: Sequence[int], apart: bool) -> Iterator[tuple[NDArray[Any], int, int]]:
-    """Weights of the trials, first and last number."""
-    at, order = np.array(numbers), sorted(numbers)
-    if profile == ALL:
-        yield np.ones(at.size), order[0], order[-1]
-    elif profile == ONE:
-        yield from ((1.0 * (at == n), n, n) for n in order)
-    elif profile == TREND:
-        yield (at - order[0]) / (order[-1] - order[0]), order[0], order[-1]
-    else:
-        yield from ((1.0 * (at >= n), n, order[-1]) for n in (order[2:-1] if apart else order[1:]))
-
-
-def known_root(action: model.Action, listed: Sequence[Source]) -> Array:
-    """Root (p, k) of the covariance of what is known of the candidates; correlated where the action was identified."""
-    root = np.diag([c.known for c in listed])
-    before = posterior_of(action)
-    if before is None:
-        return root
-    place = {c.name: i for i, c in enumerate(listed)}
-    both = [(place[name], j) for j, name in enumerate(before.names) if name in place]
-    mine, theirs = [i for i, _ in both], [j for _, j in both]
-    unit = np.array([before.u[j] / listed[i].wrong for i, j in both])
-    together = before.covariance[np.ix_(theirs, theirs)] * np.outer(unit, unit)
-    values, vectors = principal_axes(together)
-    root[mine] = 0.0
-    root[np.ix_(mine, mine)] = vectors * np.sqrt(np.maximum(values, 0.0))
-    return root
-
 
 OFFSET_N = 0.1
 BUMP_N = 0.2
@@ -347,6 +68,7 @@ class Responses:
     def __init__(self, tested: ModelUnderTest, trials: Sequence[ObservedTrial], listed: Sequence[Source]) -> None:
         self.tested, self.trials, self.listed = tested, tuple(trials), tuple(listed)
         self.candidates = candidates(listed, [t.number for t in trials])
+        self._read = {j: s for j, s in enumerate(listed) if s.error and s.error.kind not in ("", DELAY)}
         self.measured = np.array([rows(t.change_rad) for t in self.trials])
         self._known: list[Array] = []
         self._turned: dict[tuple[_Place, int], Array | None] = {}
@@ -414,16 +136,9 @@ class Responses:
             there = source.added and dict(at.amounts).get(j, 0.0) > LEAST_ADDED
             steps.append(STEP_ADDED if there else source.step)
             places.append((_moved(at, j, steps[-1]), t))
-        scales = [self.listed[j].encoder for _, _, j in asked]
-        found = iter(self._turns([p for p, scale in zip(places, scales, strict=True) if scale < 0]))
         out = []
-        for (_, t, j), step, scale, differences in zip(asked, steps, scales, here, strict=True):
+        for (_, t, _), step, turn, differences in zip(asked, steps, self._turns(places), here, strict=True):
             predicted = self.measured[t] - differences[t]
-            if scale >= 0:
-                channel = np.repeat(np.arange(len(ENCODER_SCALES)), predicted.size // len(ENCODER_SCALES))
-                out.append(np.where(channel == scale, self.listed[j].wrong * predicted, 0.0))
-                continue
-            turn = next(found)
             out.append(np.zeros(predicted.size) if turn is None else (turn - predicted) / step)
         return out
 
@@ -464,10 +179,39 @@ class Responses:
         return groups
 
     def _turns(self, asked: Sequence[tuple[_Place, int]]) -> list[Array | None]:
-        """Turns since rest (3 m,) of each run, as the encoders would read them; what is asked twice is run once."""
-        missing = [one for one in dict.fromkeys(asked) if one not in self._turned]
+        """What the encoders read (3 m,) of each run since rest; what is asked twice runs once."""
+        runs = [
+            (replace(place, amounts=tuple(a for a in place.amounts if a[0] not in self._read)), t) for place, t in asked
+        ]
+        missing = [one for one in dict.fromkeys(runs) if one not in self._turned]
         self._turned.update(zip(missing, self._run_all(missing), strict=True))
-        return [self._turned[one] for one in asked]
+        return [self._reading(self._turned[run], place, t) for run, (place, t) in zip(runs, asked, strict=True)]
+
+    def _reading(self, turned: Array | None, place: _Place, t: int) -> Array | None:
+        """What the encoders read (3 m,) of turns, with their errors but delays."""
+        wrong = [(self._read[j], z) for j, z in place.amounts if j in self._read]
+        if turned is None or not wrong:
+            return turned
+        read = turned.reshape(len(ENCODERS), -1).copy()
+        for source, z in wrong:
+            error = source.error
+            assert error is not None
+            size = source.at(1.0 if source.unit == "1" else 0.0, z)
+            read[error.encoder] = error.reading(read[error.encoder], self.trials[t].time_s, size)
+        return read.ravel()
+
+    def _times(self, place: _Place, trial: ObservedTrial) -> Array:
+        """When the model is where each encoder reads it (3, m): earlier by its delay, on a clock of the true rate."""
+        when = np.tile(trial.time_s, (len(ENCODERS), 1))
+        rate = 1.0
+        for j, z in place.amounts:
+            source, error = self.listed[j], self.listed[j].error
+            if error is not None and error.kind == DELAY:
+                when[error.encoder] -= source.at(0.0, z)
+            elif source.name == CLOCK:
+                rate = source.at(rate, z)
+        start = float(trial.force_time_s[0])
+        return np.maximum(start + (when - start) / rate, start)  # the clock reads more seconds than passed
 
     def _run_all(self, asked: Sequence[tuple[_Place, int]]) -> list[Array | None]:
         runs = [self._run(place, self.trials[t]) for place, t in asked]
@@ -478,12 +222,9 @@ class Responses:
             change = np.asarray(solution.angle_rad, dtype=float) - np.asarray(run.rest.angle_rad)
             if _lifts(run.action):
                 change[:, 0] += _lift_m(solution) / SCALE_RADIUS_M
-            change = change[change.shape[0] - self.trials[asked[i][1]].time_s.size :]
-            scale = np.ones(len(ENCODER_SCALES))
-            for j, z in asked[i][0].amounts:
-                if self.listed[j].encoder >= 0:
-                    scale[self.listed[j].encoder] *= self.listed[j].at(1.0, z)
-            return rows(change[:, ENCODER_BODIES] * scale)
+            place, t = asked[i]
+            at = np.searchsorted(run.output_time_s, self._times(place, self.trials[t]))
+            return np.concatenate([change[k, body] for k, body in zip(at, ENCODER_BODIES, strict=True)])
 
         return run_many(self.tested, runs, turn)
 
@@ -513,9 +254,9 @@ class Responses:
             driven = driven + np.interp(trial.force_time_s, knots, BUMP_N * (np.arange(knots.size) == place.knot))
         table = coarse_force(trial.force_time_s, driven)
         start, rate = trial.force_time_s[0], error[CLOCK]
-        if rate != 1.0:  # the clock reads more seconds than passed
+        if rate != 1.0:
             table = start + (table[0] - start) / rate, table[1]
-        output = trial.time_s if rate == 1.0 else start + (trial.time_s - start) / rate
+        output = np.unique(self._times(place, trial))
         if _lifts(action) and start < output[0]:
             output = np.append(start, output)  # where the key's pivot was at rest
         return Run(action, rest, *table, output, drawn_tolerance(self.tested))

@@ -1,10 +1,9 @@
 """Score test of all causes in the linear model, and its threshold by Monte Carlo under the fitted null hypothesis.
 
-Residuals of n trials, r = X z + e with z ~ N(0, I), are turned into their mean and n - 1 orthonormal contrasts. A
-contrast has covariance B = noise of sensors and force + scatter of laws between trials + s² G, where G is a smooth
-process as large as the response and s its unknown size; the mean has B / n + S, where S holds what is declared of
-parameters and sensors, and the model discrepancy. s is profiled over a grid with a log-normal prior, with and without a
-cause. Sources: Rao (1948); Searle, Casella and McCulloch (1992); Kennedy and O'Hagan (2001).
+Residuals of n trials, r = X z + e with z ~ N(0, I), are turned into their mean and n - 1 orthonormal contrasts. The
+noise model is that of the fit (`validation.infer.noise`): a contrast has the covariance B of what a trial has of its
+own, the mean has B / n + S, where S is what all share. The trials' deviation, a variance component of B, is profiled
+over a grid with its prior, with and without a cause. Source: Rao (1948).
 """
 
 from __future__ import annotations
@@ -13,23 +12,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 
 from validation.conventions import Array
 from validation.infer.blocks import Block
-from validation.infer.causes.responses import Candidate
-from validation.infer.noise import smooth
-from validation.infer.observations import ENCODERS
+from validation.infer.hypotheses import Candidate
+from validation.infer.noise import Sizes, null_covariances
 
-CORRELATION_S = (3e-3, 1e-2, 3e-2)
-"""Correlation times of the smooth process, s: an impact, the escapement, a stroke; a third of its variance each."""
 DEVIATIONS = (1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
-"""Grid of s, relative to the response."""
-MEDIAN, SPREAD = 3e-3, 1.0
-"""Prior of s: median, and standard deviation of its natural logarithm."""
-DISCREPANCY = 5e-3  # relative to the response: no model of an action is taken to be closer
+"""Grid of each trial's deviation, relative to the response."""
 DRAWS = 1999
 LEVEL = 0.01  # probability that any cause is named where the null hypothesis holds
+ODDS = 100.0  # posterior odds from which one cause is preferred to another
 PAIRED = 8  # causes, the best alone, that are paired with all others
 CHUNK = 250  # draws at a time, for memory
 
@@ -44,41 +39,48 @@ def helmert(n: int) -> Array:
     return out
 
 
-class NoiseModel:
-    """Covariances of the mean and of a contrast, for every size of the between-trial deviation.
+class BalancedNoise:
+    """The noise model (`noise.Sizes`) of like trials: covariances of their mean and of a contrast, for each deviation.
 
     Parameters
     ----------
     block : linear model of the representative trial
-    scatter : (p,) standard deviations of its columns' amounts between trials
+    families : (p,) of its columns, see `noise.Sizes`
+    scatter : (p,) declared standard deviations of the amounts of columns that are no laws between trials
     known : (p, k) root of the declared covariance of its columns' amounts
     trials : how many
     runs : (draws, n) changes of the predicted curve at drawn amounts
     linear : (draws, n) the same by the linear model
     """
 
-    def __init__(self, block: Block, scatter: Array, known: Array, trials: int, runs: Array, linear: Array) -> None:
+    def __init__(
+        self,
+        block: Block,
+        families: NDArray[np.intp],
+        scatter: Array,
+        known: Array,
+        trials: int,
+        runs: Array,
+        linear: Array,
+    ) -> None:
         self.trials, self.runs = trials, runs
-        scattered, declared = block.moved * scatter, block.moved @ known
-        roots = [smooth(block, c, time_s) for c in ENCODERS for time_s in CORRELATION_S]
-        process = np.asarray(sum(root @ root.T for root in roots)) / len(CORRELATION_S)
-        sensors = np.diag(block.white) + block.own @ block.own.T
-        shared = declared @ declared.T + block.instrument @ block.instrument.T + DISCREPANCY**2 * process
-        own = [sensors + s**2 * process for s in DEVIATIONS]
-        curved = runs - linear
-        scatters = scattered @ scattered.T + curved.T @ curved / len(curved)
-        total = [c + scatters for c in own]
+        scattered, declared, curved = block.moved * scatter, block.moved @ known, runs - linear
+        sizes = [Sizes.null(families, own) for own in DEVIATIONS]
+        found = [null_covariances(block, size) for size in sizes]
+        own = [each for each, _, _ in found]
+        _, laws, shared = found[0]
+        shared = shared + declared @ declared.T
+        total = [each + laws + scattered @ scattered.T + curved.T @ curved / len(curved) for each in own]
         self._inverse: dict[int, list[Array]] = {}
         self._own = [cholesky(c, lower=True) for c in own]
         self._shared = cholesky(shared, lower=True)
         self.between = [cholesky(b, lower=True) for b in total]
         self.mean = [cholesky(b / trials + shared, lower=True) for b in total]
-        away = np.log(np.array(DEVIATIONS) / MEDIAN) / SPREAD
         log_det = [
             (trials - 1) * np.log(np.diag(b)).sum() + np.log(np.diag(m)).sum()
             for b, m in zip(self.between, self.mean, strict=True)
         ]
-        self.log_prior = -0.5 * away**2 - np.array(log_det)
+        self.log_prior = np.array([size.log_prior() for size in sizes]) - np.array(log_det)
 
     def draw(self, k: int, count: int, rng: np.random.Generator) -> Array:
         """Mean and contrasts (count, trials, n) of sessions of the null hypothesis."""
@@ -118,12 +120,12 @@ class ScoreTest:
 
     Parameters
     ----------
-    noise : NoiseModel
+    noise : BalancedNoise
     columns : (n, p) derivatives of the predicted curve with respect to each source
     candidates : causes: a source with the share of it that each trial has
     """
 
-    def __init__(self, noise: NoiseModel, columns: Array, candidates: Sequence[Candidate]) -> None:
+    def __init__(self, noise: BalancedNoise, columns: Array, candidates: Sequence[Candidate]) -> None:
         self.noise, self.columns = noise, columns
         self.source = np.array([c.source for c in candidates])
         self.weights = helmert(noise.trials) @ np.array([c.weights for c in candidates]).T
@@ -135,6 +137,25 @@ class ScoreTest:
         at = np.ix_(self.source, self.source)
         w, mean, between = self.weights, self._mean[k], self._between[k]
         return np.asarray(np.outer(w[0], w[0]) * (mean.T @ mean)[at] + (w[1:].T @ w[1:]) * (between.T @ between)[at])
+
+    def group_alike(self, k: int, furthest: Array) -> dict[int, list[int]]:
+        """Candidates that can show at the k-th size, each with those that no session tells from it.
+
+        At the largest amounts that are looked at, ``furthest`` (P,), the posterior odds of one to none, or to the
+        other, are below `ODDS`. Of a group, the one that shows most comes first.
+        """
+        gram = self.gram(k)
+        own, others = np.diag(gram), gram**2 / (1.0 + np.diag(gram))
+        shown = 0.5 * furthest**2 * np.diag(others)
+        told = 0.5 * furthest[:, None] ** 2 * (np.diag(others)[:, None] - others)
+        alike = (told < np.log(ODDS)) & (np.log(ODDS) > told.T)
+        free, groups = shown > np.log(ODDS), {}
+        for i in np.argsort(-own, kind="stable"):
+            if free[i]:
+                free[i] = False
+                groups[int(i)] = [int(j) for j in np.flatnonzero(alike[i] & free)]
+                free[groups[int(i)]] = False
+        return groups
 
     def products(self, k: int, white: Array) -> Array:
         """Products (draws, P) of candidates with whitened residuals (draws, trials, n)."""

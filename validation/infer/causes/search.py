@@ -15,11 +15,12 @@ import numpy as np
 
 from validation.conventions import Array
 from validation.infer.blocks import make_blocks
-from validation.infer.causes.responses import ALL, LEAST_ADDED, Point, Responses, Source, known_root
-from validation.infer.causes.score_test import NoiseModel, ScoreTest, Threshold, helmert, pair_gains
+from validation.infer.causes.responses import Point, Responses
+from validation.infer.causes.score_test import ODDS, BalancedNoise, ScoreTest, Threshold, helmert, pair_gains
+from validation.infer.hypotheses import ALL, LEAST_ADDED, Source, known_root
+from validation.infer.noise import law_family
 from validation.infer.observations import ENCODERS
 
-ODDS = 100.0  # posterior odds from which one cause is preferred to another
 REFITTED = 12  # causes of each size that are refitted, the best of the linear model first
 EXCHANGED = 8  # causes, the best where the best fit is, that are tried in place of one of it
 SECOND = 2  # best single causes beside which a second one is looked for
@@ -68,6 +69,7 @@ class Search:
         columns[:, wanted] = np.column_stack(found)
         shaped = np.moveaxis(columns.reshape(len(ENCODERS), -1, len(listed)), 0, 1)
         laws, scatter = np.array([s.law for s in listed]), np.array([s.scatter for s in listed])
+        families = np.array([law_family(s.paths[0]) if s.law else -1 for s in listed])
         (block,) = make_blocks(trials[:1], [shaped], [responses.force_columns(at.point, at.each)], laws)
         if before is None:
             amounts = np.random.default_rng(SEED).standard_normal((RUNS, len(listed))) * scatter
@@ -78,10 +80,24 @@ class Search:
         amounts, runs = self.drawn
         linear = amounts @ (columns if before is None else before.columns).T
         known = known_root(responses.tested.action, listed)
-        self.noise = NoiseModel(block, scatter, known, len(trials), runs, linear)
+        between = np.where(laws, 0.0, scatter)
+        self.noise = BalancedNoise(block, families, between, known, len(trials), runs, linear)
         self.columns, self._turn = columns, helmert(len(trials))
-        self.named = [i for i, c in enumerate(responses.candidates) if np.any(columns[:, c.source])]
+        shown = [i for i, c in enumerate(responses.candidates) if np.any(columns[:, c.source])]
+        if before is None:
+            self.alike = self._group_alike(shown)
+        else:
+            new = {i: list[int]() for i in shown if self.source(i).added}
+            self.alike = {i: [] for i in self.at.members} | new | before.alike
+        self.named = sorted(self.alike)
         self.test = ScoreTest(self.noise, columns, [responses.candidates[i] for i in self.named])
+
+    def _group_alike(self, shown: Sequence[int]) -> dict[int, list[int]]:
+        """Candidates that can show, each with those that cannot be told from it."""
+        test = ScoreTest(self.noise, self.columns, [self.responses.candidates[i] for i in shown])
+        k = self.log_posterior(self.at.each, self.at.z)[1]
+        groups = test.group_alike(k, np.array([self.source(i).furthest for i in shown]))
+        return {shown[i]: [shown[j] for j in group] for i, group in groups.items()}
 
     def with_effects(self) -> Search:
         """The search with effects that the model lacks among its causes."""
@@ -246,6 +262,16 @@ class Search:
         started = [self.start_fit((i,)) for i in best.values() if i not in added]
         return self.refit([*started, *self.effects_at_amounts(added)], rounds=1)
 
+    def refit_alike(self, fits: Sequence[Fit]) -> list[Fit]:
+        """The fits, and those with causes in their place that the linear model does not tell from them."""
+        started = [
+            self.start_fit((*(j for j in fit.members if j != i), other), fit)
+            for fit in fits
+            for i in fit.members
+            for other in self.alike.get(i, ())
+        ]
+        return sorted([*fits, *self.refit(started)], key=lambda f: -f.log_posterior)
+
     def effects_at_amounts(self, added: Sequence[int]) -> list[Fit]:
         """Effects run at each of `AMOUNTS`, the best of each: the response bends where an effect comes in."""
         fits = [replace(self.start_fit((i,)), z=np.array([z])) for i in added for z in AMOUNTS]
@@ -302,6 +328,12 @@ def find_causes(responses: Responses, effects: bool = True) -> Found:
             if alone and 2.0 * (fits[0].log_posterior - alone[0].log_posterior) <= threshold.single:
                 around, fits = around.exchange_causes(alone)  # beside what the pair has right, the other is not needed
             left = around.rest(threshold)
-    near = fits[0].log_posterior - max(left, 1.0) * math.log(ODDS)
-    kept = tuple(f for f in fits if f.log_posterior >= near)
+    fits = around.refit_alike(_near_best(fits, left))
+    kept = tuple(_near_best(fits, left))
     return Found(kept, True, around, fits[0].log_posterior - null, left)
+
+
+def _near_best(fits: Sequence[Fit], left: float) -> list[Fit]:
+    """Fits that the best one is not preferred to; by more where something is ``left`` to explain."""
+    near = fits[0].log_posterior - max(left, 1.0) * math.log(ODDS)
+    return [f for f in fits if f.log_posterior >= near]

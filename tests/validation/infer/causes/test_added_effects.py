@@ -11,7 +11,8 @@ import model
 from tests.validation.infer import toy
 from validation.events.key_lift import SCALE_RADIUS_M
 from validation.infer.causes import explain
-from validation.infer.causes.responses import ADDED, JOINTS, Point, Responses, addable
+from validation.infer.causes.responses import Point, Responses
+from validation.infer.hypotheses import ADDED, JOINTS, addable
 from validation.prediction.model_under_test import ModelUnderTest
 
 ACTION = model.load_action()

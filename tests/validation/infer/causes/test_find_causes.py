@@ -17,10 +17,11 @@ from validation.conventions import Array
 from validation.infer.blocks import Block
 from validation.infer.causes import score_test
 from validation.infer.causes.explain import Explained, make_answer
-from validation.infer.causes.responses import ALL, ONE, STEP, TREND, Candidate, Point, Responses, Source, candidates
-from validation.infer.causes.score_test import NoiseModel, ScoreTest, helmert
+from validation.infer.causes.responses import Point, Responses
+from validation.infer.causes.score_test import BalancedNoise, ScoreTest, helmert
 from validation.infer.causes.search import find_causes
-from validation.infer.unknowns import FORCE_GAIN
+from validation.infer.channels import FORCE_GAIN
+from validation.infer.hypotheses import ALL, ONE, STEP, TREND, Candidate, Source, candidates
 
 M, SHAPES, NOISE_RAD = 20, 12, 3e-5
 TIME = np.linspace(0.0, 0.2, M)
@@ -174,17 +175,17 @@ def test_contrasts_are_orthonormal_and_beside_the_mean() -> None:
 
 
 @pytest.fixture(scope="module")
-def noise() -> NoiseModel:
+def noise() -> BalancedNoise:
     """Noise of six trials of which law 1 scatters."""
     nil, columns = np.zeros((3 * M, 0)), shapes()
     size = np.full((3, M), 5e-3)
     block = Block(0, TIME, columns, nil, nil, nil, np.full(3 * M, NOISE_RAD**2), size, np.zeros(M))
-    scatter = np.where(np.arange(SHAPES) == 1, 0.05, 0.0)
+    scatter, families = np.where(np.arange(SHAPES) == 1, 0.05, 0.0), np.full(SHAPES, -1)
     runs = np.random.default_rng(1).standard_normal((200, SHAPES)) * scatter @ columns.T
-    return NoiseModel(block, scatter, 1e-3 * np.eye(SHAPES), 6, runs, runs)
+    return BalancedNoise(block, families, scatter, 1e-3 * np.eye(SHAPES), 6, runs, runs)
 
 
-def test_score_statistic_is_that_of_the_whole_covariance(noise: NoiseModel) -> None:
+def test_score_statistic_is_that_of_the_whole_covariance(noise: BalancedNoise) -> None:
     listed = candidates(LISTED, range(1, 7))
     test = ScoreTest(noise, shapes(), listed)
     turned = noise.draw(2, 1, np.random.default_rng(3))[0]
@@ -199,7 +200,7 @@ def test_score_statistic_is_that_of_the_whole_covariance(noise: NoiseModel) -> N
         assert gains[n] == pytest.approx(b**2 / (1.0 + g), rel=1e-6)
 
 
-def test_threshold_is_exceeded_as_seldom_as_stated(noise: NoiseModel) -> None:
+def test_threshold_is_exceeded_as_seldom_as_stated(noise: BalancedNoise) -> None:
     test = ScoreTest(noise, shapes(), candidates(LISTED, range(1, 7)))
     rng = np.random.default_rng(4)
     sessions = [noise.draw(int(k), 1, rng)[0] for k in rng.integers(0, 3, 300)]
