@@ -8,9 +8,9 @@ six where some trials may differ from the others. What is planted is ``+`` betwe
 
 ``CAUSE:SIZE[:PROFILE]``
     a change, in % (effects: times what their files state; lengths: mm, delays: ms, levels: N, zeros: mrad), in ``all``
-    trials, in ``one`` (the fourth), from that on (``step``), or as a ``trend`` to the last. Causes are errors of channels (``force
-    gain``; ``clock rate``), values of the action and felts (``contact02``) by their names, and effects that the model
-    lacks (``shank``, ``contact12.stulov``, ``giving`` for all joints).
+    trials, in ``one`` (the fourth), from that on (``step``), or as a ``trend`` to the last. Causes are errors of
+    channels (``force gain``; ``clock rate``), values of the action and felts (``contact02``) by their names, and
+    effects that the model lacks (``shank``, ``contact12.stulov``, ``giving`` for all joints).
 ``own``
     the bench's own specimen, which the model knows.
 ``clean``

@@ -21,15 +21,18 @@ COLUMNS = (
            "difference", int, head="set"),
     Column("changes", "", "How many changes the set has", int),
     Column("cause", "", "What is changed: a parameter path, a felt, or an error of the session: gain, level or delay "
-           "of the force, the clock's rate, an encoder's scale (0.9 of a gain reads 0.9 of what acted)", str,
+           "of the force, the clock's rate, an encoder's scale, delay, zero or slip (a gain of 0.9 reads 0.9 of what "
+           "acted)", str,
            head="cause"),
     Column("change", "factor or unit of the row", "Factor, or what is added, in the row's unit", head="change",
            text=_change),
     Column("u", "1 or unit of the row", "Standard uncertainty of the change; relative where it is a factor"),
     Column("unit", "", "Unit of the change; 1 means a factor", str),
     Column("log_odds", "1", "Natural logarithm of the set's evidence over that of the best of the smallest sets"),
-    Column("left", "1", "Share of the squared difference that is left with the set: of the trials' mean, or of what "
-           "they differ by among themselves where not all have the change", head="difference left", shown=("%", 100.0)),
+    Column("left", "1", "Share of the difference, squared in standard uncertainties, that is left with the set: of the "
+           "trials' mean, or of all trials where not all have the change", head="difference left", shown=("%", 100.0)),
+    Column("left_by_noise", "1", "The same share that noise and declared uncertainties alone leave, exceeded in one "
+           "session of a hundred (chi-squared)", head="left by noise", shown=("%", 100.0)),
     Column("profile", "", "Which trials have the change: all, one, a trend that grows evenly from the first to the "
            "last, all from one on", str, values=("all", "one", "trend", "step"), head="trials"),
     Column("first", "", "Number of the first trial that has the change; of a trend the last one before it", int),
@@ -44,7 +47,8 @@ def rows(comparison: Comparison) -> Sequence[Mapping[str, Any]]:
 
 NOTES = (
     "Each set by itself explains the difference until the key is let go; sets that the trials do not tell apart stand "
-    "below each other. Difference left: share of the squared difference that remains with the set.",
+    "below each other. Difference left: share of the difference, squared in standard uncertainties, that "
+    "remains with the set; left by noise: what noise and declared uncertainties leave at most, in 99 of 100 sessions.",
 )
 TABLE = Table(
     "compatible_changes",

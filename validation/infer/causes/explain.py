@@ -13,11 +13,13 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 
 import numpy as np
+from scipy.stats import chi2
 
 import model
 from validation.errors import ValidationInputError
 from validation.findings.finding import SessionFinding
 from validation.infer.causes.responses import Responses
+from validation.infer.causes.score_test import LEVEL
 from validation.infer.causes.search import Fit, Found, Search, find_causes
 from validation.infer.channels import ERROR_BY_NAME
 from validation.infer.hypotheses import ADDED, ALL, FEWEST_TOLD_APART, ONE, TREND, sources
@@ -44,7 +46,8 @@ class CompatibleChange:
     u: float  # its standard uncertainty; relative where ``unit`` is 1
     unit: str  # SI; 1 means a factor
     log_odds: float  # natural logarithm of the set's posterior odds to the most probable one
-    left: float  # share of the squared difference that is left with it
+    left: float  # share of the difference, squared in standard uncertainties, that is left with it
+    left_by_noise: float  # share that noise exceeds in one session of a hundred
     profile: str = ALL  # ``all`` trials, ``one``, a ``trend`` that grows evenly, a ``step``
     # first, last: numbers of the first and last trial that has it
     first: int = 0
@@ -200,13 +203,15 @@ def _rows(search: Search, number: int, fit: Fit, best: Fit) -> list[CompatibleCh
     shared = all(search.responses.candidates[i].profile == ALL for i in fit.members)
     base = search.responses.base
     assert base is not None
-    before, after = (search.turned(each)[: 1 if shared else None] for each in (base, fit.each))
-    left = float(np.sum(after**2) / np.sum(before**2))
+    k = search.log_posterior(fit.each, fit.z)[1]
+    white = [search.noise.whiten(k, search.turned(each))[: 1 if shared else None] for each in (base, fit.each)]
+    before, after = (float(np.sum(part**2)) for part in white)
+    left, by_noise = after / before, float(chi2.ppf(1.0 - LEVEL, white[0].size)) / before
     for i, z, u_z in zip(fit.members, fit.z, u, strict=True):
         c, s = search.responses.candidates[i], search.source(i)
-        size, u_size = s.size(float(z), float(u_z))
+        changed, u_size = s.size(float(z), float(u_z))
         odds = fit.log_posterior - best.log_posterior
-        change = CompatibleChange(number, len(fit.members), s.name, size, u_size, s.unit, odds, left)
+        change = CompatibleChange(number, len(fit.members), s.name, changed, u_size, s.unit, odds, left, by_noise)
         out.append(replace(change, profile=c.profile, first=c.first, last=c.last))
     return out
 

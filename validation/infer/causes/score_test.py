@@ -141,15 +141,16 @@ class ScoreTest:
     def group_alike(self, k: int, furthest: Array) -> dict[int, list[int]]:
         """Candidates that can show at the k-th size, each with those that no session tells from it.
 
-        At the largest amounts that are looked at, ``furthest`` (P,), the posterior odds of one to none, or to the
-        other, are below `ODDS`. Of a group, the one that shows most comes first.
+        At the largest amounts that are looked at, ``furthest`` (P,), the likelihood ratio of one to none, or to the
+        other, is below `ODDS`. Of a group, the one that shows most comes first.
         """
         gram = self.gram(k)
-        own, others = np.diag(gram), gram**2 / (1.0 + np.diag(gram))
-        shown = 0.5 * furthest**2 * np.diag(others)
-        told = 0.5 * furthest[:, None] ** 2 * (np.diag(others)[:, None] - others)
+        own = np.diag(gram)
+        largest = 0.5 * furthest[:, None] ** 2
+        told = largest * (own[:, None] - gram**2 / np.maximum(own, np.finfo(float).tiny))
         alike = (told < np.log(ODDS)) & (np.log(ODDS) > told.T)
-        free, groups = shown > np.log(ODDS), {}
+        free = largest[:, 0] * own > np.log(ODDS)
+        groups: dict[int, list[int]] = {}
         for i in np.argsort(-own, kind="stable"):
             if free[i]:
                 free[i] = False

@@ -129,6 +129,7 @@ def test_one_cause_is_named_alone_with_its_size(seed: int, trials: int) -> None:
     assert sets(found) == {frozenset({("law 3", ALL, 1)})} and not found.nothing and not found.findings
     (row,) = found.changes
     assert abs(np.log(row.change) - 0.3 * 1.2) < 3 * row.u and row.u < 0.05
+    assert row.left < row.left_by_noise < 1.0
     assert "no other that was compared does nearly as well" in found.sentence and "law 3 ×" in found.sentence
 
 
@@ -198,6 +199,17 @@ def test_score_statistic_is_that_of_the_whole_covariance(noise: BalancedNoise) -
         g = sum(a @ c @ a for a, c in zip(x, inverse, strict=True))
         b = sum(a @ c @ r for a, c, r in zip(x, inverse, turned, strict=True))
         assert gains[n] == pytest.approx(b**2 / (1.0 + g), rel=1e-6)
+
+
+def test_what_no_session_tells_apart_is_one_group_and_what_cannot_show_none(noise: BalancedNoise) -> None:
+    columns = shapes()
+    columns[:, 4] *= 1e-7
+    listed = candidates(LISTED, [1])
+    test = ScoreTest(noise, columns, [replace(c, weights=(1.0,) * 6) for c in listed])
+    groups = test.group_alike(2, np.full(SHAPES, 4.0))
+    assert groups[SHAPES - 2] == [SHAPES - 1] and SHAPES - 1 not in groups  # twice the column, and that column
+    assert 4 not in groups and not any(4 in group for group in groups.values())
+    assert sorted(groups) == [i for i in range(SHAPES - 1) if i != 4]
 
 
 def test_threshold_is_exceeded_as_seldom_as_stated(noise: BalancedNoise) -> None:
