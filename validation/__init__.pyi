@@ -19,6 +19,8 @@ from .pipeline.compare import compare as compare
 from .pipeline.compare import compare_many as compare_many
 from .pipeline.compare import validate_session as validate_session
 from .pipeline.compare import validate_sessions as validate_sessions
+from .pipeline.judge_trial import TrialJudge as TrialJudge
+from .pipeline.judge_trial import TrialJudgement as TrialJudgement
 from .report.write import write_report as write_report
 from .result import ValidationResult as ValidationResult
 from .side_by_side import SideBySide as SideBySide

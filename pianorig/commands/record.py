@@ -55,7 +55,14 @@ def command(
         list[int] | None, typer.Option("--film", help="Film this trial (virtual bench); may be repeated.")
     ] = None,
     operator: Operator = "unknown",
-    action: Annotated[str, typer.Option("--action", help="The action on the bench, in words.")] = "unknown",
+    action: Annotated[
+        str,
+        typer.Option(
+            "--action",
+            help="The action on the bench, in words; or its model, a built-in name or a TOML file: each trial is then "
+            "compared with it as soon as it is recorded, in a process of its own.",
+        ),
+    ] = "unknown",
     plan: Annotated[
         Path | None, typer.Option("--plan", help="Trial plan (TOML) in place of --profile and --trials.")
     ] = None,
@@ -93,6 +100,7 @@ def command(
     where nothing moves. With --felt each press becomes a trial and a loading curve for calibrate felt.
 
     Example:  pianorig record --profile forte --trials 5 --film 1 --out sessions/try
+    Example:  pianorig record --profile forte --trials 5 --action hirschkorn2004 --out sessions/judged
     """
     check_writable(figure, *FIGURE_ENDINGS)
     if dry_run and figure is not None:
@@ -123,7 +131,11 @@ def command(
         )
         target, count = out or workflows.new_session_folder("passive"), ""
         title = f"waiting for strokes on {backend}, into {target}; Ctrl-C ends"
-        with workflows.interrupts_told(target), recording_line(as_json, title) as progress:
+        with (
+            workflows.interrupts_told(target),
+            workflows.judging(target, action, as_json),
+            recording_line(as_json, title) as progress,
+        ):
             session = rig.record_passive(
                 target,
                 rig_config=rig_name,
@@ -148,6 +160,7 @@ def command(
         title = f"recording {profile if plan is None else plan} on {backend} into {target}"
         with (
             workflows.interrupts_told(target),
+            workflows.judging(target, action, as_json),
             bar("filming", quiet=as_json) as film_progress,
             recording_line(as_json, title) as progress,
         ):

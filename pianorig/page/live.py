@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import struct
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pianorig.page.catalogue import LARGEST_TRIAL_BYTES, open_session, shortened
+from pianorig.workflows.judge_trials import FOLDER as JUDGED
 from rig.errors import RigError
-from rig.session import TrialData
+from rig.session import Trial, TrialData
 from rig.session.live_view import JournalFollower
 from rig.session.sealed_trial import read_trial
 from rig.session.trial_head import TrialHead
@@ -30,6 +34,7 @@ class LiveStream:
         self._sent = 0
         self._figures: dict[int, dict[str, Any]] = {}
         self._state: dict[str, Any] = {}
+        self._judged: dict[str, Any] | None = None
 
     def poll(self) -> tuple[dict[str, Any] | None, bytes]:
         """State where it has changed, else None; new samples, empty where there are none.
@@ -80,12 +85,29 @@ class LiveStream:
             "planned_s": head.command_v.size / head.sample_rate_hz if head is not None else 0.0,
             "channels": [] if head is None else _channels(head),
             "simulated": self.session.info.simulated,
+            "judged": self._last_judged(sealed),
             "disk_free_gb": round(free_gb, 1 if free_gb < 20 else 0),
             "figures": [
                 {**self._figures[trial.number], "rejected": trial.rejected is not None}
                 for trial in sealed[-MOST_FIGURES:]
             ],
         }
+
+    def _last_judged(self, sealed: Sequence[Trial]) -> dict[str, Any] | None:
+        """What the model says of the last judged trial (`validation.TrialJudgement.content`); None of none.
+
+        `pianorig.workflows.judge_trials` writes it while ``record --action MODEL`` runs, whole files one a trial.
+        """
+        if not self.session.path.joinpath(*JUDGED).is_dir():
+            return None
+        for trial in reversed(sealed):
+            if self._judged is not None and self._judged["trial"] == trial.number:
+                break
+            file = self.session.path.joinpath(*JUDGED, f"{trial.path.stem}.json")
+            with suppress(OSError, ValueError):
+                self._judged = json.loads(file.read_text(encoding="utf-8"))
+                break
+        return self._judged
 
 
 def _channels(head: TrialHead) -> list[dict[str, Any]]:

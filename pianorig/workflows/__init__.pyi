@@ -19,6 +19,7 @@ from .force_input import DrivingForce as DrivingForce
 from .force_input import read_driving_force as read_driving_force
 from .foreign_file import is_recording as is_recording
 from .foreign_file import recording_facts as recording_facts
+from .judge_trials import judging as judging
 from .predict_blow import predictor as predictor
 from .recording import BenchAccess as BenchAccess
 from .recording import interrupts_told as interrupts_told

@@ -58,10 +58,10 @@ def conditions_of(session: Session) -> list[str]:
 
 
 def usable_trials(
-    session: Session, read: Callable[[Trial, TrialData], MeasuredTrial]
+    session: Session, read: Callable[[Trial, TrialData], MeasuredTrial], only: int | None = None
 ) -> tuple[list[MeasuredTrial], dict[int, str]]:
     found, refused = [], {}
-    for trial in session.trials:
+    for trial in session.trials if only is None else (session.trial(only),):
         if trial.rejected is not None:
             refused[trial.number] = f"{REJECTED} {trial.rejected}"
             continue
@@ -80,6 +80,7 @@ def measure_session(
     condition: str | None = None,
     by_motion: bool = False,
     calibration: SensorCalibration = BY_RULER,
+    only: int | None = None,
 ) -> MeasuredSession:
     """Measure every usable trial.
 
@@ -90,6 +91,7 @@ def measure_session(
     condition : the only condition of the trial plan to use
     by_motion : the measured key drives the model in all trials, not only where no force was recorded
     calibration : errors of position sensors, of the action under test
+    only : number of the one trial to measure
     """
     conditions: dict[int, str] = {}
 
@@ -114,7 +116,7 @@ def measure_session(
             data, film, action_geometry, u_rest_level_m=u_rest_level_m, seal=trial.sha256, by_motion=by_motion
         )
 
-    every, refused = usable_trials(session, read)
+    every, refused = usable_trials(session, read, only)
     measured: list[MeasuredTrial] = []
     for one in every:
         measured.append(_sharing_times(one, measured[-1]) if measured else one)

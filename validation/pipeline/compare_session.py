@@ -42,6 +42,7 @@ from validation.tables.channels import summary
 from validation.tables.comparison import Comparison
 from validation.verdict.conditions import separate_conditions
 from validation.verdict.error_draws import TrialErrors, session_errors, usable_errors
+from validation.verdict.observed import observed_text
 from validation.verdict.quantities import relevance_limits
 from validation.verdict.verdict import Verdict, judge_model, undecided_verdict
 
@@ -117,6 +118,8 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
     scored = score_session(predicted, events, tested.store)
     findings = find_faults(predicted, events, scored, tested, relevance_limits(chosen.relevant))
     found = usable_errors(predicted, scored.traces, events, tested, findings.left_out)
+    if text := observed_text(found):
+        chosen.say(text)
     verdict = _verdict(predicted, found, findings, tested, chosen)
     shown = bool(verdict.facts.get("rejected")) or any(f.kind in (ODD, CHANGED_CONDITION) for f in findings.faults)
     by_key = any(m.driven_by_key for m in predicted.trials)  # causes are told by the force

@@ -41,6 +41,16 @@ class ScoredSession:
 
 def score_session(predicted: PredictedSession, events: SessionEvents, store: ResultStore) -> ScoredSession:
     """Put together the traces of every trial and score every curve inside the evaluation window."""
+    traces, notes = trace_session(predicted, events, store)
+    channels = {m.number: (*m.channels, *FILM_CHANNELS) for m in predicted.trials}
+    scores = score_curves(traces, {m.number: m.u_rad for m in predicted.trials}, channels, store)
+    return ScoredSession(traces, scores, notes)
+
+
+def trace_session(
+    predicted: PredictedSession, events: SessionEvents, store: ResultStore
+) -> tuple[SessionTraces, tuple[str, ...]]:
+    """Traces of every trial, and a note where a derived step could not be written."""
     encoder, film, failures = {}, {}, set()
     for m in predicted.trials:
         p = predicted.predictions[m.number]
@@ -50,10 +60,7 @@ def score_session(predicted: PredictedSession, events: SessionEvents, store: Res
         filmed = make_film_trace_table(m, p)
         if filmed is not None:
             film[m.number] = filmed
-    traces = SessionTraces(encoder, film, events.window, events.impact_s)
-    channels = {m.number: (*m.channels, *FILM_CHANNELS) for m in predicted.trials}
-    scores = score_curves(traces, {m.number: m.u_rad for m in predicted.trials}, channels, store)
-    return ScoredSession(traces, scores, tuple(sorted(failures - {""})[:1]))
+    return SessionTraces(encoder, film, events.window, events.impact_s), tuple(sorted(failures - {""})[:1])
 
 
 def score_curves(

@@ -1,0 +1,137 @@
+"""Trials judged while a session is recorded, in a process of its own: what it does cannot slow the recorder.
+
+`judging` starts ``python -m pianorig.workflows.judge_trials FOLDER MODEL``, which looks for sealed trials in the
+folder, prints what it finds of each and writes it to ``derived/judged/trial_NNNN.json`` (`page.live` reads these). It
+runs at lower priority, on one thread, and ends when its standard input ends, that is with the recorder at the latest.
+The recorder only passes its lines on, from a thread. Killed, it takes no sample and no trial with it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import model
+from model.errors import ModelError
+from pianorig.console.overrides import load_model, split_model
+from pianorig.console.progress import say
+
+LOOK_EVERY_S = 0.1
+PATIENCE_S = 60.0  # for the last trials, once the recording has ended: the first time kernels are compiled
+LOWER_PRIORITY = 10
+FOLDER = ("derived", "judged")
+
+
+def is_model(action: str) -> bool:
+    """Whether what stands on the bench is named as a model: a built-in action or a TOML file, perhaps changed."""
+    name = split_model(action)[0]
+    if name.endswith(".toml"):
+        return True
+    try:
+        model.load_action(name)
+    except ModelError:
+        return False
+    return True
+
+
+@contextmanager
+def judging(folder: Path, action: str, quiet: bool = False) -> Iterator[None]:
+    """Have every trial that is sealed in ``folder`` judged, where ``action`` names a model, and say what was found.
+
+    Raises
+    ------
+    CommandInputError, model.ModelError : the model cannot be used
+    """
+    if not is_model(action):
+        yield
+        return
+    load_model(action)  # refused before anything moves
+    one_thread = {"OPENBLAS_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+    process = subprocess.Popen(
+        [sys.executable, "-m", __name__, str(folder), action],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        encoding="utf-8",
+        errors="replace",
+        env={**os.environ, **one_thread, "PYTHONIOENCODING": "utf-8"},
+        start_new_session=sys.platform != "win32",  # Ctrl-C is the recorder's
+    )
+
+    def pass_on() -> None:
+        assert process.stdout is not None
+        with process.stdout as said:
+            for line in said:
+                say(line.rstrip(), quiet)
+
+    listener = threading.Thread(target=pass_on, name="judged trials", daemon=True)
+    listener.start()
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            assert process.stdin is not None
+            process.stdin.close()
+        try:
+            code = process.wait(PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            code = process.wait()
+        listener.join(PATIENCE_S)
+        if code:
+            say(f"the judging of trials ended early (status {code}); the recording is not touched by it", quiet)
+
+
+def judge_trials(folder: Path, action: str, has_ended: threading.Event, tell: Callable[[str], None]) -> None:
+    """Judge every trial that appears in ``folder``, until the recording has ended and all are judged."""
+    # start-up: two seconds that the recorder does not spend
+    from rig.atomic_write import write_text
+    from rig.errors import RigError
+    from rig.session import Session
+    from validation import TrialJudge
+    from validation.errors import ValidationError
+
+    judge, judged = TrialJudge(load_model(action)), set[int]()
+    while True:
+        last = has_ended.wait(LOOK_EVERY_S)
+        with suppress(RigError):  # no session yet
+            session = Session.open(folder, require_trials=False)
+            for trial in session.trials:
+                if trial.number in judged:
+                    continue
+                judged.add(trial.number)
+                try:
+                    found = judge.judge(session, trial.number)
+                except (RigError, ValidationError, ModelError) as error:
+                    tell(f"trial {trial.number}: not compared: {error}")
+                    continue
+                tell("\n".join(found.lines()))
+                file = folder.joinpath(*FOLDER, f"trial_{trial.number:04d}.json")
+                file.parent.mkdir(parents=True, exist_ok=True)
+                write_text(file, json.dumps(found.content(), allow_nan=False))
+        if last:
+            return
+
+
+def main(folder: str, action: str) -> None:
+    """The process of `judging`."""
+    if hasattr(os, "nice"):
+        os.nice(LOWER_PRIORITY)
+    has_ended = threading.Event()
+
+    def wait_for_end() -> None:
+        sys.stdin.read()
+        has_ended.set()
+
+    threading.Thread(target=wait_for_end, daemon=True).start()
+    judge_trials(Path(folder), action, has_ended, lambda text: print(text, flush=True))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
