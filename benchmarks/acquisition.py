@@ -130,7 +130,7 @@ def check_whole(trial: Trial, edges: int) -> int:
     data = trial.read()
     turned = np.concatenate(([0.0], data.motor_command_v[:-1]))[:, None] * RAD_PER_VOLT
     # a lost or repeated sample would shift everything after it
-    off = np.abs(data.angle_rad() - turned).max(axis=0) / np.abs([e.rad_per_count for e in data.encoders])
+    off = np.abs(data.angle_rad - turned).max(axis=0) / np.abs([e.rad_per_count for e in data.encoders])
     assert off.max() < 40, f"trial {trial.number}: angles are up to {off.max():.0f} counts off what the plant put out"
     readback = data.channel_values[:, 0]  # just before the output changes
     assert np.abs(readback[1:] - data.motor_command_v[:-1]).max() < 1e-3, f"trial {trial.number}: wrong read-back"

@@ -10,6 +10,7 @@ all others (ST). Finished runs lie in the folder of --store: the same command go
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,15 +77,16 @@ def simulate_outputs(action: model.Action, sample: NDArray[np.float64], store: s
         if member.solution is None:
             raise SystemExit(f"member {i}: {member.error}; narrow the uncertainties and run again")
         variant = action.with_values(dict(zip(PARAMETERS, sample[i].tolist(), strict=True)))
-        height_m = model.observables.hammer_height_m(variant, member.solution.angle_rad)
+        blow = replace(member.solution, action=variant)  # members of a batch come without theirs
+        height_m = blow.hammer_height_m
         strikes = np.flatnonzero((height_m[:-1] > 0) & (height_m[1:] <= 0))
         if not strikes.size:
             raise SystemExit(f"member {i}: the hammer does not strike; choose narrower uncertainties")
         k = int(strikes[0])  # the last sample in free flight; the height falls at the approach speed from there
-        approach = member.solution.hammer_approach_m_per_s(variant)
+        approach = blow.hammer_approach_m_per_s
         wait_s = height_m[k] / approach[k]
         slowing = (approach[k] - approach[k - 1]) * SAMPLE_HZ
-        outputs[i] = approach[k] + slowing * wait_s, member.solution.time_s[k] + wait_s
+        outputs[i] = approach[k] + slowing * wait_s, blow.time_s[k] + wait_s
     return outputs
 
 

@@ -16,7 +16,7 @@ rig.record(folder, profile="piano", trials=2, backend="sim://", operator="exampl
 
 for trial in rig.Session.open(folder).trials:
     data = trial.read()
-    turn = np.degrees(np.ptp(data.angle_rad(), axis=0))
+    turn = np.degrees(np.ptp(data.angle_rad, axis=0))
     names = [encoder.name for encoder in data.encoders]
     print(f"trial {trial.number}: {trial.status}, {data.n_valid} samples, peak {data.raw_force_n.max():.2f} N")
     print("   turned by", ", ".join(f"{name} {value:.2f} deg" for name, value in zip(names, turn, strict=True)))

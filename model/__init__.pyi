@@ -34,11 +34,11 @@ from .motion_driven.spline_fit import read_motion_table as read_motion_table
 from .parameters.action import BODIES as BODIES
 from .parameters.action import Action as Action
 from .parameters.action import load_action as load_action
+from .parameters.action import write_action as write_action
 from .parameters.effects import EFFECTS as EFFECTS
 from .parameters.effects import KEY_LIFT as KEY_LIFT
 from .parameters.effects import MOTOR as MOTOR
 from .parameters.scaling import scale_parameters as scale_parameters
-from .parameters.write_toml import write_action as write_action
 from .scene.build import Scene as Scene
 from .scene.build import build_scene as build_scene
 from .scene.key_motion import KeyMotion as KeyMotion

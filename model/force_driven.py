@@ -21,7 +21,7 @@ from model.simulation.compliant_joints import compliant_joint_motion
 from model.simulation.loads_and_losses import Inside
 from model.simulation.options import ForceDrivenKeywords, ForceDrivenOptions
 from model.simulation.run import SMALLEST_TOLERANCE, Plan, Simulation, State
-from model.simulation.solution import MISSED, Solution
+from model.simulation.solution import MISSED, Contacts, Solution
 from model.simulation.statics import RestState, solve_rest
 from model.simulation.string_motion import count_modes, string_motion
 
@@ -132,21 +132,23 @@ def simulate(
     >>> solution = model.simulate(model.load_action("hirschkorn2004"), time_s, force_n, contact_forces=True)
     >>> solution.angle_rad.shape, solution.bodies[0]
     ((3501, 5), 'key')
-    >>> jack_under_knuckle = solution.contacts.index("contact07")
-    >>> print(f"{solution.contact_normal_n[:, jack_under_knuckle].max():.1f} N")
+    >>> print(f"{solution.contacts['jack - knuckle'].normal_n.max():.1f} N")
     9.0 N
+    >>> ax = solution.plot()
+    >>> solution.to_frame().attrs["units"]["hammer_rad"]
+    'rad'
     """
     options = ForceDrivenOptions(**keywords)
     preload_n = 0.0
     if force_n is None:
-        times, forces, preload_n, sampled = _force_table_of_trial(time_s)
+        times, forces, preload_n, sampled = force_table_of_trial(time_s)
         options = options if options.output_time_s is not None else replace(options, output_time_s=sampled)
     else:
         times, forces = check_force_table(time_s, force_n)  # type: ignore[arg-type]  # a trial comes without a force
     outputs = check_output_times(options.output_time_s, times)
     action, choice = options.resolve(as_action(action))
     if force_n is None and choice.input_column != "force_n":
-        raise InputError(f"simulate: a trial has a force, this scene is driven by {choice.input_column}; give a table")
+        raise InputError(f"a trial has a force, this scene is driven by {choice.input_column}; give a table")
     scene, fewer = resolve_string_modes(action, choice, options)
     if isinstance(initial, State):
         state = initial.copy()
@@ -157,15 +159,13 @@ def simulate(
         scene, times, forces, outputs, options.tolerance, options.method, choice.outputs,
         options.estimate_error, fewer,
     )  # fmt: skip
-    return run.from_state(state)
+    return replace(run.from_state(state), action=action)
 
 
-def _force_table_of_trial(trial: Any) -> tuple[Array, Array, float, Array]:
+def force_table_of_trial(trial: Any) -> tuple[Array, Array, float, Array]:
     """Force table (k,), preload and sample times (n,) of a recorded trial; the table reaches over all samples."""
     if not hasattr(trial, "corrected_force"):
-        raise InputError(
-            f"simulate: found {type(trial).__name__} and no force_n; give time_s and force_n, or a recorded trial"
-        )
+        raise InputError(f"force: found {type(trial).__name__}, allowed time_s and force_n, or a recorded trial")
     trial = trial.read() if hasattr(trial, "read") else trial
     force = trial.corrected_force()
     times, forces, sampled = force.time_s, force.force_n, trial.time_s
@@ -271,7 +271,7 @@ class ForceDrivenRun:
             time_s=self.output_time_s,
             angle_rad=angles,
             speed_rad_per_s=speeds,
-            contacts=contacts,
+            contacts=Contacts(contacts),
             contact_normal_n=normal,
             contact_friction_n=tangential,
             counters=under_way.work() | count_modes(self.scene),

@@ -6,6 +6,8 @@ Conventions: SI and rad; degrees and millimetres appear only in the report.
 from __future__ import annotations
 
 import html
+import textwrap
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from model.tabular import unit_of
 from validation.conventions import BODIES, FILM_CHANNELS, Array
 from validation.curves.marks import Mark, trial_marks
 from validation.curves.table import curve_table, curves_netcdf, write_curves
@@ -21,7 +24,7 @@ from validation.errors import ValidationInputError
 from validation.events.session_events import Window
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
 
 DIFFERS, DIFFERS_LITTLE = "differs", "differs, by less than matters"
 DIFFERS_PERHAPS = "differs, whether by enough to matter cannot be told"
@@ -29,6 +32,7 @@ AGREES, CANNOT_TELL = "agrees", "cannot tell"
 OUTCOMES = (DIFFERS, DIFFERS_LITTLE, DIFFERS_PERHAPS, AGREES, CANNOT_TELL)
 """What a verdict can be, in the order in which it is decided (`validation.verdict.verdict`)."""
 
+WIDTH = 110  # of a line of `repr`
 MOST_WARNINGS = 5  # shown in a notebook
 
 
@@ -113,8 +117,8 @@ class ValidationResult:
     def __repr__(self) -> str:
         n = len(self.traces)
         return (
-            f"<ValidationResult: model {self.action_name} on {self.session_name}, {n} trial{'' if n == 1 else 's'}: "
-            f"{self.sentence or self.outcome}>"
+            f"<ValidationResult: model {self.action_name} on {self.session_name}, {n} trial{'' if n == 1 else 's'}>\n"
+            f"{textwrap.fill(self.sentence or self.outcome, WIDTH)}"
         )
 
     def _repr_html_(self) -> str:
@@ -142,38 +146,60 @@ class ValidationResult:
         """The one time base of `curves` and ``spread``, (n,) s."""
         return np.asarray(self.spread["time_s"].to_numpy(), dtype=float)
 
-    def curves(self, trials: Iterable[int] | None = None) -> pd.DataFrame:
-        """Measured and predicted curves of all channels in one tidy table on one time base.
+    def to_frame(self, table: str = "curves", trials: Iterable[int] | None = None) -> pd.DataFrame:
+        """Return measured and predicted curves of all channels on one time base, or another table.
 
         Parameters
         ----------
+        table : ``curves`` or a name in ``tables``, such as ``quantities``, ``scores``, ``events``
         trials : only these trials
 
         Returns
         -------
         DataFrame
-            trial, channel, time_s, measured_rad, predicted_rad, null_rad, u_rad, left_out, force_n; see
-            `validation.curves.table.curve_table`.
+            Of the curves trial, channel, time_s, measured_rad, predicted_rad, null_rad, u_rad, left_out, force_n; see
+            `validation.curves.table.curve_table`. ``attrs["units"]`` has the unit of each column.
 
         Raises
         ------
         ValidationInputError
-            A trial that was not compared.
+            No such table, or a trial that was not compared.
 
         Examples
         --------
-        >>> hammer = result.curves().query("channel == 'hammer'")  # doctest: +SKIP
+        >>> hammer = result.to_frame().query("channel == 'hammer'")  # doctest: +SKIP
         """
         chosen = None if trials is None else [self._checked(trial) for trial in trials]
-        return curve_table(self.base_s, self.traces, self.film_traces, chosen)
+        if table == "curves":
+            frame = curve_table(self.base_s, self.traces, self.film_traces, chosen)
+        elif table in self.tables:
+            frame = self.tables[table].copy()
+            if chosen is not None and "trial" in frame:
+                frame = frame[frame["trial"].isin(chosen)]
+        else:
+            raise ValidationInputError(f"table {table!r}: allowed curves, {', '.join(self.tables)}")
+        frame.attrs["units"] = {str(name): unit_of(str(name)) for name in frame}
+        return frame
+
+    def curves(self, trials: Iterable[int] | None = None) -> pd.DataFrame:
+        """The former name of `to_frame`, for one release."""
+        warnings.warn("curves() is to_frame() now", DeprecationWarning, stacklevel=2)
+        return self.to_frame(trials=trials)
+
+    def write_curves(self, path: str | Path) -> Path:
+        """The former name of `save`, for one release."""
+        warnings.warn("write_curves() is save() now", DeprecationWarning, stacklevel=2)
+        return self.save(path)
 
     def curves_netcdf(self) -> bytes:
         """The same as the bytes of a netCDF-4 file."""
         about = {"session": self.session_name, "model": self.action_name, "verdict": self.sentence}
         return curves_netcdf(self.base_s, self.traces, self.film_traces, about)
 
-    def write_curves(self, path: str | Path) -> Path:
-        """Write `curves` to a file: ``.nc`` (netCDF-4), ``.csv``, or ``.parquet`` (extra ``parquet``).
+    def save(self, path: str | Path) -> Path:
+        """Write the curves to ``.nc`` (netCDF-4), ``.csv``, or ``.parquet`` (extra ``parquet``); return the path.
+
+        `validation.write_report` writes the report with all tables.
 
         Raises
         ------
@@ -182,7 +208,7 @@ class ValidationResult:
         """
         file = Path(path)
         netcdf = self.curves_netcdf() if file.suffix == ".nc" else b""
-        return write_curves(pd.DataFrame() if netcdf else self.curves(), netcdf, file)
+        return write_curves(pd.DataFrame() if netcdf else self.to_frame(), netcdf, file)
 
     def marks(self, trial: int) -> list[Mark]:
         """Moments of a trial: the thesis's positions A, B and C, and its events, in the order of time."""
@@ -190,18 +216,19 @@ class ValidationResult:
         inside = frame[self.window.mask(frame["time_s"].to_numpy())]
         return trial_marks(inside, events[(events["trial"] == trial) & (events["source"] == "trial")])
 
-    def plot(self, channel: str = "hammer", trial: int | None = None) -> Figure:
-        """Draw one channel of one trial with its prediction, the difference below, and the marks A, B, C.
+    def plot(self, channel: str = "hammer", trial: int | None = None, ax: Axes | None = None) -> Axes:
+        """Draw one channel of one trial with its prediction and the marks A, B, C; in a new figure also the difference.
 
         Parameters
         ----------
         channel : {"key", "whippen", "jack", "repetition", "hammer", "force"}
         trial : default: the first, of jack and repetition lever the first that was filmed
+        ax : axes for trial and model; by default those of a new figure, with the difference below
 
         Returns
         -------
-        matplotlib.figure.Figure
-            Shown by a notebook as it is; ``result.plot().savefig("hammer.pdf")`` writes it.
+        matplotlib.axes.Axes
+            Those of trial and model; ``result.plot().figure.savefig("hammer.pdf")`` writes the figure.
 
         Raises
         ------
@@ -209,7 +236,7 @@ class ValidationResult:
             No such channel, a trial that was not compared, or one that was not filmed.
         """
         # start-up: matplotlib costs 0.3 s and a comparison draws nothing
-        from validation.curves.plot import plot_rotation
+        from validation.curves.plot import new_panels, plot_rotation
 
         if channel not in (*BODIES, "force"):
             raise ValidationInputError(f"channel {channel!r}: allowed {', '.join((*BODIES, 'force'))}")
@@ -221,7 +248,9 @@ class ValidationResult:
             raise ValidationInputError(f"{channel}: trial {trial} was not filmed; filmed: {known or 'none'}")
         column = f"{channel}_difference_u95_rad"
         reach = self.spread[column].to_numpy(dtype=float) if column in self.spread else None
-        return plot_rotation(
+        panels = new_panels(channel != "force") if ax is None else (ax, None)
+        plot_rotation(
+            panels,
             self.base_s,
             channel,
             self.traces[self._checked(trial)],
@@ -231,6 +260,7 @@ class ValidationResult:
             title=f"trial {trial} of {self.session_name} and {self.action_name}"
             + (", outside of what was fitted" if trial in self.outside else ""),
         )
+        return panels[0]
 
     def _checked(self, trial: int) -> int:
         if trial not in self.traces:

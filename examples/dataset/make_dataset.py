@@ -159,7 +159,7 @@ def record_trial(file: Path, bench: Path, profile: rig.Profile, seed: int, film:
                 Path(folder) / "session", profile=profile, rig_config=config, trials=1, backend=backend
             )
             data = session.trial(1).read()
-        names, angles = [one.name for one in data.encoders], data.angle_rad()
+        names, angles = [one.name for one in data.encoders], data.angle_rad
         # a sample of the force shows what acted one group delay earlier
         force = np.interp(data.time_s + data.force_info.group_delay_s, data.time_s, data.raw_force_n)
         variables: dict[str, Any] = {"force": ("time", force, {"units": "N", "standard_uncertainty": 0.05})}

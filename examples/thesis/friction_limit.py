@@ -358,7 +358,7 @@ def simulate(action: model.Action, time_s: Array, force_n: Array, step_s: float 
         _evaluate(mechanism, angles[k], speeds[k], 0.0, a, inverse, pressed)
         normal[k] = pressed[:, 0]
     names = tuple(f"contact{k:02d}" for k in range(1, contacts + 1))
-    return SetValued(model.Solution(model.BODIES, time_s, angles, speeds, names, normal), sticks, h)
+    return SetValued(model.Solution(model.BODIES, time_s, angles, speeds, names, normal, action=action), sticks, h)
 
 
 def run(
@@ -380,7 +380,7 @@ def run(
         blow = model.study.measure_blow(action, motion, force_n)
         away = np.max(np.abs(motion.angle_rad - limit.solution.angle_rad), axis=1)
         late = (time_s >= end - CREEP_S) & (time_s <= end)
-        height = motion.hammer_height_m(action)[late]
+        height = motion.hammer_height_m[late]
         rows.append(
             {
                 "friction": name, "strike_s": blow.strike_s, "strike_m_per_s": blow.strike_m_per_s, "held": blow.held,

@@ -197,10 +197,10 @@ def strike(
 def hammer_at_the_string(action: model.Action, time_s: Array, force_n: Array) -> tuple[Hammer, float]:
     """Mass of the action's hammer at the string with the felt of contact 12, and its speed, m/s, at first touch."""
     blow = model.simulate(action, time_s, force_n)
-    met = np.flatnonzero(blow.hammer_height_m(action) < 0.0)
+    met = np.flatnonzero(blow.hammer_height_m < 0.0)
     if not len(met):
         raise SystemExit("string: the hammer does not reach it under this force; allowed a blow that strikes")
-    approach, turning = blow.hammer_approach_m_per_s(action), blow.speed_rad_per_s[:, blow.bodies.index("hammer")]
+    approach, turning = blow.hammer_approach_m_per_s, blow.speed_rad_per_s[:, blow.bodies.index("hammer")]
     lever, speed = abs(approach[met[0]] / turning[met[0]]), float(approach[met[0] - 1])
     x, y = action["hammer.center_of_mass.x"], action["hammer.center_of_mass.y"]
     inertia = action["hammer.inertia"] + action["hammer.mass"] * (x * x + y * y)
@@ -245,7 +245,7 @@ def run(action: model.Action, time_s: Array, force_n: Array) -> tuple[list[str],
         assert moved.contact_normal_n is not None
         near = moved.contact_normal_n[:, moved.contacts.index("contact12")] > 0.0
         near &= (at > blow_marks.strike_s - 5e-4) & (at < blow_marks.strike_s + 0.01)
-        after = moved.hammer_approach_m_per_s(action)[int(np.flatnonzero(near)[-1]) + 1]
+        after = moved.hammer_approach_m_per_s[int(np.flatnonzero(near)[-1]) + 1]
         inside.append({"on": name, "contact_ms": 1e3 * float(np.ptp(at[near])), "check_mm": 1e3 * blow_marks.hold_m,
                        "rebound": float(-after / blow_marks.strike_m_per_s)})  # fmt: skip
     lines += ["the whole action under this force:"]

@@ -109,9 +109,9 @@ def _draw_motion(
     lines = axes.plot(time, force_n, color="black", linewidth=1.0, label=f"{quantity}, {unit}")
     axes.set_ylabel(unit)
     other = axes.twinx()
-    lines += other.plot(time, 1e3 * solution.key_dip_m(action), color=FRICTION, label="key dip, mm")
+    lines += other.plot(time, 1e3 * solution.key_dip_m, color=FRICTION, label="key dip, mm")
     if "hammer" in solution.bodies:
-        lines += other.plot(time, 1e3 * solution.hammer_height_m(action), color=NORMAL, label="hammer to string, mm")
+        lines += other.plot(time, 1e3 * solution.hammer_height_m, color=NORMAL, label="hammer to string, mm")
     other.set_ylabel("mm")
     axes.set_xlim(*(ends or (time[0], time[-1])))
     axes.grid(alpha=0.3)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
+from model import tabular
 from model.parameters.action import Action
 from model.parameters.effects import ARM, FINGER
 from model.scene.build import Scene
 
-BODY_COLORS = {
-    "key": "#8C6D46", "whippen": "#2A8FC4", "jack": "#D55E00", "repetition": "#009E73", "hammer": "#A8528A",
-    "shank": "#A8528A", "motor": "#333333",
-}  # fmt: skip
-"""One colour for each body in every picture; `vision.output.colours` has the same."""
+BODY_COLORS = {**tabular.BODY_COLORS, "shank": "#A8528A", "motor": "#333333"}
 
 
 def input_label(scene: Scene) -> tuple[str, str]:

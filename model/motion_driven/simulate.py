@@ -16,7 +16,7 @@ from model.files.force_table import LARGEST_FORCE_N
 from model.force_driven import check_output_times
 from model.motion_driven.prescribed_key import PrescribedRun, rest_angle, run_prescribed
 from model.motion_driven.spline_fit import KeyFit, fit_key_motion
-from model.parameters.action import ActionLike, as_action
+from model.parameters.action import Action, ActionLike, as_action
 from model.parameters.effects import KEY_LIFT, column
 from model.scene.key_motion import KeyMotion
 from model.scene.selection import check_prescribed
@@ -85,7 +85,7 @@ class MotionDriven(Moved, ArrayRecord):
     tolerance : requested largest error of any angle, rad
     arm_m : length of the motor's arm or of the finger where their angle is prescribed: `force_n` is then the torque on
         that joint over it, and "key" above means that arm; None of a key
-    string, give : the string's motion and what joints give, as of a `Solution`; None without
+    string, give, action : the string's motion, what joints give and the parameter set, as of a `Solution`
     """
 
     bodies: tuple[str, ...]
@@ -106,6 +106,7 @@ class MotionDriven(Moved, ArrayRecord):
     arm_m: float | None = None
     string: StringMotion | None = None
     give: CompliantJointMotion | None = None
+    action: Action | None = field(default=None, repr=False, compare=False)
 
     def key_tensions(self) -> list[RailTension]:
         """Intervals in which the balance rail would have to pull the key down: predicted lift."""
@@ -228,6 +229,7 @@ def simulate_motion(
         arm_m=mean.arm_m,
         string=mean.string,
         give=mean.give,
+        action=action,
     )
 
 

@@ -113,6 +113,7 @@ def simulate(
         speed_rad_per_s=speed,
         counters={"n_steps": count},
         tolerance=tolerance,
+        action=action,
     )
 
 

@@ -1,4 +1,4 @@
-"""Parameter sets of an action: one TOML file each, found by built-in name or by path.
+"""Parameter sets of an action: one TOML file each, found by built-in name or by path, read and written.
 
 Every number has a unique path (``contact04.friction.A``) and carries unit, source and uncertainty. The built-in
 ``hirschkorn2004`` defines which paths exist and in which unit.
@@ -9,18 +9,23 @@ from __future__ import annotations
 import copy
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from model.elements.laws.felt_law import Law
 from model.elements.laws.known import LAWS
 from model.elements.laws.known import USUAL as USUAL
 from model.errors import InputError, did_you_mean
+from model.files.atomic_write import whole_file
 from model.parameters.effects import effect_defaults
 from model.parameters.quantity import Quantity, check_value, quantity_tables, read_quantity
+from model.tabular import Tabular, axes_or_new
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 ACTIONS = Path(__file__).parents[1] / "actions"
 TEMPLATE = "hirschkorn2004"
@@ -38,6 +43,8 @@ JACK_KNUCKLE, BUTTON, JACK_LEVER = "contact07", "contact08", "contact09"
 LEVER_KNUCKLE, DROP_SCREW, STRING = "contact10", "contact11", "contact12"
 
 LAW = "law"  # last part of the path that names a contact's law of felt
+
+MOST_CHANGED = 4  # shown by `repr`
 
 _STRUCTURE_KEYS = {"parent", "body", "shape", "description", "name"}
 
@@ -70,9 +77,9 @@ def check_law(path: str, found: object, where: str) -> str:
     return found
 
 
-@dataclass(frozen=True, eq=False)  # each is another: what is made of one is kept by it
-class Action:
-    """An action's parameters.
+@dataclass(frozen=True, eq=False, repr=False)  # each is another: what is made of one is kept by it
+class Action(Tabular):
+    """An action's parameters; ``action["hammer.mass"]`` is a value, SI units.
 
     Attributes
     ----------
@@ -96,6 +103,39 @@ class Action:
     effects: Mapping[str, Quantity] = field(default_factory=added_defaults)
     scene: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     identification: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
+
+    def __repr__(self) -> str:
+        changed = [f"{path} = {value:g}" for path, value in self.changed.items()]
+        more = f" and {len(changed) - MOST_CHANGED} more" if len(changed) > MOST_CHANGED else ""
+        lines = [
+            f"Action {self.name}: {self.description}",
+            f"  {len(self.quantities)} parameters, from {self.origin}",
+            *([f"  changed: {', '.join(changed[:MOST_CHANGED])}{more}"] if changed else []),
+            *(f"  {key}: {', '.join(names)}" for key, names in self.scene.items()),
+        ]
+        return "\n".join(lines)
+
+    def columns(self) -> dict[str, Any]:
+        """One row for each parameter: its path, value, unit, standard uncertainty, basis and source."""
+        known = {**self.quantities, **self.effects}
+        rows = [(path, q.value, q.unit, q.u, q.basis, q.source) for path, q in known.items()]
+        names = ("parameter", "value", "unit", "u", "basis", "source")
+        return {name: [row[k] for row in rows] for k, name in enumerate(names)}
+
+    def plot(self, *bodies: str, ax: Axes | None = None, **style: Any) -> Axes:
+        """Draw the action from the side, mm, at the printed rest angles, into ``ax`` or a new figure."""
+        from model.parameters.side_drawing import draw_side  # start-up: NumPy, only a plot needs it
+
+        drawn = axes_or_new(ax)
+        draw_side(drawn, self.quantities, self.structure)
+        return drawn
+
+    def save(self, path: str | Path) -> Path:
+        """Write a ``.toml`` that `load_action` reads back, or the table as ``.csv``, ``.h5``, ``.parquet``."""
+        if Path(path).suffix != ".toml":
+            return super().save(path)
+        write_action(self, path)
+        return Path(path)
 
     def __getitem__(self, path: str) -> float:
         """Value of a parameter path, SI units."""
@@ -333,3 +373,62 @@ def as_action(action: ActionLike) -> Action:
     if isinstance(action, str | Path):
         return load_action(action)
     raise InputError(f"action: found {type(action).__name__}, allowed a model.Action, a built-in name or a TOML file")
+
+
+def _text(value: str) -> str:
+    plain = value.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in plain) + '"'
+
+
+def action_text(action: Action, comment: Sequence[str] = ()) -> str:
+    """The TOML text of an action; ``comment`` lines come first."""
+    lines = [f"# {line}".rstrip() for line in comment]
+    lines += ["", f"name = {_text(action.name)}", f"description = {_text(action.description)}"]
+    tables: dict[str, list[str]] = {}
+    for path, text in action.structure.items():
+        table, _, rest = path.partition(".")
+        if rest:
+            tables.setdefault(table, []).append(f"{rest} = {_text(text)}")
+    usual = added_defaults()
+    own = {path: q for path, q in action.effects.items() if q != usual[path]}
+    for path, q in (*action.quantities.items(), *own.items()):
+        table, _, rest = path.partition(".")
+        tables.setdefault(table, []).append(
+            f"{rest} = {{ value = {float(q.value)!r}, unit = {_text(q.unit)}, u = {float(q.u)!r}, "
+            f"basis = {_text(q.basis)}, source = {_text(q.source)} }}"
+        )
+    if action.scene:
+        lists = (f"{key} = [{', '.join(map(_text, names))}]" for key, names in action.scene.items())
+        tables[SCENE] = [*lists]
+    for table, rows in tables.items():
+        lines += ["", f"[{table}]", *rows]
+    return "\n".join(lines) + "\n"
+
+
+def write_action(action: ActionLike, path: str | Path, comment: Sequence[str] = ()) -> None:
+    """Write an action to a TOML file, whole or not at all.
+
+    Parameters
+    ----------
+    action : parameter set
+    path : file to write, ending in .toml
+    comment : lines for its head
+
+    Raises
+    ------
+    InputError : another ending, or the file cannot be written
+
+    Examples
+    --------
+    >>> import model
+    >>> heavier = model.load_action("hirschkorn2004", {"hammer.mass": 0.012})
+    >>> model.write_action(heavier, "heavier.toml", ["a heavier hammer"])
+    >>> model.load_action("heavier.toml")["hammer.mass"]
+    0.012
+    """
+    action = as_action(action)
+    target = Path(path)
+    if target.suffix != ".toml":
+        raise InputError(f"{target}: ending found {target.suffix!r}, allowed .toml")
+    with whole_file(target) as part:
+        part.write_text(action_text(action, comment), encoding="utf-8", newline="\n")

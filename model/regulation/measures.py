@@ -284,7 +284,7 @@ def measure_blow(action: Action, rest_rad: Array) -> tuple[dict[str, float], dic
     times, force = medium_blow()
     start = State(float(times[0]), np.array(rest_rad, dtype=float), np.zeros(len(rest_rad)))
     end = simulate(action, times, force, initial=start, output_time_s=times[-1:], contact_forces=True)
-    height = float(end.hammer_height_m(action)[0])
+    height = float(end.hammer_height_m[0])
     if end.contact_normal_n is None or BACK_CHECK not in end.contacts:
         return {"check": math.nan}, {"check": "there is no back check"}
     push = float(end.contact_normal_n[0, end.contacts.index(BACK_CHECK)])

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from model.errors import RegulationError as RegulationError
 from model.parameters.action import Action, ActionLike, as_action
-from model.parameters.write_toml import write_action as write_action  # public here too: model.regulation.write_action
+from model.parameters.action import write_action as write_action  # public here too: model.regulation.write_action
 from model.regulation.measures import TARGETS, RegulationTarget, TargetValues, measure, other_lengths, targets_at
 from model.regulation.screws import AT_REST_CLEAR, RAIL, REST_RAIL, SCREW, SCREWS, TOLERANCE, Bench
 from model.regulation.turn_screw import WIDER, set_rest, turn_screw

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,22 +33,25 @@ from model.parameters.effects import (
     STRING_EFFECT,
     WINDING,
 )
+from model.parameters.side_drawing import PRINTED_REST
 from model.scene import pressing
-from model.scene.contacts import chain_of, law_of_contact, reach_of, read_contact
+from model.scene.contacts import SHAPES, chain_of, law_of_contact, reach_of, read_contact
 from model.scene.effect_terms import bending, parts_of_hammer
 from model.scene.key_motion import KeyMotion
 from model.scene.selection import SceneChoice, check_prescribed, choice_of
 from model.scene.string_terms import string_numbers
+from model.tabular import Tabular, axes_or_new
 
-# rest angles of the printed action, to two digits: the solver needs a start on the right side of each contact
-PRINTED_REST = {"key": 0.029, "whippen": 0.025, "jack": 0.32, "repetition": 0.35, "hammer": 0.295}
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 AXES = ("x", "y")  # in which a joint gives: to the right and up
 MOST = 256
 """Scenes kept, some 4 kB each: more than runs are carried out at one time."""
 
 
-@dataclass(frozen=True)
-class Scene(ArrayRecord):
+@dataclass(frozen=True, repr=False)
+class Scene(Tabular, ArrayRecord):
     """Structure (``tables``) and numbers (``vector``) of one run.
 
     ``bodies`` names the coordinates in order; the first ``size`` are unknowns, the rest follow a prescribed motion.
@@ -59,6 +63,35 @@ class Scene(ArrayRecord):
     vector: NDArray[np.float64]
     start: NDArray[np.float64]  # (size,) rad, where the search for the rest state begins
     command: pressing.Command | None = None  # how the input of a run reaches the kernels; None as it is
+
+    def __repr__(self) -> str:
+        led = self.bodies[self.size :]
+        motion = f"; moved as prescribed: {', '.join(led)}" if led else ""
+        return f"<Scene of {', '.join(self.bodies)}: {len(self.contacts)} contacts{motion}>"
+
+    def columns(self) -> dict[str, Any]:
+        """One row for each contact: its name, the two parts that touch, and their shape and law of felt."""
+        parts, laws = (*self.bodies, "ground"), {law.number: name for name, law in LAWS.items()}
+        shapes = {number: name for name, number in SHAPES.items()}
+        first, second, shape, _, law, _ = self.tables.contact.T
+        return {
+            "contact": list(self.contacts),
+            "first": [parts[i] for i in first],
+            "second": [parts[i] for i in second],
+            "shape": [shapes[i] for i in shape],
+            "law": [laws[i] for i in law],
+        }
+
+    def plot(self, *contacts: str, ax: Axes | None = None, **style: Any) -> Axes:
+        """Draw which part touches which: a line for each contact, by default for all, into ``ax`` or a new figure."""
+        drawn, parts, columns = axes_or_new(ax), (*self.bodies, "ground"), self.columns()
+        shown = [k for k, name in enumerate(self.contacts) if not contacts or name in contacts]
+        for at, k in enumerate(shown):
+            ends = [parts.index(columns[side][k]) for side in ("first", "second")]
+            drawn.plot([at, at], ends, **{"color": "black", "marker": "o", "linewidth": 1.0, **style})
+        drawn.set_xticks(range(len(shown)), [self.contacts[k] for k in shown], rotation=60, ha="right")
+        drawn.set_yticks(range(len(parts)), parts)
+        return drawn
 
     @cached_property
     def size(self) -> int:

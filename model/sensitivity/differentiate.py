@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from model.arrays import as_numbers
 from model.errors import InputError
 from model.files.force_table import check_force_table
-from model.force_driven import check_output_times
-from model.parameters.action import Action, ActionLike, as_action, load_action
+from model.force_driven import Recorded, check_output_times, force_table_of_trial
+from model.parameters.action import Action, ActionLike, as_action
 from model.sensitivity.events import Events
 from model.sensitivity.options import SensitivityOptions
 from model.sensitivity.parameter_names import describe_parameters, directions, find_parameters, refuse_idle
@@ -30,7 +30,7 @@ COMPANION = 0.1  # tolerances of the computation that an error is estimated with
 
 def sensitivities(
     action: ActionLike,
-    blow: Blow,
+    blow: Blow | Recorded,
     parameters: Sequence[str],
     *,
     options: SensitivityOptions | None = None,
@@ -41,7 +41,8 @@ def sensitivities(
     Parameters
     ----------
     action : parameter set, or its name or file
-    blow : times (k,), s, and forces (k,), N, as `model.simulate` takes them; the motor's torque with a motor arm
+    blow : times (k,), s, and forces (k,), N, as `model.simulate` takes them; the motor's torque with a motor arm; or a
+        recorded trial
     parameters : names (P,): paths as ``--set`` takes them, or laws, groups and patterns as ``--scale`` does
         (``friction``, ``contact02`` or ``felt:contact02``, ``*.mass``), which stand for a factor of 1
     options : tolerances, times, scene and what else to give
@@ -75,9 +76,12 @@ def sensitivities(
     >>> print(f"{0.01 * found.d_events['strike_m_per_s'][1]:.3f} m/s for 1 % more friction")
     -0.001 m/s for 1 % more friction
     """
-    action = as_action(action)
+    chosen = as_action(action)
     options = SensitivityOptions() if options is None else options
-    chosen = load_action(action) if isinstance(action, str) else action
+    if not isinstance(blow, tuple | list):
+        times, forces, preload_n, sampled = force_table_of_trial(blow)
+        at = sampled if options.output_time_s is None else options.output_time_s
+        blow, options = (times, forces), replace(options, rest_input=preload_n, output_time_s=at)
     found = _differentiate(chosen, blow, parameters, options, inputs)
     if options.estimate_error:
         finer = replace(

@@ -4,17 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.arrays import ArrayRecord
+from model.errors import InputError
+from model.tabular import Tabular, axes_or_new
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sensitivities(ArrayRecord):
+class Sensitivities(Tabular, ArrayRecord):
     """A blow and its derivatives; the last axis of every derivative is the parameters', (P,).
 
     Attributes
@@ -74,3 +80,29 @@ class Sensitivities(ArrayRecord):
         names = ", ".join(self.parameters[:3]) + (", …" if len(self.parameters) > 3 else "")
         times = f"{self.time_s[0]:g} to {self.time_s[-1]:g} s" if len(self.time_s) else "no times"
         return f"<Sensitivities to {len(self.parameters)} parameters ({names}): {len(self.time_s)} rows, {times}>"
+
+    def columns(self) -> dict[str, Any]:
+        """One row for each parameter: name, value, unit, u, then the derivative of each event, SI per unit of it."""
+        events = {f"d_{name}": self.d_events[name] for name in self.events}
+        named = {"parameter": list(self.parameters), "value": self.values, "unit": list(self.units)}
+        return {**named, "u": self.uncertainties, **events}
+
+    def plot(self, *bodies: str, ax: Axes | None = None, **style: Any) -> Axes:
+        """Draw how far each angle moves, degrees, where a parameter is one percent larger.
+
+        Parameters
+        ----------
+        bodies : by default the hammer, or the last of the scene
+        ax : matplotlib axes; by default those of a new figure
+        style : what matplotlib's ``plot`` takes
+        """
+        drawn = axes_or_new(ax)
+        for body in bodies or ("hammer" if "hammer" in self.angle_names else self.angle_names[-1],):
+            if body not in self.angle_names:
+                raise InputError(f"Sensitivities: no body {body!r}; there are {', '.join(self.angle_names)}")
+            moved = 0.01 * self.d_angles[:, self.angle_names.index(body)] * self.values
+            for k, name in enumerate(self.parameters):
+                drawn.plot(self.time_s, np.degrees(moved[:, k]), **{"label": f"{body}: 1 % of {name}", **style})
+        drawn.set(xlabel="time, s", ylabel="change of the angle, °")
+        drawn.legend(fontsize="small")
+        return drawn

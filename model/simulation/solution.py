@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING
+from typing import Any, SupportsIndex, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.arrays import ArrayRecord
+from model.errors import InputError, did_you_mean
 from model.observables import head_approach_m_per_s, head_height_m, key_dip_m
 from model.parameters.action import BODIES, Action
 from model.parameters.effects import KEY_LIFT, column
 from model.simulation.compliant_joints import CompliantJointMotion
 from model.simulation.loads_and_losses import Inside
 from model.simulation.string_motion import StringMotion
-
-if TYPE_CHECKING:
-    import pandas as pd
+from model.tabular import Tabular
 
 MISSED = 10.0  # times the requested tolerance, from which an error counts as a request missed
 
@@ -51,30 +51,90 @@ class EnergyAudit:
         return self.work_in - self.stored_change - self.loss
 
 
-class Moved:
+@dataclass(frozen=True)
+class ContactForce:
+    """Forces (m,) of one contact, N: ``normal_n`` where its surfaces press, ``friction_n`` along them."""
+
+    name: str
+    normal_n: NDArray[np.float64]
+    friction_n: NDArray[np.float64]
+
+
+class Contacts(tuple[str, ...]):
+    """Names of contacts; ``contacts["back check"]`` or ``contacts["contact04"]`` has the forces of one."""
+
+    _normal_n: NDArray[np.float64] | None  # (m, c)
+    _friction_n: NDArray[np.float64] | None
+    _titles: Mapping[str, str]  # what a technician calls it -> the name in this tuple
+
+    @classmethod
+    def of(
+        cls,
+        names: Iterable[str],
+        action: Action | None,
+        normal_n: NDArray[np.float64] | None,
+        friction_n: NDArray[np.float64] | None,
+    ) -> Contacts:
+        """The contacts of a solution, with their forces where those were asked for."""
+        out, known = cls(names or ()), {} if action is None else action.structure
+        out._normal_n, out._friction_n = normal_n, friction_n
+        out._titles = {known.get(f"{name}.description", name): name for name in out}
+        return out
+
+    @overload
+    def __getitem__(self, key: SupportsIndex) -> str: ...
+    @overload
+    def __getitem__(self, key: slice) -> tuple[str, ...]: ...
+    @overload
+    def __getitem__(self, key: str) -> ContactForce: ...
+    def __getitem__(self, key: Any) -> Any:
+        if not isinstance(key, str):
+            return super().__getitem__(key)
+        if self._normal_n is None or self._friction_n is None:
+            raise InputError("contacts: their forces were not computed; give contact_forces=True to model.simulate")
+        name = self._titles.get(key, key)
+        if name not in self:
+            raise InputError(f"contact {key!r}: not in this scene{did_you_mean(key, self._titles)}there are {self!r}")
+        k = self.index(name)
+        return ContactForce(name, self._normal_n[:, k], self._friction_n[:, k])
+
+    def __repr__(self) -> str:
+        return ", ".join(t if t == n else f"{t} ({n.removeprefix('contact')})" for t, n in self._titles.items())
+
+
+class Moved(Tabular):
     """A motion (m,) of bodies, effects and joints that may give, whatever drives it."""
 
+    action: Action | None
     bodies: tuple[str, ...]
     angle_rad: NDArray[np.float64]
     speed_rad_per_s: NDArray[np.float64]
     string: StringMotion | None
     give: CompliantJointMotion | None
 
-    def hammer_height_m(self, action: Action) -> NDArray[np.float64]:
+    @property
+    def hammer_height_m(self) -> NDArray[np.float64]:
         """Distance (m,) of the hammer's head from the string, m, with what its shank bends and its joint gives."""
         names, rows, _ = self.all_coordinates()
-        return head_height_m(action, names, rows)
+        return head_height_m(self._known_action(), names, rows)
 
-    def key_dip_m(self, action: Action) -> NDArray[np.float64]:
+    @property
+    def key_dip_m(self) -> NDArray[np.float64]:
         """How far (m,) the key's front has gone down since the first row, m, with what it lifts and its joint gives."""
         names, rows, _ = self.all_coordinates()
         angles = np.repeat(rows[:, [names.index("key")]], len(BODIES), axis=1)
         risen = sum((rows[:, names.index(way)] for way in (KEY_LIFT, "key_pin_y") if way in names), np.zeros(len(rows)))
-        return key_dip_m(action, angles) - (risen - risen[:1])
+        return key_dip_m(self._known_action(), angles) - (risen - risen[:1])
 
-    def hammer_approach_m_per_s(self, action: Action) -> NDArray[np.float64]:
+    @property
+    def hammer_approach_m_per_s(self) -> NDArray[np.float64]:
         """Speed (m,) of the hammer's head towards the string, m/s, with what its shank bends and its joint gives."""
-        return head_approach_m_per_s(action, *self.all_coordinates())
+        return head_approach_m_per_s(self._known_action(), *self.all_coordinates())
+
+    def _known_action(self) -> Action:
+        if self.action is None:
+            raise InputError("solution: made without its action; give it: dataclasses.replace(solution, action=action)")
+        return self.action
 
     def all_coordinates(self) -> tuple[tuple[str, ...], NDArray[np.float64], NDArray[np.float64]]:
         """Names, values (m, n) and rates (m, n) of all coordinates, with the directions in which joints give."""
@@ -94,7 +154,7 @@ class Moved:
 
 @dataclass(frozen=True, repr=False)
 class Solution(Moved, ArrayRecord):
-    """Trajectory of a scene.
+    """Trajectory of a scene: ``solution["hammer"]`` is one angle, ``solution.contacts["back check"]`` one contact.
 
     Attributes
     ----------
@@ -104,7 +164,7 @@ class Solution(Moved, ArrayRecord):
         add: ``key_lift`` in m above the balance rail, ``shank`` the head's angle from the straight shank,
         ``winding`` the charge (C) that has passed, its rate the current (A)
     speed_rad_per_s : (m, n) and its rates
-    contacts : names of the contacts in the scene
+    contacts : names of the contacts in the scene, where forces were asked for; by name in brackets the forces of one
     contact_normal_n, contact_friction_n : (m, c) N, or None where forces were not asked for
     counters : steps, rejections, right-hand sides, Jacobians, contact evaluations and skips, time at rest (s)
     tolerance : requested largest error of any angle, rad
@@ -113,13 +173,14 @@ class Solution(Moved, ArrayRecord):
     string : the string's motion, or None where the scene has the rigid bar
     give : how far joints give and the forces of their bushings, or None where joints are rigid
     error_rad : estimate of the largest error of any angle at the output times, or None where it was not asked for
+    action : the parameter set, with the scene's values; None for a solution that was made without one
     """
 
     bodies: tuple[str, ...]
     time_s: NDArray[np.float64]
     angle_rad: NDArray[np.float64]
     speed_rad_per_s: NDArray[np.float64]
-    contacts: tuple[str, ...] = ()
+    contacts: Contacts = Contacts.of((), None, None, None)
     contact_normal_n: NDArray[np.float64] | None = None
     contact_friction_n: NDArray[np.float64] | None = None
     counters: dict[str, int | float] = field(default_factory=dict)
@@ -129,6 +190,13 @@ class Solution(Moved, ArrayRecord):
     error_rad: float | None = None
     string: StringMotion | None = None
     give: CompliantJointMotion | None = None
+    action: Action | None = field(default=None, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Take arrays as they are given, and contacts with their forces."""
+        super().__post_init__()
+        named = Contacts.of(self.contacts, self.action, self.contact_normal_n, self.contact_friction_n)
+        object.__setattr__(self, "contacts", named)
 
     @property
     def misses_tolerance(self) -> bool:
@@ -171,9 +239,3 @@ class Solution(Moved, ArrayRecord):
         if self.inside is not None:
             out |= self.inside.columns()
         return out
-
-    def to_table(self) -> pd.DataFrame:
-        """All columns as a pandas table."""
-        import pandas as pd  # start-up: 0.6 s, only a table needs it
-
-        return pd.DataFrame(self.columns())

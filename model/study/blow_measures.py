@@ -9,7 +9,7 @@ while the key still swings).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -78,18 +78,18 @@ def measure_blow(action: ActionLike, solution: Solution, force_n: ArrayLike) -> 
     >>> print(f"{model.study.measure_blow(action, blow, force_n).strike_m_per_s:.1f} m/s")
     2.3 m/s
     """
-    action = as_action(action)
+    solution = replace(solution, action=as_action(action))
     time, force_n = two_columns(solution.time_s, force_n, "force of the blow")
     normal = solution.contact_normal_n
     if normal is None:
         raise InputError("blow: found a solution without contact forces; simulate with contact_forces=True")
-    height = solution.hammer_height_m(action)
+    height = solution.hammer_height_m
     met = string_contact_starts(height) if STRING in solution.contacts else np.empty(0, dtype=np.int64)
     strike = speed = math.nan
     if len(met):
         k = int(met[0])
         strike = float(time[k] + (time[k + 1] - time[k]) * height[k] / (height[k] - height[k + 1]))
-        speed = float(solution.hammer_approach_m_per_s(action)[k])
+        speed = float(solution.hammer_approach_m_per_s[k])
     after = strike if len(met) else float(time[np.argmax(force_n)])
     release = _release(time, force_n, after + AFTER_STRIKE_S)
     window = (time >= max(after + AFTER_STRIKE_S, release - HOLD_WINDOW_S)) & (time <= release)

@@ -85,14 +85,14 @@ def find_check_load(action: ActionLike, time_s: ArrayLike, force_n: ArrayLike, *
     action = as_action(action)
     times, forces = check_force_table(time_s, force_n)
     coarse = simulate(action, times, forces, output_time_s=_time_grid(times[0], times[-1], 1e-3), **keywords)
-    strike = string_contact_starts(coarse.hammer_height_m(action))
-    end = int(strike[0]) if len(strike) else int(np.argmin(coarse.hammer_height_m(action)))
+    strike = string_contact_starts(coarse.hammer_height_m)
+    end = int(strike[0]) if len(strike) else int(np.argmin(coarse.hammer_height_m))
     last = float(coarse.time_s[min(end + 2, len(coarse.time_s) - 1)])
     outputs = _time_grid(max(float(times[0]), last - LONGEST_RISE_S), last, 1.0 / RATE_HZ)
     blow = simulate(action, times, forces, output_time_s=outputs, contact_forces=True, **keywords)
     if blow.contact_normal_n is None or BACK_CHECK not in blow.contacts:
         return None
-    height, approach = blow.hammer_height_m(action), blow.hammer_approach_m_per_s(action)
+    height, approach = blow.hammer_height_m, blow.hammer_approach_m_per_s
     first = string_contact_starts(height)
     end = int(first[0]) + 1 if len(first) else int(np.argmin(height)) + 1
     load = blow.contact_normal_n[:end, blow.contacts.index(BACK_CHECK)]
@@ -129,5 +129,5 @@ def _strike_speed(action: Action, times: np.ndarray, forces: np.ndarray, outputs
     end = min(float(times[-1]), float(outputs[-1]) + 0.1)
     fine = _time_grid(float(outputs[0]), end, 1.0 / RATE_HZ)
     blow = simulate(action, times, forces, output_time_s=fine, **keywords)
-    first = string_contact_starts(blow.hammer_height_m(action))
-    return float(blow.hammer_approach_m_per_s(action)[first[0]]) if len(first) else math.nan
+    first = string_contact_starts(blow.hammer_height_m)
+    return float(blow.hammer_approach_m_per_s[first[0]]) if len(first) else math.nan

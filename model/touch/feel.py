@@ -44,7 +44,7 @@ def strikes_string(
     rest = hand_set_rest(action) if rest_rad is None else rest_rad
     start = State(0.0, rest.copy(), np.zeros(len(rest)))
     played = simulate(action, times, force, initial=start, output_time_s=output[output <= end], tolerance=1e-4)
-    height = played.hammer_height_m(action)
+    height = played.hammer_height_m
     blow = np.minimum((output[string_contact_starts(height)] * rate_hz).astype(int), BLOWS - 1)
     out = np.zeros(BLOWS, dtype=bool)
     out[blow] = True

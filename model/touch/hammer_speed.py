@@ -71,7 +71,7 @@ def hammer_speeds(action: ActionLike, forces_n: ArrayLike = FORCES) -> Array:
         end = min(LONGEST, max(0.1, LONGEST * 1.5 / force))
         output = times[times <= end]
         blow = simulate(action, [0.0, RISE, end], [0.0, force, force], initial=start, output_time_s=output)
-        first = string_contact_starts(blow.hammer_height_m(action))
+        first = string_contact_starts(blow.hammer_height_m)
         if len(first):  # the last sample before touch, in free flight; just after it the felt has slowed the hammer
-            out[i] = blow.hammer_approach_m_per_s(action)[first[0]]
+            out[i] = blow.hammer_approach_m_per_s[first[0]]
     return out

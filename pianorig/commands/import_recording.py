@@ -78,7 +78,7 @@ def command(
             "blow_start_s": data.blow_start_s,
             "turned_rad": {
                 encoder.name: max(angle, key=abs)
-                for encoder, angle in zip(data.encoders, data.angle_rad().T.tolist(), strict=True)
+                for encoder, angle in zip(data.encoders, data.angle_rad.T.tolist(), strict=True)
             },
             "positions": {name: _position_facts(data.position(name)) for name in data.position_names},
         }

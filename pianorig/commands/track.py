@@ -179,7 +179,7 @@ def command(
             expected=lambda budget: say("expected " + "\n".join(workflows.budget_lines(budget)), quiet=as_json),
             progress=progress,
         )
-    write_table(target, result.to_table())
+    write_table(target, result.to_frame())
     workflows.draw_track(filmed, result, overlay=overlay, contact_sheet=contact_sheet, plot=figure)
     facts = workflows.tracking_summary(result)
     again = f", {facts['rows_resumed']} from an interrupted run" if facts["rows_resumed"] else ""

@@ -60,44 +60,6 @@ def _write_csv(path: Path, columns: Mapping[str, NDArray[np.float64]]) -> None:
         file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
 
 
-def _write_h5(
-    path: Path,
-    columns: Mapping[str, NDArray[np.float64]],
-    attributes: Mapping[str, Any],
-    long_names: Mapping[str, str],
-) -> None:
-    import h5py  # start-up: 0.1 s that only an .h5 file needs
-
-    with h5py.File(path, "w") as file:
-        file.attrs.update(attributes)
-        for name, column in columns.items():
-            data = file.create_dataset(name, data=column)
-            data.attrs["units"] = next((unit for ending, unit in _UNITS if name.endswith(ending)), "1")
-            if name in long_names:
-                data.attrs["long_name"] = long_names[name]
-            if name == "time_s":
-                data.make_scale("time_s")
-            else:
-                data.dims[0].attach_scale(file["time_s"])
-
-
-# by the ending of a column's name; a longer ending before the shorter one it ends with
-_UNITS = (
-    ("_rad_per_s2", "rad/s^2"),
-    ("_rad_per_s", "rad/s"),
-    ("_m_per_s2", "m/s^2"),
-    ("_m_per_s", "m/s"),
-    ("_rad", "rad"),
-    ("_nm", "N m"),
-    ("_m", "m"),
-    ("_n", "N"),
-    ("_j", "J"),
-    ("_s", "s"),
-    ("_a", "A"),
-    ("_c", "C"),
-)
-
-
 def run_attributes(
     action: model.Action, choice: model.SceneChoice, scene: str, tolerance: float, method: str
 ) -> dict[str, Any]:
@@ -128,7 +90,9 @@ def write_columns(
         if path.suffix == ".csv":
             _write_csv(part, columns)
         else:
-            _write_h5(part, columns, attributes or {}, long_names or {})
+            from model.tabular import write_h5  # start-up: NumPy would be loaded by every --help
+
+            write_h5(part, columns, attributes=attributes or {}, long_names=long_names or {})
 
 
 def write_table(path: Path, table: pd.DataFrame) -> None:

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 import model
 from model.files.force_library import KNOTS
 from model.inside.body_poses import observe_poses
+from model.parameters.action import action_text
 from model.parameters.quantity import allowed_range
-from model.parameters.write_toml import action_text
 from model.regulation.screws import limits
 from pianorig.errors import CommandInputError
 from pianorig.player.moving_action import moving_action, pack

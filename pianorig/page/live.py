@@ -127,7 +127,11 @@ def _channels(head: TrialHead) -> list[dict[str, Any]]:
 def _rows(part: TrialData, first_count: Any) -> np.ndarray:
     """Force, angles turned since the trial's first sample with the thesis's signs, motor command, further channels."""
     sign = np.array([SIGN.get(encoder.name, 1.0) for encoder in part.encoders])
-    columns = [part.raw_force_n[:, None], np.degrees(part.angle_rad(first_count)) * sign, part.motor_command_v[:, None]]
+    columns = [
+        part.raw_force_n[:, None],
+        np.degrees(part.convert_counts(first_count)) * sign,
+        part.motor_command_v[:, None],
+    ]
     if part.channel_values is not None:
         columns.append(part.channel_values)
     return np.ascontiguousarray(np.concatenate(columns, axis=1), dtype="<f4")
@@ -148,6 +152,6 @@ def _figures(number: int, path: Path) -> dict[str, Any]:
         row["peak_force_n"] = float(data.raw_force_n.max())
         before = data.raw_force_n[: max(int(data.blow_start_s * data.sample_rate_hz), 1)]
         row["rest_force_n"] = float(before.mean())
-        turned = np.abs(np.degrees(data.angle_rad())).max(axis=0)
+        turned = np.abs(np.degrees(data.angle_rad)).max(axis=0)
         row["turned_deg"] = {one.name: float(deg) for one, deg in zip(data.encoders, turned, strict=True)}
     return row

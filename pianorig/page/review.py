@@ -225,7 +225,7 @@ def _force(measured: MeasuredTrial) -> dict[str, Any]:
 
 def _as_recorded(data: TrialData) -> dict[str, Any]:
     """Force and encoders as they stand in the file, where a trial cannot be compared."""
-    angle = data.angle_rad()
+    angle = data.angle_rad
     curve: dict[str, Any] = {
         encoder.name: {
             "title": TITLE.get(encoder.name, encoder.name),

@@ -34,7 +34,7 @@ def draw_session(session: rig.Session, path: Path) -> None:
         for data in trials:
             step = max(1, data.time_s.size // MOST_POINTS)
             time = data.time_s[::step]
-            angles = np.degrees(data.angle_rad())[::step]
+            angles = np.degrees(data.angle_rad)[::step]
             own = [encoder.name for encoder in data.encoders]
             for axes, name in zip(grid, panels, strict=False):
                 if name == "force":

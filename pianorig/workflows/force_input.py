@@ -83,10 +83,12 @@ def _read_recording(path: Path, column: str, problem: Exception | None = None) -
     """Read the channels ``time_s`` and ``column`` of a recording; ``problem`` is why it is no plain table."""
     # start-up: h5py costs 0.1 s that a CSV table does not need
     from rig.errors import RigInputError
-    from rig.foreign.reading import read_force
+    from rig.foreign.reading import UncorrectedForceError, read_force
 
     try:
         return DrivingForce(*model.check_force_table(*read_force(path, column), str(path), column))
+    except UncorrectedForceError:
+        raise
     except RigInputError as error:
         if path.suffix.lower() in (".h5", ".hdf5", ".tdms") or not path.is_file():
             raise

@@ -167,7 +167,7 @@ def track_film_file(film: SessionFilm, **options: Unpack[TrackOptions]) -> visio
         result.info["clock_offset"] = clock_offsets(film.owner[1], result)
         part = {"first_frame": film.first_frame} if film.is_part else {}
         part |= {"last_frame": film.last_frame} if film.last_frame is not None else {}
-        film.store_angles(result.to_table(), _attributes(result, options.get("every", 1)) | part)
+        film.store_angles(result.to_frame(), _attributes(result, options.get("every", 1)) | part)
     return result
 
 
@@ -316,7 +316,7 @@ def retrack(
                 f"{film.path}: {name} is {now[name]}, the table's is {attributes[name]}; fit the frame again with "
                 "pianorig track --retrack  and the options of the first tracking"
             )
-    new = pd.DataFrame(result.to_table())
+    new = pd.DataFrame(result.to_frame())
     for number, row in enumerate(rows):
         for name in table.columns.drop(["time_s", "frame"]):
             table.loc[row, name] = new.loc[number, name]

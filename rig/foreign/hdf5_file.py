@@ -51,7 +51,7 @@ def read_hdf5(path: Path) -> ChannelTable:
     no_force = not data.has_force
     before = data.time_s < data.blow_start_s
     baseline_n = float(data.raw_force_n[before].mean()) if before.any() else 0.0
-    angles = {f"{e.name}_rad": data.angle_rad()[:, i] for i, e in enumerate(data.encoders)}
+    angles = {f"{e.name}_rad": data.angle_rad[:, i] for i, e in enumerate(data.encoders)}
     further = {}
     if no_force and data.channel_values is not None:
         further = {info.name: data.channel_values[:, k] for k, info in enumerate(data.channels)}

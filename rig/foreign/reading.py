@@ -90,6 +90,10 @@ def read_channels(path: str | Path, *, separator: str = ",", decimal: str = ".")
     return segments[0]
 
 
+class UncorrectedForceError(RigInputError):
+    """The ``force_n`` of an older export is the reading of the load cell, not the force that acted."""
+
+
 def read_force(path: str | Path, column: str = "force_n") -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Read times, s, and a force, N, of a recording of one segment, (n,) each.
 
@@ -100,6 +104,10 @@ def read_force(path: str | Path, column: str = "force_n") -> tuple[NDArray[np.fl
         clock.
     """
     table = read_channels(path)
+    if column == "force_n" and "force_raw" in table.channels and "raw_force_n" not in table.channels:
+        raise UncorrectedForceError(
+            f"{path}: is an older export, its force_n is not corrected for offset, delay and hum; export it again"
+        )
     unit = known(table.units.get(column, "")) or "N"
     if column == "force_n" and unit not in NEWTONS:
         raise RigInputError(

@@ -469,6 +469,8 @@ def make_trial(table: ChannelTable, mapping: ImportMapping, number: int, started
     cell = mapping.force
     if cell is None:
         raise RigInputError(f"{table.where}: the mapping has no [force]; a recording of positions is cut into strokes")
+    if cell.channel == "force_n" and "raw_force_n" in table.channels:
+        raise RigInputError(f"{table.where}: force_n of an exported trial is corrected already; import raw_force_n")
     check_unit(table, cell.channel, cell.unit, mapping.overrule_units)
     raw = table.channel(cell.channel)
     interval_s = sample_interval(table, mapping)
@@ -610,7 +612,7 @@ def values_beyond_limits(trial: TrialData, limits: LimitsConfig) -> str:
             limit = getattr(limits, name)
             said.append(f"row {row + 1}: force {trial.raw_force_n[row]:.4g} N, beyond limits.{name} = {limit:g} N")
     over = max(int(round(SPEED_OVER_S * trial.sample_rate_hz)), 1)
-    angles = trial.angle_rad()
+    angles = trial.angle_rad
     for encoder, angle in zip(trial.encoders, angles.T, strict=True):
         limit = limits.speed_rad_per_s[BODIES.index(encoder.name)]
         speed = np.abs(angle[over:] - angle[:-over]) * (trial.sample_rate_hz / over)

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
 from rig.atomic_write import refused, write_text
 from rig.configuration import toml_file
@@ -37,6 +38,7 @@ from rig.session.sealed_trial import (
     write_trial_parts,
 )
 from rig.session.trial_data import TrialData
+from rig.tabular import Tabular
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -122,8 +124,8 @@ UNREADABLE = "unreadable"
 _NUMBERED = re.compile(r"trial_(?P<number>\d{4,})\.(?P<suffix>h5|journal)")
 
 
-class Trial:
-    """One trial of a session: its file, whether it counts, and its film if there is one."""
+class Trial(Tabular):
+    """One trial of a session: its file, whether it counts, and its film; ``trial["hammer"]`` reads one angle."""
 
     def __init__(self, path: Path, number: int, rejected: str | None) -> None:
         self.path = path
@@ -175,6 +177,29 @@ class Trial:
     def read(self) -> TrialData:
         """Read and check the trial's data."""
         return read_trial(self.path)
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Columns by name, read from the file (`TrialData.columns`)."""
+        return self.read().columns()
+
+    def to_frame(self) -> pd.DataFrame:
+        """Read the trial as a pandas table; ``attrs["units"]`` has the unit of each column."""
+        return self.read().to_frame()
+
+    @property
+    def time_s(self) -> NDArray[np.float64]:
+        """Sample times (n,), s, read from the file."""
+        return self.read().time_s
+
+    @property
+    def force_n(self) -> NDArray[np.float64]:
+        """Corrected force at the sample times (n,), N, read from the file."""
+        return self.read().force_n
+
+    @property
+    def angle_rad(self) -> NDArray[np.float64]:
+        """Encoder angles (n, encoders), rad, zero at the first sample, read from the file."""
+        return self.read().angle_rad
 
     def corrected_force(self) -> CorrectedForce:
         """Return the force as it acted (`TrialData.corrected_force`)."""
@@ -285,7 +310,7 @@ class Session:
                     found[int(match["number"])] = file
         return dict(sorted(found.items()))
 
-    def summary(self) -> pd.DataFrame:
+    def to_frame(self) -> pd.DataFrame:
         """Return one row per trial: number, status, rejected (reason or ""), duration, peak force, frames, film.
 
         A trial that cannot be read has the status ``unreadable`` and no duration.
@@ -308,8 +333,13 @@ class Session:
             )
         return pd.DataFrame(rows)
 
+    def summary(self) -> pd.DataFrame:
+        """The former name of `to_frame`, for one release."""
+        warnings.warn("summary() is to_frame() now", DeprecationWarning, stacklevel=2)
+        return self.to_frame()
+
     def _repr_html_(self) -> str:
-        return html.escape(str(self.path)) + str(self.summary().to_html(index=False, float_format="{:.2f}".format))
+        return html.escape(str(self.path)) + str(self.to_frame().to_html(index=False, float_format="{:.2f}".format))
 
     def trial(self, number: int) -> Trial:
         """Return the trial with this number."""

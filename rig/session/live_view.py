@@ -131,5 +131,5 @@ class SessionFollower:
     def _view(self, data: TrialData, sealed: int, zero: NDArray[np.int64] | None = None) -> LiveView:
         return LiveView(
             data.number, self.session.info.plan.trials, data.status, data.condition, data.time_s, data.raw_force_n,
-            data.angle_rad(zero), tuple(encoder.name for encoder in data.encoders), sealed,
+            data.convert_counts(zero), tuple(encoder.name for encoder in data.encoders), sealed,
         )  # fmt: skip

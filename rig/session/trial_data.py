@@ -17,6 +17,7 @@ from rig.arrays import ArrayRecord, as_numbers
 from rig.configuration.rig_file import BODIES
 from rig.errors import RigInputError
 from rig.session.info import NO_FORCE, ChannelInfo, EncoderInfo, ForceInfo
+from rig.tabular import Tabular
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -51,8 +52,8 @@ class CameraInfo:
 
 
 @dataclass(frozen=True, eq=False)
-class TrialData(ArrayRecord):
-    """One recorded trial.
+class TrialData(Tabular, ArrayRecord):
+    """One recorded trial; ``data["hammer"]`` is one angle.
 
     Attributes
     ----------
@@ -192,29 +193,42 @@ class TrialData(ArrayRecord):
         """Number of samples, all of them valid and without a gap."""
         return int(self.time_s.shape[0])
 
-    def to_table(self) -> pd.DataFrame:
-        """Return the trial as a table: time, uncorrected force, command, counts, angles, further channels."""
-        import pandas as pd  # start-up: pandas costs 0.4 s, reading a trial does not need it
-
-        columns: dict[str, NDArray[Any]] = {"time_s": self.time_s, "raw_force_n": self.raw_force_n}
-        columns |= {"force_raw": self.force_raw, "motor_command_v": self.motor_command_v}
-        angle_rad = self.angle_rad()
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Columns by name: time, force as it acted and as it was read, command, counts, angles, further channels."""
+        columns: dict[str, NDArray[Any]] = {"time_s": self.time_s}
+        if self.has_force:
+            columns |= {"force_n": self._force_or_nan(), "raw_force_n": self.raw_force_n, "force_raw": self.force_raw}
+        columns["motor_command_v"] = self.motor_command_v
         for index, encoder in enumerate(self.encoders):
             columns[f"{encoder.name}_count"] = self.encoder_count[:, index]
-            columns[f"{encoder.name}_rad"] = angle_rad[:, index]
+            columns[f"{encoder.name}_rad"] = self.angle_rad[:, index]
         if self.channel_values is not None:
             columns |= {channel.name: self.channel_values[:, k] for k, channel in enumerate(self.channels)}
-        return pd.DataFrame(columns)
+        return columns
 
-    def angle_rad(self, zero: ArrayLike | None = None) -> NDArray[np.float64]:
-        """Return the encoder angles, rad, counter-clockwise, shape (n, encoders), zero at the first sample.
+    def _force_or_nan(self) -> NDArray[np.float64]:
+        """Corrected force at the sample times, NaN of a trial whose force cannot be corrected."""
+        try:
+            return self.force_n
+        except RigInputError:
+            return np.full(self.n_valid, np.nan)
 
-        ``zero`` (1, encoders): other counts at which the angles are zero.
-        """
+    def to_frame(self) -> pd.DataFrame:
+        """Return the columns as a pandas table; ``attrs["units"]`` has the unit of each."""
+        frame = super().to_frame()
+        frame.attrs["units"] |= {"force_raw": self.force_info.electrical_unit} if self.has_force else {}
+        frame.attrs["units"] |= {channel.name: channel.unit for channel in self.channels}
+        return frame
+
+    @property
+    def angle_rad(self) -> NDArray[np.float64]:
+        """Encoder angles, rad, counter-clockwise, shape (n, encoders), zero at the first sample."""
+        return self.convert_counts()
+
+    def convert_counts(self, zero: ArrayLike | None = None) -> NDArray[np.float64]:
+        """Return the encoder angles (n, encoders), rad, zero at the counts ``zero`` (1, encoders), else the first."""
         per_count = np.array([encoder.rad_per_count for encoder in self.encoders])
-        if zero is None:
-            return (self.encoder_count - self.encoder_count[:1]) * per_count
-        at = as_numbers(zero, "counts at zero")
-        if at.shape not in ((), (len(per_count),), (1, len(per_count))):
+        at = as_numbers(self.encoder_count[:1] if zero is None else zero, "counts at zero")
+        if at.shape not in ((), (0, len(per_count)), (len(per_count),), (1, len(per_count))):
             raise RigInputError(f"counts at zero: found shape {at.shape}, allowed (1, {len(per_count)})")
         return (self.encoder_count - at) * per_count

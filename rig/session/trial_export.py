@@ -34,10 +34,14 @@ def columns(data: TrialData) -> list[Column]:
     ]
     if data.has_force:
         unit = data.force_info.electrical_unit
-        meaning = "force on the key, positive downwards, not corrected for offset, delay or hum"
-        found.insert(1, Column("force_n", "N", meaning, data.raw_force_n))
-        found.insert(2, Column("force_raw", unit, "electrical reading of the force channel", data.force_raw))
-    angle_rad = data.angle_rad()
+        corrected = "force on the key as it acted, positive downwards; nan where it cannot be corrected"
+        reading = "the same as it was read, not corrected for offset, delay or hum"
+        found[1:1] = [
+            Column("force_n", "N", corrected, data["force_n"]),
+            Column("raw_force_n", "N", reading, data.raw_force_n),
+            Column("force_raw", unit, "electrical reading of the force channel", data.force_raw),
+        ]
+    angle_rad = data.angle_rad
     for k, encoder in enumerate(data.encoders):
         body = encoder.name
         found.append(Column(f"{body}_count", "1", f"counts of the {body}'s encoder (X4)", data.encoder_count[:, k]))

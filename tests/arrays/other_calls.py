@@ -22,7 +22,7 @@ CAMERA = "rig.simulated.bench.camera"
 ANY_SHAPE = (
     *("vision.ccw_to_picture", "vision.picture_to_ccw", "vision.ground_to_picture", "vision.write_picture"),
     *("vision.Projection.to_picture", "vision.Projection.to_plane", "vision.write_avi", "vision.write_mraw"),
-    *("rig.Profile.force_at", "rig.TrialData.angle_rad"),
+    *("rig.Profile.force_at", "rig.TrialData.convert_counts"),
 )
 HEAVY = {
     "vision.track": ("gives vision.tracking.track_film.frame_times",),
@@ -126,7 +126,7 @@ CALLS: dict[str, Callable[[], Arguments]] = {
         "self": rig.ChannelTable("recording", {"force": ROWS}), "time_s": ROWS / 8.0, "interval_s": 0.125,
     },
     "rig.Profile.force_at": lambda: {"self": rig.load_profile("piano"), "time_s": ROWS},
-    "rig.TrialData.angle_rad": lambda: {"self": trial(), "zero": np.array([[1, 2, 3]])},
+    "rig.TrialData.convert_counts": lambda: {"self": trial(), "zero": np.array([[1, 2, 3]])},
     f"{BACKEND}.configure": lambda: {"self": unopened(), "config": config(), "command_v": np.array([0.0, 1.0, 0.0])},
     f"{BACKEND}.loopback_read": lambda: {
         "self": unopened(), "config": config(), "channel": "ai0", "command_v": np.array([0.0, 1.0, 0.0]),

@@ -88,7 +88,7 @@ def test_a_trial_recorded_with_the_correction_reads_the_true_angle(tmp_path: Pat
         trial = session.trial(1).read()
         n = min(trial.n_valid, truth.time_s.size)
         key = truth.angle_rad[:n, 0] - truth.angle_rad[0, 0]
-        turned[str(name)] = np.abs(trial.angle_rad()[:n, 0] - key).max()
+        turned[str(name)] = np.abs(trial.angle_rad[:n, 0] - key).max()
         info = trial.encoders[0]
     assert turned[str(out)] < 4e-5 < 2e-4 < turned["virtual"]
     assert info.arc_gain != 1.0 and info.u_eccentricity_rad < 5e-4

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 import pytest
+import xarray
 
 import model
 import rig
@@ -58,7 +61,7 @@ def test_a_trial_drives_the_model_as_its_corrected_force_does(session):
     wanted = model.simulate(action, force.time_s, force.force_n, initial=rest, output_time_s=trial.time_s[inside])
     np.testing.assert_allclose(solution.angle_rad[inside], wanted.angle_rad, atol=2e-5)
     assert solution.time_s.shape == trial.time_s.shape
-    measured = trial.angle_rad()[:, 2]
+    measured = trial.angle_rad[:, 2]
     change = solution.angle_rad[:, 4] - solution.angle_rad[0, 4]
     naive = model.simulate(action, trial.time_s, trial.raw_force_n).angle_rad[:, 4]
     rms_deg = [np.degrees(np.sqrt(np.mean((x - x[0] - measured) ** 2))) for x in (change, naive)]
@@ -80,5 +83,77 @@ def test_an_action_goes_by_name_or_file(tmp_path):
         model.simulate("hirschkorn", time_s, force_n)
     with pytest.raises(model.InputError, match=r"found dict, allowed a model\.Action, a built-in name or a TOML file"):
         model.simulate({}, time_s, force_n)
-    with pytest.raises(model.InputError, match="found ndarray and no force_n; give time_s and force_n, or a recorded"):
+    with pytest.raises(model.InputError, match="force: found ndarray, allowed time_s and force_n, or a recorded trial"):
         model.simulate(ACTION, time_s)
+
+
+def turned(values):
+    return np.degrees(values - values[0])
+
+
+def test_a_recording_and_a_prediction_lie_on_each_other(session):
+    """Axes in, axes out; angles are turns in degrees in both, so that one picture compares them."""
+    trial, solution = session[1], model.simulate(ACTION, session[1])
+    axes = trial.plot()
+    assert solution.plot("hammer", ax=axes, linestyle="--") is axes
+    drawn = {(line.get_label(), line.get_linestyle()): line for line in axes.lines}
+    np.testing.assert_allclose(drawn["hammer", "-"].get_ydata(), turned(trial.read().angle_rad[:, 2]))
+    np.testing.assert_allclose(drawn["hammer", "--"].get_ydata(), turned(solution["hammer"]))
+    np.testing.assert_array_equal(trial.plot("force_n").lines[0].get_ydata(), trial.force_n)
+    assert {label for label, _ in drawn} == {"key", "whippen", "hammer"} and axes.get_xlabel() == "time, s"
+    plt.close("all")
+
+
+def test_results_are_tables_and_files_with_units(session, tmp_path):
+    trial, solution = session[2], model.simulate(ACTION, *model.force_table("piano"), contact_forces=True)
+    for result, column, unit in ((trial, "raw_force_n", "N"), (solution, "hammer_rad_per_s", "rad/s")):
+        frame = result.to_frame()
+        assert frame.attrs["units"][column] == unit and frame.attrs["units"].keys() == set(frame)
+        np.testing.assert_array_equal(frame[column], result[column])
+        csv = pd.read_csv(result.save(tmp_path / "one.csv"))
+        np.testing.assert_allclose(csv[column], result[column], rtol=1e-15, atol=0)
+        with xarray.open_dataset(result.save(tmp_path / "one.h5"), engine="h5netcdf") as opened:
+            assert opened[column].attrs["units"] == unit and opened[column].dims == ("time_s",)
+        with pytest.raises(ValueError, match=r"one\.txt: ending found '\.txt', allowed \.csv, \.h5, \.parquet"):
+            result.save(tmp_path / "one.txt")
+        with pytest.warns(DeprecationWarning, match=r"to_table\(\) is to_frame\(\) now"):
+            assert result.to_table().equals(frame)
+    np.testing.assert_array_equal(trial["force_n"], trial.read().force_n)
+    assert session.to_frame()["trial"].tolist() == [1, 2, 3]
+
+
+def test_bodies_and_contacts_go_by_their_names():
+    solution = model.simulate(ACTION, *model.force_table("forte"), contact_forces=True)
+    np.testing.assert_array_equal(solution["jack"], solution.angle_rad[:, 2])
+    check = solution.contacts["back check"]
+    np.testing.assert_array_equal(check.normal_n, solution.contact_normal_n[:, solution.contacts.index("contact04")])
+    assert check.normal_n.max() > 1.0 and check.name == "contact04" == solution.contacts[3]
+    assert "back check (04)" in repr(solution.contacts)
+    height = model.observables.hammer_height_m(ACTION, solution.angle_rad)
+    np.testing.assert_array_equal(solution.hammer_height_m, height)
+    with pytest.raises(model.InputError, match=r"contact 'bak check': not in this scene; did you mean back check\?"):
+        solution.contacts["bak check"]
+    with pytest.raises(model.InputError, match="no column 'hamer'; there are time_s, key_rad"):
+        solution["hamer"]
+    with pytest.raises(model.InputError, match="give contact_forces=True"):
+        model.simulate(ACTION, *model.force_table("piano")).contacts["back check"]
+
+
+def test_an_action_a_scene_and_sensitivities_show_themselves(session, tmp_path):
+    action = model.load_action(ACTION, {"hammer.mass": 0.0121})
+    assert repr(action).count("\n") < 12 and "hammer.mass = 0.0121" in repr(action)
+    frame = action.to_frame().set_index("parameter")
+    assert (frame["value"]["hammer.mass"], frame["unit"]["hammer.mass"]) == (0.0121, "kg")
+    assert model.load_action(action.save(tmp_path / "mine.toml"))["hammer.mass"] == 0.0121
+    axes = action.plot()
+    pivot = next(line for line in axes.lines if line.get_label() == "hammer")
+    np.testing.assert_allclose(pivot.get_xydata(), [[1e3 * action["hammer.pivot.x"], 1e3 * action["hammer.pivot.y"]]])
+    scene = model.build_scene(action)
+    assert scene.to_frame()["first"][3] == "hammer" and len(scene.plot().lines) == 13 and len(repr(scene)) < 100
+    found = model.sensitivities(action, session[1], ["hammer.mass"])
+    row = found.to_frame().iloc[0]
+    assert row["value"] == 0.0121 and row["d_strike_m_per_s"] == found.d_events["strike_m_per_s"][0] < 0.0
+    (line,) = found.plot().lines
+    np.testing.assert_allclose(line.get_ydata(), np.degrees(0.01 * 0.0121 * found.d_angles[:, 4, 0]))
+    assert found.save(tmp_path / "found.csv").read_text().startswith("parameter,value,unit,u,d_")
+    plt.close("all")

@@ -22,7 +22,7 @@ def test_the_shipped_session_reads_as_recorded() -> None:
         data = trial.read()
         assert 32.0 < data.raw_force_n.max() < 35.0
         # hammer turns about 21 degrees, key 2.7, whippen 5: a swap of channels would show
-        turned = np.degrees(np.ptp(data.angle_rad(), axis=0))
+        turned = np.degrees(np.ptp(data.angle_rad, axis=0))
         np.testing.assert_allclose(turned, [2.7, 5.1, 21.2], rtol=0.08)
 
 

@@ -5,14 +5,11 @@ Conventions: degrees with the thesis's signs; above: trial, model and its band o
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.figure import Figure
 
 from validation.conventions import Array
 from validation.curves.display_signs import SIGN, TITLE, degrees, rotation_label
@@ -23,14 +20,15 @@ from validation.curves.table import force_on_base, trial_curves
 SIZE_IN = (8.0, 4.6)
 
 
-class CurveFigure(Figure):
-    """A matplotlib figure that a notebook shows without pyplot."""
+def new_panels(has_difference: bool) -> tuple[Axes, Axes | None]:
+    """Axes of a new figure for the curves, and below them for their difference where there is one."""
+    import matplotlib.pyplot as plt  # start-up: 0.1 s beyond the rest of matplotlib
 
-    def _repr_svg_(self) -> str:
-        FigureCanvasSVG(self)
-        buffer = io.StringIO()
-        self.savefig(buffer, format="svg")
-        return buffer.getvalue()
+    rows = 2 if has_difference else 1
+    figure, panels = plt.subplots(
+        rows, 1, sharex=True, figsize=SIZE_IN, layout="constrained", squeeze=False, height_ratios=(2.2, 1)[:rows]
+    )
+    return panels[0, 0], panels[1, 0] if has_difference else None
 
 
 def draw_marks(axes: Axes, marks: Sequence[Mark], *, labels: bool = True) -> None:
@@ -48,6 +46,7 @@ def draw_marks(axes: Axes, marks: Sequence[Mark], *, labels: bool = True) -> Non
 
 
 def plot_rotation(
+    panels: tuple[Axes, Axes | None],
     base_s: Array,
     channel: str,
     encoder: pd.DataFrame,
@@ -56,38 +55,37 @@ def plot_rotation(
     band_rad: Array | None,
     marks: Sequence[Mark],
     title: str,
-) -> CurveFigure:
-    """Rotation of one body in one trial, measured and predicted, and their difference.
+) -> None:
+    """Draw the rotation of one body in one trial, measured and predicted, and their difference.
 
     Parameters
     ----------
+    panels : axes for the curves, and for the difference or None
     base_s : (n,) s
     channel : body, or ``force``
     encoder, film : traces of the trial
     band_rad : (n,) half width of the simultaneous 95 % band of the mean difference, or None
     """
-    figure = CurveFigure(figsize=SIZE_IN, layout="constrained")
+    top, low = panels
+    draw_marks(top, marks)
     if channel == "force":
-        axes = figure.subplots()
-        draw(axes, base_s, force_on_base(base_s, encoder), "trial", color=BLACK, linewidth=1.2)
-        finish_axes(axes, "force (N)")
-        draw_marks(axes, marks)
-        axes.set_title(title, fontsize=9, loc="left", pad=14)
-        return figure
+        draw(top, base_s, force_on_base(base_s, encoder), "trial", color=BLACK, linewidth=1.2)
+        finish_axes(top, "force (N)")
+        top.set_title(title, fontsize=9, loc="left", pad=14)
+        return
     curves = trial_curves(base_s, encoder, film)[channel]
-    top, low = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
     measured, predicted = (degrees(channel, curves[f"{kind}_rad"]) for kind in ("measured", "predicted"))
     draw(top, base_s, measured, "trial", color=BLACK, linewidth=1.2)
     draw(top, base_s, predicted, "model", **model_style(0))
+    finish_axes(top, rotation_label(channel), bottom=low is None)
+    top.legend(fontsize=8, framealpha=0.9)
+    top.set_title(f"{TITLE[channel]}, {title}", fontsize=9, loc="left", pad=14)
+    if low is None:
+        return
     if band_rad is not None:
         reach = np.degrees(band_rad)
         band(low, base_s, -reach, reach, "95 % interval without an error of the model")
     draw(low, base_s, SIGN[channel] * np.degrees(curves["predicted_rad"] - curves["measured_rad"]), **model_style(0))
     low.axhline(0.0, color="#777777", linewidth=0.7)
-    finish_axes(top, rotation_label(channel), bottom=False)
     finish_axes(low, "model − trial (°)")
-    draw_marks(top, marks)
     draw_marks(low, marks, labels=False)
-    top.legend(fontsize=8, framealpha=0.9)
-    top.set_title(f"{TITLE[channel]}, {title}", fontsize=9, loc="left", pad=14)
-    return figure

@@ -44,8 +44,8 @@ SAME = 6.0  # of twice the log likelihood: starts that end this close have found
 
 
 def identify(
-    sessions: Sequence[Session | str | Path],
-    parameters: Sequence[str],
+    sessions: Session | str | Path | Sequence[Session | str | Path],
+    parameters: str | Sequence[str],
     action: model.Action | str | Path = "hirschkorn2004",
     **keywords: Unpack[IdentifyKeywords],
 ) -> Identification:
@@ -53,9 +53,9 @@ def identify(
 
     Parameters
     ----------
-    sessions : sequence of Session or path
+    sessions : Session or path, or a sequence of them
         Sessions of one action; one kind of stroke each.
-    parameters : sequence of str
+    parameters : str or sequence of str
         Names as ``--set`` and ``--scale`` know them, ``felt:contact02``, or groups: ``friction``, ``joint_friction``,
         ``damping``, ``stiffness``, ``springs``.
     action : model.Action, name or path
@@ -86,6 +86,8 @@ def identify(
     'hammer.joint_friction.A'
     """
     options = IdentifyOptions(**keywords)
+    sessions = [sessions] if isinstance(sessions, Session | str | Path) else sessions
+    parameters = [parameters] if isinstance(parameters, str) else parameters
     start = model.load_action(action) if isinstance(action, str | Path) else action
     asked = unknowns(start, parameters, options.fixed, options.priors)
     sources = collect(sessions, start, options)

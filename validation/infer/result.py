@@ -8,15 +8,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import model
 from model.arrays import ArrayRecord
+from model.tabular import Tabular, axes_or_new
+from rig.atomic_write import write_text
 from validation.conventions import Array
+from validation.infer.action_file import identified_text
 from validation.infer.budget import Budget, End
 from validation.infer.causes.explain import (
     MOST_TRIALS,
@@ -37,8 +41,13 @@ from validation.measurement.trial import MeasuredTrial
 from validation.prediction.black_boxes import fit_black_boxes
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.posterior import Posterior, make_posterior, posterior_of
+from validation.report.files import check_target
 from validation.statistics.rivals import describe_stroke, make_example
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+MOST_SHOWN = 8  # estimates in `repr`
 TITLE = "Which part of the model explains the difference"
 NOT_LOOKED_FOR = "nothing was looked for, the difference is a few thousandths of the motion or the model cannot run"
 SAMPLES = 2.5
@@ -198,9 +207,9 @@ class Details:
 FITTED = "fitted trials"
 
 
-@dataclass(frozen=True)
-class Identification(ArrayRecord):
-    """What was found.
+@dataclass(frozen=True, repr=False)
+class Identification(Tabular, ArrayRecord):
+    """What was found; ``found.to_frame()`` has a row for each asked parameter.
 
     Attributes
     ----------
@@ -235,3 +244,41 @@ class Identification(ArrayRecord):
     end: End
     sensors: SensorCalibration | None
     details: Details = field(repr=False, compare=False)
+
+    def __repr__(self) -> str:
+        lines = [f"{e.name} = {e.value:.4g} ± {e.u:.2g} {e.unit}: {e.verdict}" for e in self.estimates[:MOST_SHOWN]]
+        more = len(self.estimates) - len(lines)
+        ends = [f"and {more} more"] if more else []
+        return "\n  ".join([f"<Identification of {self.action.name}: {self.end}", *lines, *ends]) + ">"
+
+    def columns(self) -> dict[str, Any]:
+        """One row for each asked parameter, as of `validation.infer.estimates.Estimate`."""
+        return {item.name: [getattr(e, item.name) for e in self.estimates] for item in fields(Estimate)}
+
+    def plot(self, *names: str, ax: Axes | None = None, **style: Any) -> Axes:
+        """Draw each value with its 95 % interval, relative to the value before, into ``ax`` or a new figure.
+
+        Parameters
+        ----------
+        names : of parameters; by default all
+        ax : matplotlib axes
+        style : what matplotlib's ``errorbar`` takes
+        """
+        drawn = axes_or_new(ax)
+        shown = [e for e in self.estimates if not names or e.name in names]
+        for i, e in enumerate(shown):
+            size = abs(e.prior) or 1.0  # a value before of 0 has no size of its own
+            ends = [[(e.value - e.low) / size], [(e.high - e.value) / size]]
+            drawn.errorbar([(e.value - e.prior) / size], [i], xerr=ends, **{"fmt": "o", "color": "black", **style})
+        drawn.axvline(0.0, color="#777777", linewidth=0.7)
+        drawn.set_yticks(range(len(shown)), [e.name for e in shown])
+        drawn.set_xlabel("change from the value before, of that value")
+        return drawn
+
+    def save(self, path: str | Path) -> Path:
+        """Write the action file (``.toml``), or the table as ``.csv``, ``.h5`` or ``.parquet``; return the path."""
+        target = Path(path)
+        if target.suffix != ".toml":
+            return super().save(target)
+        write_text(check_target(target), identified_text(self))
+        return target

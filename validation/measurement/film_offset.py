@@ -12,7 +12,7 @@ def clock_offsets(trial: Trial, tracked: vision.TrackResult) -> dict[str, tuple[
     Bodies that hardly move are left out; the times themselves are not changed.
     """
     data = trial.read()
-    angles = data.angle_rad()
+    angles = data.angle_rad
     offsets = {}
     for i, encoder in enumerate(data.encoders):
         if encoder.name not in tracked.bodies:

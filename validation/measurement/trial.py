@@ -192,7 +192,7 @@ def measure(
     if missing:
         raise TrialError(f"encoder {missing[0]!r} is missing; found {names}; key, whippen and hammer are needed")
     order = [names.index(name) for name in ENCODER_CHANNELS]
-    angle, counts = np.asarray(data.angle_rad(), dtype=float)[:, order], np.asarray(data.encoder_count)[:, order]
+    angle, counts = np.asarray(data.angle_rad, dtype=float)[:, order], np.asarray(data.encoder_count)[:, order]
     resolution = np.array([abs(data.encoders[i].rad_per_count) for i in order])
     u_change = np.array([data.encoders[i].u_change_rad for i in order])
     scale = np.array([data.encoders[i].u_turn_relative for i in order])

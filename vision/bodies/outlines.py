@@ -143,6 +143,17 @@ def load_bodies(toml_path: str | os.PathLike[str]) -> list[Body]:
     return bodies
 
 
+BodiesLike = Sequence[Body] | str | os.PathLike[str]
+"""Outlines, or the file that holds them."""
+
+
+def as_bodies(bodies: BodiesLike) -> list[Body]:
+    """The outlines themselves, or those of a file."""
+    if isinstance(bodies, str | os.PathLike):
+        return load_bodies(bodies)
+    return list(bodies)
+
+
 def _body_from_table(table: Any) -> Body:
     if not isinstance(table, dict):
         raise BodyError("[[body]] must be a table with name and polygon_px")

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from vision.errors import FilmError
 from vision.film.cine_reader import CineFilm
 from vision.film.mraw import MrawFilm, apply_sidecar_header
 from vision.film.picture_stack import PICTURE_SUFFIXES, TIFF_SUFFIXES, OnePicture, PictureFolder
-from vision.film.source import CHANNELS, Film, FrameSource
+from vision.film.source import CHANNELS, ChosenFrames, Film, FrameSource
 from vision.film.tiff_reader import TiffFilm
 from vision.film.used_bits import find_white
 from vision.film.video_reader import VideoFilm
@@ -83,8 +83,17 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False, ch
     return film
 
 
-def open_or_use(path_or_source: str | os.PathLike[str] | FrameSource) -> AbstractContextManager[FrameSource]:
-    """A film to work with: from a path opened and closed again, else the one given, which stays open."""
-    if isinstance(path_or_source, str | os.PathLike):
-        return open_film(path_or_source)
-    return nullcontext(path_or_source)
+@contextmanager
+def open_or_use(
+    path_or_source: str | os.PathLike[str] | FrameSource, first_frame: int = 0, last_frame: int | None = None
+) -> Iterator[FrameSource]:
+    """A film to work with, or a part of it: from a path opened and closed again, else the one given, left open."""
+    own = open_film(path_or_source) if isinstance(path_or_source, str | os.PathLike) else None
+    film = own or path_or_source
+    assert not isinstance(film, str | os.PathLike)
+    try:
+        is_part = first_frame != 0 or last_frame is not None
+        yield ChosenFrames(film, first_frame, last_frame) if is_part else film
+    finally:
+        if own is not None:
+            own.close()

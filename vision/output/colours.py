@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-BODY_COLOURS = {
-    "key": "#8C6D46", "whippen": "#2A8FC4", "jack": "#D55E00", "repetition": "#009E73", "hammer": "#A8528A",
-}  # fmt: skip
-"""Told apart on white paper, on grey film, and with either kind of red-green blindness."""
+from vision.tabular import BODY_COLORS as BODY_COLOURS
+
 OTHERS = ("#56B4E9", "#E69F00", "#CC79A7", "#F0E442", "#8FBF3F")
 """For bodies of other names, in their order."""
 LOST = "#FF3C3C"

@@ -17,15 +17,16 @@ from vision.angles import relative_angle
 from vision.arrays import ArrayRecord
 from vision.errors import VisionInputError
 from vision.results.flags import FrameFlag, is_failed
+from vision.tabular import Tabular
 from vision.uncertainty.budget import ErrorBudget
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-@dataclass(frozen=True)
-class TrackResult(ArrayRecord):
-    """Poses of m bodies in n frames.
+@dataclass(frozen=True, repr=False)
+class TrackResult(Tabular, ArrayRecord):
+    """Poses of m bodies in n frames; ``result["jack"]`` is an angle, ``result["jack_relative"]`` that from its parent.
 
     Attributes
     ----------
@@ -140,6 +141,14 @@ class TrackResult(ArrayRecord):
         common = known / np.maximum(np.isfinite(single).sum(axis=0), 1) / self.n_still
         return np.asarray(np.sqrt(variance + common))
 
+    def __repr__(self) -> str:
+        times = f", {self.time_s[0]:g} to {self.time_s[-1]:g} s" if len(self.time_s) else ""
+        lost = ", ".join(f"{body} {int(n)}" for body, n in zip(self.bodies, self.is_lost.sum(axis=0), strict=True) if n)
+        return (
+            f"<TrackResult of {', '.join(self.bodies)} in {self.film}: {len(self.frame)} frames{times}"
+            f"{f'; lost: {lost}' if lost else ''}>"
+        )
+
     def _repr_html_(self) -> str:
         """Frames, lost frames, range of the angle and median uncertainty of each body, for a notebook."""
         import pandas as pd  # start-up: 0.5 s, only a notebook's display needs it
@@ -161,18 +170,13 @@ class TrackResult(ArrayRecord):
             )
         return str(pd.DataFrame(rows).to_html(index=False, float_format="{:.2f}".format))
 
-    def to_table(self) -> pd.DataFrame:
-        """One row per frame, and per frame that is missing in the film (`info` ``missing_after``: frame -1, flag
-        `FrameFlag.MISSING`, else NaN): time_s, frame, then per body ``<body>_rad``, ``_u_rad`` (noise and reference),
-        ``_u_total_rad`` (with camera, shutter and codec), the same with ``_relative`` (of a body with a parent),
-        ``_x_px``, ``_y_px``, ``_u_x_px``, ``_u_y_px``, ``_quality`` (correlation), ``_inlier`` and ``_flag``.
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Per frame time_s, frame, then per body ``<body>_rad``, ``_u_rad`` (noise and reference), ``_u_total_rad``
+        (with camera, shutter and codec), the same with ``_relative`` (of a body with a parent), ``_x_px``, ``_y_px``,
+        ``_u_x_px``, ``_u_y_px``, ``_quality`` (correlation), ``_inlier`` and ``_flag``.
         """
-        # start-up: pandas costs 0.5 s, a result without a table does without
-        import pandas as pd
-
         total, u_position = self.u_total_rad, self.u_position_px
         relative_total = self.budget.total(relative=True, without=("synchronisation",))
-
         columns: dict[str, NDArray[Any]] = {"time_s": self.time_s, "frame": self.frame}
         for i, body in enumerate(self.bodies):
             columns[f"{body}_rad"] = self.angle_rad[:, i]
@@ -189,14 +193,23 @@ class TrackResult(ArrayRecord):
             columns[f"{body}_quality"] = self.zncc[:, i]
             columns[f"{body}_inlier"] = self.inlier[:, i]
             columns[f"{body}_flag"] = self.flag[:, i]
-        table = pd.DataFrame(columns)
-        missing = self._missing_times()
+        return columns
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the columns as a pandas table, one more row per frame that is missing in the film (`info`
+        ``missing_after``: frame -1, flag `FrameFlag.MISSING`, else NaN); ``attrs["units"]`` has their units.
+        """
+        table, missing = super().to_frame(), self._missing_times()
         if not missing.size:
             return table
+        import pandas as pd  # start-up: 0.5 s, a result without a table does without
+
         rows: dict[str, Any] = {"time_s": missing, "frame": -1}
         rows |= {f"{body}_flag": np.uint16(int(FrameFlag.MISSING)) for body in self.bodies}
         lacking = pd.DataFrame(rows, columns=table.columns).astype(table.dtypes)
-        return pd.concat([table, lacking]).sort_values("time_s", ignore_index=True)
+        whole = pd.concat([table, lacking]).sort_values("time_s", ignore_index=True)
+        whole.attrs["units"] = table.attrs["units"]
+        return whole
 
     def _missing_times(self) -> NDArray[np.float64]:
         """Times of the frames that the film lacks, evenly between those around them, s."""

@@ -25,6 +25,9 @@ MAX_PIXELS = 12_000
 class FitOptions(TypedDict, total=False):
     """Keywords of `retrack_frames`, described in `track`."""
 
+    frame_rate_hz: float | None
+    first_frame: int
+    last_frame: int | None
     n_still: int | None
     max_pixels: int | None
     camera: CameraModel | None
@@ -54,6 +57,9 @@ def check_count(name: str, value: object) -> None:
 
 @dataclass(frozen=True)
 class FitSettings:
+    frame_rate_hz: float | None = None
+    first_frame: int = 0
+    last_frame: int | None = None
     n_still: int | None = None
     max_pixels: int | None = MAX_PIXELS
     camera: CameraModel | None = None

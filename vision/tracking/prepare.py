@@ -17,7 +17,7 @@ from vision.bodies.occlusion import Occlusion
 from vision.bodies.outlines import Body
 from vision.errors import VisionInputError, VisionWarning
 from vision.film.source import FrameSource
-from vision.film.time_scale import warn_of_uneven_times
+from vision.film.time_scale import frame_times_at_rate, warn_of_uneven_times
 from vision.fitting.template import build_template
 from vision.item_map import ItemMap, serial_map
 from vision.reference.camera_faults import (
@@ -147,14 +147,18 @@ def _bounding_box(region: NDArray[np.bool_]) -> tuple[int, int, int, int]:
     return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
 
 
-def frame_times(film: FrameSource, given_s: ArrayLike | None) -> NDArray[np.float64]:
+def frame_times(
+    film: FrameSource, given_s: ArrayLike | None, frame_rate_hz: float | None = None
+) -> NDArray[np.float64]:
     """Time of each frame, s, shape (n_frames,): those given, else the film's own."""
+    if frame_rate_hz is not None:
+        if given_s is not None:
+            raise VisionInputError(f"{film.path}: `frame_rate_hz` and `frame_time_s` are given; leave one out")
+        return frame_times_at_rate(film, frame_rate_hz)
     if given_s is None:
         own = film.frame_time_s
         if own is None:
-            raise VisionInputError(
-                f"{film.path}: the film states no frame rate; give the time of each frame (--frame-rate)"
-            )
+            raise VisionInputError(f"{film.path}: the film states no frame rate; give it (`frame_rate_hz`)")
         warn_of_uneven_times(film, own)
         return own
     time_s = as_numbers(given_s, f"{film.path}: frame times")

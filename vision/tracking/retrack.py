@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vision.angles import ccw_to_picture
-from vision.bodies.outlines import Body
+from vision.bodies.outlines import BodiesLike, as_bodies
 from vision.errors import VisionInputError
 from vision.film.open import open_or_use
 from vision.film.source import FrameSource
@@ -35,7 +35,7 @@ Places = Mapping[str, tuple[float, float, float]]
 
 def retrack_frames(
     path_or_source: str | os.PathLike[str] | FrameSource,
-    bodies: Sequence[Body],
+    bodies: BodiesLike,
     frames: Sequence[int],
     places: Sequence[Places],
     frame_time_s: ArrayLike | None = None,
@@ -52,7 +52,9 @@ def retrack_frames(
     places : sequence of dict
         Per frame: body name to (angle rad, x px, y px) from which the fit starts; every body must be named. The row
         of a good neighbour, or an estimate by eye, is near enough: 4 degrees and 4 px, backed by a wide search.
-    n_still, max_pixels, camera, u_time_s, rows_per_s, pixel_aspect, deinterlace, first_field
+    frame_rate_hz, first_frame, last_frame, n_still, max_pixels
+        As for `track`.
+    camera, u_time_s, rows_per_s, pixel_aspect, deinterlace, first_field
         As for `track`, and with the same values; the zero is found anew from the still frames.
 
     Returns
@@ -77,8 +79,8 @@ def retrack_frames(
     array([50])
     """
     settings = FitSettings(**options)
-    with open_or_use(path_or_source) as film:
-        time_s = frame_times(film, frame_time_s)
+    with open_or_use(path_or_source, settings.first_frame, settings.last_frame) as film:
+        time_s = frame_times(film, frame_time_s, settings.frame_rate_hz)
         wrong = [frame for frame in frames if not 0 <= frame < film.n_frames]
         if wrong or not len(frames) or len(frames) != len(places) or len(set(frames)) < len(frames):
             found = f"frame {wrong[0]}" if wrong else f"{len(frames)} frames with {len(places)} places"
@@ -86,7 +88,7 @@ def retrack_frames(
                 f"{film.path}: {found} to track again; allowed 0..{film.n_frames - 1}, each once, one place per frame"
             )
         u_stretch = prior_stretch_uncertainty(film, settings)
-        film, bodies = prepare_square_film(film, bodies, settings)
+        film, bodies = prepare_square_film(film, as_bodies(bodies), settings)
         ready = prepare(film, bodies, settings.n_still, settings.max_pixels)
         zero = estimate_zero(ready)
 
@@ -108,7 +110,7 @@ def retrack_frames(
 
 def preview(
     path_or_source: str | os.PathLike[str] | FrameSource,
-    bodies: Sequence[Body],
+    bodies: BodiesLike,
     count: int = 3,
     frame_time_s: ArrayLike | None = None,
     **options: Unpack[FitOptions],
@@ -121,7 +123,9 @@ def preview(
         As for `track`.
     count : int
         Frames, spread over the film up to its last.
-    n_still, max_pixels, camera, u_time_s, rows_per_s, pixel_aspect, deinterlace, first_field
+    frame_rate_hz, first_frame, last_frame, n_still, max_pixels
+        As for `track`.
+    camera, u_time_s, rows_per_s, pixel_aspect, deinterlace, first_field
         As for `track`.
 
     Returns
@@ -143,12 +147,12 @@ def preview(
     (3, 0)
     """
     settings = FitSettings(**options)
-    with open_or_use(path_or_source) as film:
-        time_s = frame_times(film, frame_time_s)
+    with open_or_use(path_or_source, settings.first_frame, settings.last_frame) as film:
+        time_s = frame_times(film, frame_time_s, settings.frame_rate_hz)
         if isinstance(count, bool) or count < 1:
             raise VisionInputError(f"{film.path}: {count} frames to preview; allowed 1..{film.n_frames - 1}")
         u_stretch = prior_stretch_uncertainty(film, settings)
-        film, bodies = prepare_square_film(film, bodies, settings)
+        film, bodies = prepare_square_film(film, as_bodies(bodies), settings)
         ready = prepare(film, bodies, settings.n_still, settings.max_pixels)
         chosen = np.unique(np.rint(np.linspace(0, film.n_frames - 1, count + 1)[1:]).astype(np.int64))
         walked = find_segment_starts(ready, np.arange(film.n_frames), (chosen + 1).tolist())

@@ -17,7 +17,7 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vision.bodies.outlines import Body
+from vision.bodies.outlines import BodiesLike, Body, as_bodies
 from vision.errors import VisionWarning
 from vision.film.open import open_or_use
 from vision.film.source import Corrected, FrameSource
@@ -57,7 +57,7 @@ from vision.uncertainty.coherence import inflate_covariance
 
 def track(
     path_or_source: str | os.PathLike[str] | FrameSource,
-    bodies: Sequence[Body],
+    bodies: BodiesLike,
     frame_time_s: ArrayLike | None = None,
     **options: Unpack[TrackOptions],
 ) -> TrackResult:
@@ -66,10 +66,14 @@ def track(
     Parameters
     ----------
     path_or_source : path or FrameSource
-    bodies : sequence of Body
-        Outlines on the still frames at the start of the film.
+    bodies : sequence of Body, or path
+        Outlines on the still frames at the start of the film, or the TOML file that holds them.
     frame_time_s : array_like, shape (n_frames,), optional
         Middle of each exposure, s; the film's own times when None.
+    frame_rate_hz : float or None
+        True rate of a film that does not state it, or states its play-back rate (`frame_times_at_rate`).
+    first_frame, last_frame : int
+        Frames that are used, numbered from 0 in the result; all by default. Times are those of the whole film.
     every : int
         Track one frame out of this many; 1 by default.
     n_still : int or None
@@ -115,22 +119,23 @@ def track(
     Examples
     --------
     >>> import vision
-    >>> result = vision.track("film.mraw", vision.load_bodies("bodies.toml"), every=10)
-    >>> result.bodies, result.angle_rad.shape
-    (('whippen', 'jack', 'repetition'), (15, 3))
+    >>> result = vision.track("film.mraw", "bodies.toml", every=10)
+    >>> result.bodies, result.angle_rad.shape, result["jack"].shape
+    (('whippen', 'jack', 'repetition'), (15, 3), (15,))
     >>> angle_rad, u_rad, flag = result.relative("jack")
-    >>> result.to_table().to_csv("angles.csv")
+    >>> ax = result.plot()
+    >>> path = result.save("angles.csv")
     """
     settings = TrackSettings(**options)
-    with open_or_use(path_or_source) as film:
-        return _track(film, bodies, frame_time_s, settings)
+    with open_or_use(path_or_source, settings.first_frame, settings.last_frame) as film:
+        return _track(film, as_bodies(bodies), frame_time_s, settings)
 
 
 def _track(
     film: FrameSource, bodies: Sequence[Body], frame_time_s: ArrayLike | None, settings: TrackSettings
 ) -> TrackResult:
     given = film, bodies, frame_time_s
-    time_s, camera = frame_times(film, frame_time_s), settings.camera_model
+    time_s, camera = frame_times(film, frame_time_s, settings.frame_rate_hz), settings.camera_model
     u_stretch = prior_stretch_uncertainty(film, settings)
     film, bodies = prepare_square_film(film, bodies, settings)
     threads = settings.threads or usable_threads()

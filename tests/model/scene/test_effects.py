@@ -200,7 +200,7 @@ def test_a_value_without_its_effect_is_refused(action: model.Action) -> None:
 
 
 def test_an_action_file_may_carry_an_effect(action: model.Action, tmp_path: Path) -> None:
-    from model.parameters.write_toml import action_text
+    from model.parameters.action import action_text
 
     path = tmp_path / "own.toml"
     row = 'frequency_hz = { value = 90.0, unit = "Hz", u = 5.0, basis = "measured", source = "film 7" }'

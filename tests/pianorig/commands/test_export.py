@@ -21,11 +21,26 @@ def test_all_trials_or_one_are_written(tmp_path: Path, capsys: pytest.CaptureFix
     files = json.loads(capsys.readouterr().out)["files"]
     assert [Path(file).name for file in files] == ["trial_0002.csv", "trial_0002.csv-metadata.json"]
     table = np.genfromtxt(files[0], delimiter=",", names=True)
-    np.testing.assert_array_equal(table["force_n"], session.trial(2).read().raw_force_n)
+    np.testing.assert_array_equal(table["force_n"], session[2].force_n)
+    np.testing.assert_array_equal(table["raw_force_n"], session[2].read().raw_force_n)
     assert run("export", FORTE, "--to", "mat", "--out", tmp_path / "all") == 0
     assert len(list((tmp_path / "all").glob("*.mat"))) == len(session.trials)
     assert run("export", FORTE / "trial_0001.h5", "--to", "csv", "--out", tmp_path / "file") == 0
     assert (tmp_path / "file" / "trial_0001.csv").is_file()
+
+
+def test_the_exported_force_drives_and_that_of_an_older_export_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("export", FORTE, "--to", "csv", "--trial", "1", "--out", tmp_path) == 0
+    file, older = tmp_path / "trial_0001.csv", tmp_path / "older.csv"
+    np.testing.assert_array_equal(read_driving_force(file).force_n, Session.open(FORTE)[1].force_n)
+    head, *rows = file.read_text().splitlines()
+    names = head.replace("force_n,raw_force_n", "force_n", 1)
+    older.write_text("\n".join([names, *(",".join(r.split(",")[:1] + r.split(",")[2:]) for r in rows)]))
+    capsys.readouterr()
+    assert run("simulate", "--force", older, "--out", tmp_path / "o.csv") == 2
+    assert "older.csv: is an older export, its force_n is not corrected" in capsys.readouterr().err
 
 
 def test_the_force_is_what_simulate_takes_from_the_trial(tmp_path: Path) -> None:

@@ -47,7 +47,7 @@ def test_a_proposed_mapping_of_a_text_file_imports(written: str, tmp_path: Path,
     assert data.absent == ("whippen",) and data.sample_rate_hz == pytest.approx(RATE_HZ)
     np.testing.assert_allclose(data.raw_force_n, CHANNELS["Kraft"], atol=1e-5)
     np.testing.assert_array_equal(data.encoder_count[:, 0], CHANNELS["Taste"])
-    np.testing.assert_allclose(data.angle_rad()[:, 1], CHANNELS["Hammer"], atol=1e-5)
+    np.testing.assert_allclose(data.angle_rad[:, 1], CHANNELS["Hammer"], atol=1e-5)
     assert run("info", recording, "--propose", mapping) == 2
     assert "exists already" in capsys.readouterr().err
 

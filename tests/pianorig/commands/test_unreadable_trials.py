@@ -124,7 +124,7 @@ def test_other_commands_leave_a_bad_trial_out_by_name(
     assert json.loads(capsys.readouterr().out)["trial"] == 3
     assert run("annotate", session, "--trial", "1", "--reject", "damaged on the disk") == 0
     capsys.readouterr()
-    table = rig.Session.open(session).summary()
+    table = rig.Session.open(session).to_frame()
     assert list(table["status"]) == ["unreadable", "complete", "complete"]
     assert table["peak_force_n"].isna().tolist() == [True, False, False]
 

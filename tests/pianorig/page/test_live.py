@@ -53,7 +53,7 @@ def test_samples_are_sent_once_in_the_order_of_the_channels(folder: Path) -> Non
         shown, data = np.concatenate(found), made.data
     n = len(shown)
     np.testing.assert_allclose(shown[:, 0], data.raw_force_n[:n], atol=1e-5)
-    np.testing.assert_allclose(shown[:, 1:4], np.degrees(data.angle_rad()[:n]) * [-1, 1, -1], atol=1e-5)
+    np.testing.assert_allclose(shown[:, 1:4], np.degrees(data.angle_rad[:n]) * [-1, 1, -1], atol=1e-5)
     np.testing.assert_allclose(shown[:, 4], data.motor_command_v[:n], atol=1e-6)
 
 

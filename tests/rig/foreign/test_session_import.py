@@ -70,7 +70,7 @@ def test_every_channel_arrives_in_its_unit_and_sense(tmp_path, recording) -> Non
     np.testing.assert_allclose(data.raw_force_n, 25 * (FORCE_V - 0.2), atol=1e-12)
     np.testing.assert_array_equal(data.force_raw, 0.4 - FORCE_V)
     np.testing.assert_array_equal(data.encoder_count[:, 0], KEY)
-    angle = data.angle_rad()
+    angle = data.angle_rad
     np.testing.assert_allclose(angle[:, 1], np.radians(WHIPPEN_DEG), atol=2e-6)
     np.testing.assert_allclose(angle[:, 2], -HAMMER_RAD, atol=2e-6)
     assert np.isnan(data.motor_command_v).all() and data.sample_rate_hz == pytest.approx(RATE)
@@ -149,7 +149,7 @@ def test_encoders_that_were_not_there_are_absent_and_named(tmp_path, recording, 
         assert run(*arguments) == 0 and words in capsys.readouterr().out
     data = Session.open(session).trials[0].read()
     assert data.encoder_count.shape == (N, 1) and data.absent == ("whippen", "hammer")
-    assert list(data.to_table().columns)[-2:] == ["key_count", "key_rad"]
+    assert list(data.to_frame().columns)[-2:] == ["key_count", "key_rad"]
     with pytest.raises(TrialError, match="encoder 'whippen' is missing; found \\['key'\\]"):
         measure(data, None, None)
     assert Session.open(session).info.notes["absent encoders"] == "whippen, hammer"
@@ -159,7 +159,7 @@ def test_force_alone_makes_a_session(tmp_path, recording, capsys) -> None:
     text = MAPPING[: MAPPING.index("[[encoders]]")]
     mapping = parse_mapping(text.replace("[time]", 'absent_encoders = ["key", "whippen", "hammer"]\n[time]'))
     session = import_session(tmp_path / "s", [recording], mapping)
-    assert session.trials[0].read().angle_rad().shape == (N, 0)
+    assert session.trials[0].read().angle_rad.shape == (N, 0)
     for arguments in ([], ["--png", str(tmp_path / "w.png")], ["--json"]):
         assert run("watch", tmp_path / "s", "--once", *arguments) == 0
     assert "not recorded: key, whippen, hammer" in capsys.readouterr().out

@@ -81,7 +81,7 @@ def test_the_encoders_tell_the_true_angles_within_one_count_and_their_budget(for
     for _, data, truth in forte:
         angle = truth.angles_at(data.time_s)[:, [0, 1, 4]]
         one_count = 2 * np.pi / np.array([e.counts_per_revolution for e in data.encoders])
-        error = data.angle_rad() - (angle - angle[0])
+        error = data.angle_rad - (angle - angle[0])
         planted = [
             2 * s.interpolation_rad + s.eccentricity_rad * np.ptp(angle[:, i]) + 3 * s.pivot_shift_rad
             for i, s in enumerate(sensors)
@@ -217,7 +217,7 @@ def test_each_channel_reads_its_own_terminal_in_its_unit(wired, record_steps) ->
     held = np.concatenate(([0.0], data.motor_command_v[:-1]))
     np.testing.assert_allclose(readback, 3.0 + 12.0 * held, atol=12 * 10 / 2**15)
     assert np.ptp(readback) > 5.9
-    table = data.to_table()
+    table = data.to_frame()
     np.testing.assert_array_equal(table["motor_readback"], readback)
     np.testing.assert_array_equal(table["drive_current"], current)
     with h5py.File(session.trials[0].path) as file:

@@ -245,7 +245,7 @@ def test_on_the_virtual_device_nothing_drives_the_motor(tmp_path, assert_safe) -
     assert_safe(backend)
     for trial in session.trials:
         data = trial.read()
-        assert data.status == "complete" and data.raw_force_n.max() > 3.0 and np.ptp(data.angle_rad()[:, 2]) > 0.05
+        assert data.status == "complete" and data.raw_force_n.max() > 3.0 and np.ptp(data.angle_rad[:, 2]) > 0.05
     backend.close()
 
 

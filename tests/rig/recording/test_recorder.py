@@ -52,7 +52,7 @@ def test_a_session_holds_quiet_blow_and_rest_of_every_trial(record, step_profile
         np.testing.assert_allclose(data.time_s, np.arange(data.n_valid) / 5000, atol=1e-12)
         felt = np.concatenate(([0.0], data.motor_command_v[:-1]))
         expected = felt[:, None] * RAD_PER_VOLT
-        assert np.max(np.abs(data.angle_rad() - expected)) < 2 * np.pi / 163840
+        assert np.max(np.abs(data.angle_rad - expected)) < 2 * np.pi / 163840
         assert data.motor_command_v.max() == pytest.approx(0.5) and data.motor_command_v[-1] == 0
         assert np.std(data.raw_force_n - 0.05 - 12 * felt) == pytest.approx(0.02, rel=0.05)
         np.testing.assert_allclose(data.force_raw, data.raw_force_n * MV_PER_V_PER_N, atol=1e-12)

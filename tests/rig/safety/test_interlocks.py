@@ -172,7 +172,7 @@ def data() -> TrialData:
 
 def largest(data: TrialData) -> dict[str, tuple[float, int]]:
     """Largest value of each limited quantity of a trial, and the index of its body."""
-    turned = data.angle_rad()
+    turned = data.angle_rad
     step = round(1e-3 * data.sample_rate_hz)  # speeds are taken over a millisecond
     speed = np.abs(turned[step:] - turned[:-step]).max(axis=0) / 1e-3
     travel = np.abs(turned).max(axis=0)

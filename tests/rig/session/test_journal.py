@@ -295,7 +295,7 @@ def test_a_session_is_seen_while_it_is_recorded(tmp_path, rig, record_steps) -> 
     data = session.trials[1].read()
     assert end.finished and end.state == "complete" and (end.trial, end.sealed) == (2, 2)
     np.testing.assert_array_equal(end.force_n, data.raw_force_n)
-    np.testing.assert_array_equal(views[-1].angle_rad, data.angle_rad()[: views[-1].time_s.size])
+    np.testing.assert_array_equal(views[-1].angle_rad, data.angle_rad[: views[-1].time_s.size])
 
 
 def test_a_file_that_a_reader_holds_open_is_deleted_later_or_left() -> None:

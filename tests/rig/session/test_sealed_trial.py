@@ -108,7 +108,7 @@ def test_angles_follow_sign_and_counts_per_revolution_and_start_at_zero() -> Non
     data = trial(3, encoder_count=np.array([[5, 5, 5], [6, 6, 6], [5 + 327680, 5, 5 - 163840]], dtype=np.int64))
     step = 2 * np.pi / 327680
     expected = [[0, 0, 0], [step, -step, -2 * step], [2 * np.pi, 0, 2 * np.pi]]
-    np.testing.assert_allclose(data.angle_rad(), expected, atol=1e-15)
+    np.testing.assert_allclose(data.angle_rad, expected, atol=1e-15)
 
 
 def reseal(path: Path, *, honestly: bool) -> None:

@@ -49,7 +49,7 @@ def read_tdms(path: Path) -> dict[str, tuple[str, Any]]:
     file = nptdms.TdmsFile.read(path)
     assert file.properties["status"] == "complete" and file["daq"]["force_n"].properties["wf_increment"] == 2e-4
     again = read_channels(path)
-    np.testing.assert_array_equal(again.channel("force_n"), file["daq"]["force_n"][:])
+    np.testing.assert_array_equal(again.channel("raw_force_n"), file["daq"]["raw_force_n"][:])
     return {c.name: (c.properties["unit_string"], c[:]) for c in file["daq"].channels()}
 
 
@@ -97,4 +97,4 @@ def test_a_trial_without_samples_or_encoders_is_exported(tmp_path) -> None:
         trial(0, camera=None), encoders=(), encoder_count=np.empty((0, 0), dtype=np.int64), status="incomplete"
     )
     export_trial(bare, tmp_path / "a.csv")
-    assert (tmp_path / "a.csv").read_text() == "time_s,force_n,force_raw,motor_command_v\n"
+    assert (tmp_path / "a.csv").read_text() == "time_s,force_n,raw_force_n,force_raw,motor_command_v\n"

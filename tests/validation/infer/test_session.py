@@ -8,7 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+from matplotlib.figure import Figure
 
 import model
 import validation
@@ -50,6 +52,22 @@ def test_two_trials_give_an_interval_that_holds_the_truth_and_no_claim(found) ->
     assert estimate.verdict == TOO_FEW
     held = next(scores for name, scores in found.scores.items() if name.endswith("held out"))
     assert held["identified"]["hammer"] < held["before"]["hammer"] < held["null model"]["hammer"]
+
+
+def test_what_was_found_is_a_table_a_picture_and_a_file(found, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    (estimate,) = found.estimates
+    row = found.to_frame().iloc[0]
+    assert (row["name"], row["value"], row["verdict"]) == (estimate.name, estimate.value, estimate.verdict)
+    axes = Figure().subplots()
+    assert found.plot(ax=axes) is axes and [t.get_text() for t in axes.get_yticklabels()] == [estimate.name]
+    assert axes.containers[0].lines[0].get_xdata()[0] == pytest.approx(estimate.value / estimate.prior - 1.0)
+    assert pd.read_csv(found.save(tmp_path / "found.csv"))["high"][0] == estimate.high
+    assert model.load_action(found.save(tmp_path / "found.toml"))["hammer.joint_friction.A"] == estimate.value
+    assert repr(found).count("\n") < 12 and f"{estimate.value:.4g}" in repr(found)
+    alone = identify(
+        EXAMPLE, "hammer.joint_friction", found.details.problem.action, fixed=("*",), phases=10, profiles=()
+    )
+    assert [e.name for e in alone.estimates] == [estimate.name]
 
 
 def test_the_file_is_an_action_with_uncertainty_and_provenance(found, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]

@@ -135,7 +135,7 @@ def test_table_every_and_times() -> None:
         progress=lambda done, total: seen.append((done, total)),
     )
     assert result.frame.tolist() == list(range(0, 70, 3)) and seen[-1] == (24, 24)
-    table = result.to_table()
+    table = result.to_frame()
     assert list(table.columns[:11]) == [
         "time_s", "frame", "beam_rad", "beam_u_rad", "beam_u_total_rad", "beam_x_px", "beam_y_px", "beam_u_x_px",
         "beam_u_y_px", "beam_quality", "beam_inlier",

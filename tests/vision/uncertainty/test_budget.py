@@ -77,7 +77,7 @@ def test_relative_terms_share_the_camera() -> None:
     np.testing.assert_allclose(relative["noise"][:, 1], np.hypot(*absolute["noise"].T))
     late = slice(35, None)
     assert np.mean(relative["tilt"][late, 1]) < 0.6 * np.mean(np.hypot(*absolute["tilt"][late].T))
-    table = result.to_table()
+    table = result.to_frame()
     np.testing.assert_allclose(table["right_relative_u_total_rad"] ** 2, result.budget.total(True)[:, 1] ** 2)
 
 

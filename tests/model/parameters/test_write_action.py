@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import model
-from model.parameters.write_toml import action_text
+from model.parameters.action import action_text
 from model.regulation import write_action
 
 
