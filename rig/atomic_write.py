@@ -13,7 +13,7 @@ from rig.errors import RigInputError
 
 
 @contextlib.contextmanager
-def refused(path: Path, action: str, advice: str = "") -> Iterator[None]:
+def translate_os_error(path: Path, action: str, advice: str = "") -> Iterator[None]:
     """Turn an OSError in the block into :class:`rig.errors.RigInputError`: ``path: cannot be <action> (reason)``."""
     try:
         yield
@@ -27,7 +27,7 @@ def replace_when_complete(path: Path) -> Iterator[Path]:
     """Yield a temporary path to write to, and rename it to ``path`` if the block ends without an exception."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        with refused(path, "written", "choose a writable place"):
+        with translate_os_error(path, "written", "choose a writable place"):
             yield temporary
             with temporary.open("rb+") as stream:
                 platform_calls.synchronise_whole(stream.fileno())
@@ -49,5 +49,5 @@ def sha256_of_bytes(data: bytes) -> str:
 
 def sha256_of_file(path: Path) -> str:
     """Return the SHA-256 of a file's bytes; raises RigInputError when the file cannot be read."""
-    with refused(path, "read"), path.open("rb") as stream:
+    with translate_os_error(path, "read"), path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

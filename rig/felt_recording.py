@@ -27,13 +27,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.arrays import as_numbers
-from rig.atomic_write import refused, write_text
+from rig.atomic_write import translate_os_error, write_text
 from rig.backend import Backend
 from rig.configuration.profile import MotorCommand, Profile, motor_command, parse_profile
 from rig.configuration.rig_file import FeltConfig, Rig, RigConfig, load_rig, parse_rig
 from rig.configuration.toml_file import dump_toml
 from rig.errors import RigInputError
-from rig.guided_calibration import changed
+from rig.guided_calibration import change_table
 from rig.mains_hum import fit_mains_hum
 from rig.recording.begin_session import new_session
 from rig.recording.options import RecordingKeywords, RecordingOptions
@@ -94,18 +94,18 @@ def readings(trial: TrialData, felt: FeltConfig, lowest: float = LOWEST) -> Read
             f"trial {trial.number}: the {felt.encoder} encoder turned by {np.abs(turned).max():.0f} counts, allowed "
             f"from {LEAST_COUNTS}; is its scale on the motor's shaft (felt.encoder), and the arm on the felt?"
         )
-    felt_n, scatter = _pressed(trial, quiet)
+    felt_n, scatter = _pressing_force(trial, quiet)
     k = np.arange(trial.n_valid) + force.group_delay_s * rate
     felt_n = np.interp(k, np.arange(trial.n_valid), felt_n)
     change = np.gradient(felt_n) * rate
     top = float(moved.max())
     inside = np.flatnonzero(moved >= HIGHEST * top)
     # between the phases the arm rests at the peak
-    rise = _between(moved, quiet, int(inside[0]), lowest * top)
+    rise = _phase_span(moved, quiet, int(inside[0]), lowest * top)
     last = min(trial.n_valid - int(np.ceil(force.group_delay_s * rate)) - 1, moved.size)
-    fall = _between(moved[last - 1 :: -1], 0, last - 1 - int(inside[-1]), lowest * top)
+    fall = _phase_span(moved[last - 1 :: -1], 0, last - 1 - int(inside[-1]), lowest * top)
     fall = (last - fall[1], last - fall[0])
-    parts = [_binned(span, moved, felt_n, change) for span in (rise, fall)]
+    parts = [_bin_means(span, moved, felt_n, change) for span in (rise, fall)]
     columns = [np.concatenate([part[k] for part in parts]) for k in range(4)]
     return Readings(
         moved_m=columns[0],
@@ -129,7 +129,7 @@ def loading_speed(
     return float(np.polyfit(at, x, 1)[0]), float(np.polyfit(at[last], x[last], 1)[0])
 
 
-def _pressed(trial: TrialData, quiet: int) -> tuple[Array, float]:
+def _pressing_force(trial: TrialData, quiet: int) -> tuple[Array, float]:
     """Force above rest plus preload, without mains hum, and its scatter from sample to sample, N."""
     t, n = trial.time_s, trial.n_valid
     calm = np.zeros(n, dtype=bool)
@@ -143,7 +143,7 @@ def _pressed(trial: TrialData, quiet: int) -> tuple[Array, float]:
     return trial.raw_force_n - fit.hum - fit.rest[0] + trial.force_info.preload_n, scatter
 
 
-def _between(moved: Array, start: int, top: int, low: float) -> tuple[int, int]:
+def _phase_span(moved: Array, start: int, top: int, low: float) -> tuple[int, int]:
     """First sample after the last one below ``low``, up to the first one that has reached the top."""
     below = np.flatnonzero(moved[start:top] < low)
     first = start + (int(below[-1]) + 1 if below.size else 0)
@@ -154,7 +154,7 @@ def _between(moved: Array, start: int, top: int, low: float) -> tuple[int, int]:
     return first, top
 
 
-def _binned(span: tuple[int, int], *series: Array) -> tuple[Array, ...]:
+def _bin_means(span: tuple[int, int], *series: Array) -> tuple[Array, ...]:
     """Means over equal times, and how many samples each has."""
     first, end = span
     bins = min(BINS, (end - first) // FEWEST_SAMPLES)
@@ -265,7 +265,7 @@ def press_curve(trial: TrialData, felt: FeltConfig) -> PressCurve:
     scale = next(encoder for encoder in trial.encoders if encoder.name == felt.encoder)
     u_length = float(np.hypot(felt.u_radius_m / felt.radius_m, scale.u_turn_relative))
     known = _Truth(felt.compliance_m_per_n, preload_n=force.preload_n)
-    x, f, u_rest = _compressed(read, known, force.preload_n)
+    x, f, u_rest = _compression_and_force(read, known, force.preload_n)
     off = {
         "compliance": replace(known, compliance=known.compliance + felt.u_compliance_m_per_n),
         "length": replace(known, length=1.0 + u_length),
@@ -275,7 +275,7 @@ def press_curve(trial: TrialData, felt: FeltConfig) -> PressCurve:
     }
     common = {}
     for name, other in off.items():
-        moved, pressed, _ = _compressed(read, other, force.preload_n)
+        moved, pressed, _ = _compression_and_force(read, other, force.preload_n)
         common[name] = np.vstack((moved - x, pressed - f))
     # the divided line signal of the scale: its error comes back with each line; a line as long as the press bends most
     wave = 2 * np.pi * read.moved_m / float(np.ptp(read.moved_m))
@@ -291,7 +291,7 @@ def press_curve(trial: TrialData, felt: FeltConfig) -> PressCurve:
     return PressCurve(x, f, read.loading, common, speed, u_speed, swing, read.peak_n, float(x.max()))
 
 
-def _compressed(read: Readings, known: _Truth, stated_preload_n: float) -> tuple[Array, Array, float]:
+def _compression_and_force(read: Readings, known: _Truth, stated_preload_n: float) -> tuple[Array, Array, float]:
     """Compression and force of the felt, and the standard uncertainty of the compression at rest."""
     force = (read.force_n - stated_preload_n + read.rate_n_per_s * known.delay_s) * known.gain + known.preload_n
     moved = read.moved_m * known.length - known.compliance * (force - known.preload_n)
@@ -369,7 +369,7 @@ class FeltOrder:
             object.__setattr__(self, name, tuple(as_numbers(getattr(self, name), f"felt: {name}", 1).tolist()))
 
 
-def checked(order: FeltOrder, config: RigConfig, source: str) -> FeltConfig:
+def check_order(order: FeltOrder, config: RigConfig, source: str) -> FeltConfig:
     """Return the rig file's ``[felt]`` after a check of the order against it."""
     felt = config.felt
     if felt is None:
@@ -392,7 +392,7 @@ def checked(order: FeltOrder, config: RigConfig, source: str) -> FeltConfig:
     return felt
 
 
-def guarded(config: RigConfig, felt: FeltConfig, peak_n: float) -> RigConfig:
+def press_settings(config: RigConfig, felt: FeltConfig, peak_n: float) -> RigConfig:
     """Return the settings of a press: no camera, the limits of force and travel those of a felt."""
     limits, body = config.limits, [encoder.name for encoder in config.encoders].index(felt.encoder)
     travel, speed = list(limits.travel_rad), list(limits.speed_rad_per_s)
@@ -420,11 +420,13 @@ SLEW_SHARE = 0.9
 def ramp(peak_n: float) -> Profile:
     """Return the slow press: a smooth ramp to the peak, a rest, and back."""
     phase = np.linspace(0.0, 1.0, POINTS)
-    rise = _eased(phase)
-    return _there_and_back("ramp", RAMP_S * phase, peak_n * rise)
+    rise = _ease_in_out(phase)
+    return _mirror_profile("ramp", RAMP_S * phase, peak_n * rise)
 
 
-def at_speed(moved_m: Array, force_n: Array, speed_m_per_s: float, peak_n: float, slew_n_per_s: float) -> Profile:
+def constant_speed_press(
+    moved_m: Array, force_n: Array, speed_m_per_s: float, peak_n: float, slew_n_per_s: float
+) -> Profile:
     """Return the press that moves the felt's surface at one speed.
 
     Parameters
@@ -435,7 +437,7 @@ def at_speed(moved_m: Array, force_n: Array, speed_m_per_s: float, peak_n: float
     """
     way = float(np.interp(peak_n, force_n, moved_m))
     phase = np.linspace(0.0, 1.0, POINTS)
-    moved = way * _eased(phase)
+    moved = way * _ease_in_out(phase)
     duration = way * (1.0 + EASE) / speed_m_per_s
     force = np.interp(moved, moved_m, force_n)
     force *= peak_n / force[-1]
@@ -446,7 +448,7 @@ def at_speed(moved_m: Array, force_n: Array, speed_m_per_s: float, peak_n: float
             f"felt: {speed_m_per_s:g} m/s to {peak_n:g} N needs {steepest:.4g} N/s, allowed {allowed:g} N/s "
             f"(motor.slew_limit_n_per_s); press at {speed_m_per_s * allowed / steepest:.2g} m/s at most, or less hard"
         )
-    return _there_and_back(f"{1e3 * speed_m_per_s:g} mm/s to {peak_n:g} N", duration * phase, force)
+    return _mirror_profile(f"{1e3 * speed_m_per_s:g} mm/s to {peak_n:g} N", duration * phase, force)
 
 
 def checked_command(profile: Profile, config: RigConfig, deepest_rad: float, body: int) -> MotorCommand:
@@ -461,7 +463,7 @@ def checked_command(profile: Profile, config: RigConfig, deepest_rad: float, bod
     return motor_command(profile, config)
 
 
-def _eased(phase: Array) -> Array:
+def _ease_in_out(phase: Array) -> Array:
     """Way over time, both from 0 to 1: constant speed between a smooth beginning and a smooth end."""
     fine = np.linspace(0.0, 1.0, 2001)
     at = EASE / (1.0 + EASE)
@@ -471,7 +473,7 @@ def _eased(phase: Array) -> Array:
     return np.interp(phase, fine, way / way[-1])
 
 
-def _there_and_back(name: str, time_s: Array, force_n: Array) -> Profile:
+def _mirror_profile(name: str, time_s: Array, force_n: Array) -> Profile:
     at = np.concatenate((time_s, time_s[-1] + HOLD_S + time_s))
     force = np.concatenate((force_n, force_n[::-1]))
     force[0] = force[-1] = 0.0
@@ -544,13 +546,13 @@ def record_felt(out: str | Path, order: FeltOrder, **keywords: Unpack[RecordingK
     """
     options = RecordingOptions(**keywords)
     rig = options.rig_config if isinstance(options.rig_config, Rig) else load_rig(options.rig_config)
-    felt = checked(order, rig.config, rig.source)
+    felt = check_order(order, rig.config, rig.source)
     known = options.permission.applied_to(rig.config) if options.permission is not None else rig.config
-    press = _Press(order, rig, guarded(known, felt, max(order.peaks_n)), felt, options)
+    press = _Press(order, rig, press_settings(known, felt, max(order.peaks_n)), felt, options)
     press.command(ramp(max(order.peaks_n)))
     with new_session(out, options, rig) as (backend, create):
         require_permission(rig, backend.capabilities, options.permission, dry_run=True)
-        session = create({}, **press.stated())
+        session = create({}, **press.session_statement())
         return press.block(session, backend) if order.contact == BLOCK else press.felt(session, backend)
 
 
@@ -571,7 +573,7 @@ class _Press:
             else 1 + len(order.speeds_m_per_s) * len(order.peaks_n) * order.repeats
         )
 
-    def stated(self) -> dict[str, Any]:
+    def session_statement(self) -> dict[str, Any]:
         """What a session of presses states of itself."""
         pressed = f"the arm pressed {self.order.contact}, no key; scale of the {self.setup.encoder} on its shaft"
         return {
@@ -585,11 +587,11 @@ class _Press:
         body = [encoder.name for encoder in self.config.encoders].index(self.setup.encoder)
         checked_command(profile, self.config, 0.99 * self.config.limits.travel_rad[body], body)
 
-    def evaluated(self, session: Session, trial: Trial) -> FeltPress:
+    def evaluate_press(self, session: Session, trial: Trial) -> FeltPress:
         """Evaluate a press and write its curve."""
         curve = press_curve(trial.read(), self.setup)
         folder = session.path / FOLDER
-        with refused(folder, "created"):
+        with translate_os_error(folder, "created"):
             folder.mkdir(parents=True, exist_ok=True)
         file = folder / f"trial_{trial.number:04d}.csv"
         write_text(file, curve.table())
@@ -615,7 +617,7 @@ class _Press:
         self.play(session, backend, [ramp(max(self.order.peaks_n))] * BLOCK_PRESSES, 1)
         found = compliance([trial.read() for trial in session.trials], self.setup)
         values = {"compliance_m_per_n": found.m_per_n, "u_compliance_m_per_n": found.u_m_per_n}
-        text = changed(self.rig.text, "felt", {key: float(f"{value:.6g}") for key, value in values.items()})
+        text = change_table(self.rig.text, "felt", {key: float(f"{value:.6g}") for key, value in values.items()})
         parse_rig(text, f"{self.rig.source} with the compliance found")
         return FeltSession(session, compliance=found, rig_text=text)
 
@@ -625,7 +627,7 @@ class _Press:
         moved, force = _rising(session, self.setup)
         slew = self.config.motor.slew_limit_n_per_s
         shaped = [
-            at_speed(moved, force, speed, peak, slew)
+            constant_speed_press(moved, force, speed, peak, slew)
             for peak in order.peaks_n
             for speed in order.speeds_m_per_s
             for _ in range(order.repeats)
@@ -635,7 +637,7 @@ class _Press:
 
         def evaluate(trial: Trial) -> None:
             # at once: what ends the recording later takes no curve with it
-            presses.append(self.evaluated(session, trial))
+            presses.append(self.evaluate_press(session, trial))
             if self.options.after_trial is not None:
                 self.options.after_trial(trial)
 

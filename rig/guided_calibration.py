@@ -72,7 +72,7 @@ def fit_line(reference: ArrayLike, reading: ArrayLike, where: str) -> LineFit:
     return LineFit(*map(float, stated))
 
 
-def changed(text: str, table: str, values: Mapping[str, Value], *, named: str | None = None) -> str:
+def change_table(text: str, table: str, values: Mapping[str, Value], *, named: str | None = None) -> str:
     """Return a rig file's text with values of one table set.
 
     Parameters
@@ -89,17 +89,17 @@ def changed(text: str, table: str, values: Mapping[str, Value], *, named: str | 
         if named is not None and not re.search(rf'(?m)^\s*name\s*=\s*"{re.escape(named)}"', body):
             continue
         for key, value in values.items():
-            body = _set(body, key, toml_value(value))
+            body = _set_value(body, key, toml_value(value))
         return text[: head.end()] + body + text[end:]
     raise RigInputError(f"rig file: has no table [{table}]" + (f" named {named}" if named else ""))
 
 
 def rewritten(rig: Rig, table: str, values: Mapping[str, Value], *, named: str | None = None) -> str:
-    """Return the text as :func:`changed` does, after checking that it is a rig file still.
+    """Return the text as :func:`change_table` does, after checking that it is a rig file still.
 
     With values that are there already it tells, before anything is read, whether what is read can be written.
     """
-    text = changed(rig.text, table, values, named=named)
+    text = change_table(rig.text, table, values, named=named)
     try:
         parse_rig(text, f"{rig.source} as calibrated")
     except RigInputError as error:
@@ -107,7 +107,7 @@ def rewritten(rig: Rig, table: str, values: Mapping[str, Value], *, named: str |
     return text
 
 
-def _set(body: str, key: str, value: str) -> str:
+def _set_value(body: str, key: str, value: str) -> str:
     """Replace a value up to its comment, or add the line below the table's head."""
     line = re.compile(
         rf'(?m)^([ \t]*{re.escape(key)}\s*=\s*)("(?:[^"\\\n]|\\.)*"|\[[^\]]*\]|\{{[^}}\n]*\}}|[^#\n]*?)(\s*(?:#.*)?)$'
@@ -223,7 +223,7 @@ def dead_weights(
         "nonlinearity_n": fit.worst / abs(fit.slope),
         "hysteresis_n": fit.hysteresis / abs(fit.slope),
     }
-    return _done("weights", found, rig, values)
+    return _finish_calibration("weights", found, rig, values)
 
 
 def shunt(rig: Rig, backend: SelftestBackend) -> Calibration:
@@ -253,7 +253,7 @@ def shunt(rig: Rig, backend: SelftestBackend) -> Calibration:
         "gain": gain,
         "u_gain": u_mean / wanted,
     }
-    return _done("shunt", found, rig, values)
+    return _finish_calibration("shunt", found, rig, values)
 
 
 def null(rig: Rig, backend: Backend, ask: Ask) -> Calibration:
@@ -274,10 +274,10 @@ def null(rig: Rig, backend: Backend, ask: Ask) -> Calibration:
         "unit": force.electrical_unit,
         "shift_n": shift / slope,
     }
-    return _done("null", found, rig, values)
+    return _finish_calibration("null", found, rig, values)
 
 
-def _done(kind: str, found: Found, rig: Rig, values: dict[str, Value]) -> Calibration:
+def _finish_calibration(kind: str, found: Found, rig: Rig, values: dict[str, Value]) -> Calibration:
     dated = f"{values['calibration']}, {datetime.now(UTC):%Y-%m-%d}"
     return Calibration(kind, found, rewritten(rig, "force", values | {"calibration": dated}))
 
@@ -303,7 +303,7 @@ class Arc:
     references_rad: tuple[float, ...]
 
 
-def there_and_back(angles_rad: ArrayLike) -> tuple[float, ...]:
+def up_and_down(angles_rad: ArrayLike) -> tuple[float, ...]:
     up = tuple(as_numbers(angles_rad, "reference angles", 1).tolist())
     if len(up) < 3 or list(up) != sorted(set(up)) or not np.all(np.isfinite(up)):
         raise RigInputError(f"reference angles {list(up)} rad: allowed from three, each once, rising")

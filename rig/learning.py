@@ -136,7 +136,7 @@ def make_target(
             f"{name}: lasts {force_n.size * interval_s:.3g} s, allowed at most 60 s; cut out one blow",
         ),
     )
-    on_clock = scale * _resampled(force_n, interval_s, sample_rate_hz)
+    on_clock = scale * _resample_force(force_n, interval_s, sample_rate_hz)
     quiet = max(int(round(QUIET_S * sample_rate_hz)), 2)
     if on_clock.size < 5 * quiet:
         raise RigInputError(f"{name}: lasts {on_clock.size / sample_rate_hz:.3g} s, allowed from {5 * QUIET_S:g} s")
@@ -170,10 +170,10 @@ def make_target(
     onset = int(above[0])
     while onset > 0 and max(noise, 0.0) < force[onset - 1] < force[onset]:
         onset -= 1
-    return _cut(name, force, rest_n, onset, bottom, sample_rate_hz)
+    return _cut_target(name, force, rest_n, onset, bottom, sample_rate_hz)
 
 
-def _resampled(force_n: NDArray[np.float64], interval_s: float, rate_hz: float) -> NDArray[np.float64]:
+def _resample_force(force_n: NDArray[np.float64], interval_s: float, rate_hz: float) -> NDArray[np.float64]:
     """Linear between samples; a faster recording is averaged over each interval of the clock."""
     time_s = np.arange(force_n.size) * interval_s
     n = int(np.floor(time_s[-1] * rate_hz + 1e-6)) + 1
@@ -208,7 +208,9 @@ def key_bottom(force_n: NDArray[np.float64], rate_hz: float) -> int | None:
     return foot
 
 
-def _cut(name: str, force: NDArray[np.float64], rest_n: float, onset: int, bottom: int, rate_hz: float) -> TargetForce:
+def _cut_target(
+    name: str, force: NDArray[np.float64], rest_n: float, onset: int, bottom: int, rate_hz: float
+) -> TargetForce:
     held = force.copy()
     after = min(bottom + int(SPIKE_S * rate_hz), force.size - 1)
     level = float(np.median(force[after : after + max(int(0.02 * rate_hz), 1)]))
@@ -297,7 +299,7 @@ def late_share(target: TargetForce, measured: Measured) -> float:
     return float(squared[target.time_s > end_s - LATE_S].sum() / max(squared.sum(), 1e-30))
 
 
-def corrected(
+def correct_command(
     command_n: NDArray[np.float64], target: TargetForce, measured: Measured, gain: float, rate_hz: float
 ) -> NDArray[np.float64]:
     """Return the next command, (n,), N; zero at both ends."""
@@ -316,7 +318,7 @@ def corrected(
     return np.asarray(corrected_n)
 
 
-def within_limits(
+def limit_command(
     command_n: NDArray[np.float64], force_limit_n: float, slew_limit_n_per_s: float, rate_hz: float
 ) -> NDArray[np.float64]:
     step = 0.98 * slew_limit_n_per_s / rate_hz  # a little less: key points are rounded
@@ -436,7 +438,7 @@ def learn(
     command, gain, played_blows = target.command_n, GAIN, list[Blow]()
     for number in range(1, blows + 1):
         unlimited = command
-        command = within_limits(unlimited, most_n, motor.slew_limit_n_per_s, rate)
+        command = limit_command(unlimited, most_n, motor.slew_limit_n_per_s, rate)
         limited = bool(np.any(np.abs(command - unlimited)[target.time_s <= target.bottom_s] > goal * target.peak_n))
         profile = profile_of(target.name, command, rate, f"blow {number} of learning {target.name}")
         start_s = motor_command(profile, config).blow_start_s - profile.onset_s
@@ -455,7 +457,7 @@ def learn(
         played = np.zeros_like(target.time_s)
         sampled = best.profile.sample(rate)[: played.size]
         played[: sampled.size] = sampled
-        command = corrected(played, target, best.measured, gain, rate)
+        command = correct_command(played, target, best.measured, gain, rate)
     return Learned(target, tuple(played_blows), best, goal)
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import ConfigDict, Field
 
-from rig.atomic_write import refused, write_text
+from rig.atomic_write import translate_os_error, write_text
 from rig.backend import Backend, Block, Capabilities, Expiry, Timing
 from rig.configuration import toml_file
 from rig.configuration.rig_file import BODIES, Number, Rig, RigConfig, SelftestConfig, Table, Text
@@ -70,7 +70,7 @@ class SelftestRecord(Table):
         """Write the record into a folder, created if missing; return its path."""
         stamp = self.created_utc.astimezone(UTC)
         path = folder / f"{stamp:%Y-%m-%dT%H%M%SZ}_{self.rig}.toml"
-        with refused(folder, "created"):
+        with translate_os_error(folder, "created"):
             folder.mkdir(parents=True, exist_ok=True)
         table = self.model_dump(by_alias=True)
         table["created_utc"] = stamp.isoformat(timespec="seconds")
@@ -187,7 +187,7 @@ def encoder_advice(config: RigConfig, body: int, turned_rad: float) -> str:
     return f"wrong scale by {ratio:.3g}: look at counts_per_revolution and the decoding"
 
 
-def joined(blocks: list[Block]) -> Block:
+def join_blocks(blocks: list[Block]) -> Block:
     return Block(
         blocks[0].first_sample,
         np.concatenate([block.force_n for block in blocks]),
@@ -317,9 +317,9 @@ class Checks:
         size = max(int(round(self.config.recording.block_s * self.rate)), 1)
         blocks = [self.backend.read_block(size, READ_TIMEOUT_S) for _ in range(-(-command_v.size // size))]
         self.backend.safe_stop()
-        return timing, joined(blocks)
+        return timing, join_blocks(blocks)
 
-    def by_hand(self, prompt: Callable[[str], None]) -> None:
+    def check_by_hand(self, prompt: Callable[[str], None]) -> None:
         """Unloaded reading, and the encoders' response to a key pressed by the operator."""
         prompt(INSTRUCTION)
         _, block = self._acquire(np.zeros(int(PRESS_S * self.rate)), enable_drive=False)
@@ -434,7 +434,9 @@ class Checks:
         self.backend.arm()
         self.backend.start()
         size = max(int(round(config.recording.block_s * self.rate)), 1)
-        first = joined([self.backend.read_block(size, READ_TIMEOUT_S) for _ in range(int(0.6 * self.rate) // size)])
+        first = join_blocks(
+            [self.backend.read_block(size, READ_TIMEOUT_S) for _ in range(int(0.6 * self.rate) // size)]
+        )
         lead, settled = int(LEAD_S * self.rate), int(SETTLED_S * self.rate)
         pushed = float(first.force_n[-settled:].mean() - first.force_n[:lead].mean())
         expiry = self.backend.let_watchdog_expire(size, int((timeout + 0.6) * self.rate) // size)
@@ -442,7 +444,7 @@ class Checks:
         if expiry.locked:
             last = self._acquire(np.zeros(int(REST_WINDOW_S * self.rate)), enable_drive=False)[1].force_n
         else:
-            last = joined(expiry.blocks).force_n[-settled:]
+            last = join_blocks(expiry.blocks).force_n[-settled:]
         left = float(last.mean() - first.force_n[:lead].mean())
         after_s = None if expiry.tripped is None else (expiry.tripped + 1) * size / self.rate
         late = after_s is None or not 0.5 * timeout <= after_s <= timeout + 0.25
@@ -543,7 +545,7 @@ def run_selftest(
         raise RigInputError(f"{rig.source}: has no [selftest]; add it, with stroke_rad, to say what a sound bench does")
     checks = Checks(rig.config, rig.config.selftest, backend, tell or (lambda finding: None))
     steps: tuple[tuple[str, Callable[[], None]], ...] = (
-        ("by hand", lambda: checks.by_hand(prompt)),
+        ("by hand", lambda: checks.check_by_hand(prompt)),
         ("drive disabled", checks.pushed_disabled),
         ("motor and force", checks.pushed_enabled),
         ("watchdog", checks.watchdog),

@@ -72,7 +72,7 @@ def calibrate_encoder(
     workflows.check_body(body)
     if not 0 <= u_angle_rad < 0.01:
         raise CommandInputError(f"--u-angle {u_angle_rad:g}: allowed 0 to 0.01 rad")
-    rig_file, references = rig.load_rig(rig_name), guided_calibration.there_and_back(angles_rad)
+    rig_file, references = rig.load_rig(rig_name), guided_calibration.up_and_down(angles_rad)
     guided_calibration.rewritten(rig_file, "encoders", {"arc_gain": 1.0, "u_eccentricity_rad": 0.0}, named=body)
     address = workflows.virtual_address(backend, "pose", f"{body}:{','.join(f'{angle:.9g}' for angle in references)}")
     with workflows.interrupts_told(out), closing(rig.open_backend(address, rig_file.config)) as bench:

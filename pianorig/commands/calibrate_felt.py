@@ -82,7 +82,7 @@ def command(
         raise CommandInputError("--figure: draws a loading experiment; name its CSV file too")
     check_writable(figure, *FIGURE_ENDINGS)
     check_writable(out, ".toml")
-    curves = _named(curves or [])
+    curves = expand_patterns(curves or [])
     given = model.load_action(action)
     if curves and contact is not None and f"{contact}.normal.a" not in given.quantities:
         raise CommandInputError(f"--contact {contact}: not found; allowed contact01 to contact13")
@@ -133,7 +133,7 @@ def command(
     tell(as_json, facts, lines)
 
 
-def _named(curves: list[Path]) -> list[Path]:
+def expand_patterns(curves: list[Path]) -> list[Path]:
     """Files of a pattern such as ``presses/*.csv``, which Windows shells hand on as it stands."""
     found = ([curve] if curve.exists() else sorted(map(Path, glob(str(curve)))) or [curve] for curve in curves)
     return [one for files in found for one in files]

@@ -80,7 +80,7 @@ def calibrate_force(
     guided_calibration.rewritten(rig_file, "force", stated)
     with workflows.interrupts_told(out), closing(rig.open_backend(backend, rig_file.config)) as bench:
 
-        def asked(instruction: str, mass_kg: float) -> None:
+        def hang_weight(instruction: str, mass_kg: float) -> None:
             if isinstance(bench, SimulatedBackend):
                 bench.device.bench.hung_n = mass_kg * (order.gravity or guided_calibration.STANDARD_GRAVITY)
             else:
@@ -88,10 +88,10 @@ def calibrate_force(
 
         if order.kind == "weights":
             done = guided_calibration.dead_weights(
-                rig_file, bench, order.masses_kg, asked, u_mass_kg=order.u_mass_kg, gravity=order.gravity
+                rig_file, bench, order.masses_kg, hang_weight, u_mass_kg=order.u_mass_kg, gravity=order.gravity
             )
         elif order.kind == "null":
-            done = guided_calibration.null(rig_file, bench, asked)
+            done = guided_calibration.null(rig_file, bench, hang_weight)
         else:
             done = guided_calibration.shunt(rig_file, bench)  # type: ignore[arg-type]
         device = bench.capabilities.description

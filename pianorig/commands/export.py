@@ -54,7 +54,7 @@ def export_session(path: Path, form: str, *, trials: list[int] | None = None, ou
 
     if form not in (*FORMATS, FORCE):
         raise CommandInputError(f"--to {form}: allowed {', '.join((*FORMATS, FORCE))}")
-    chosen = _chosen(path, trials)
+    chosen = _choose_trials(path, trials)
     folder = out if out is not None else chosen[0].path.parent / "export"
     make_folder(folder, parents=True)
     files: list[Path] = []
@@ -67,7 +67,7 @@ def export_session(path: Path, form: str, *, trials: list[int] | None = None, ou
     return files
 
 
-def _chosen(path: Path, numbers: list[int] | None) -> list[rig.Trial]:
+def _choose_trials(path: Path, numbers: list[int] | None) -> list[rig.Trial]:
     if path.suffix == ".h5":
         found = [trial for trial in rig.Session.open(path.parent).trials if trial.path.name == path.name]
         if not found or numbers:

@@ -17,7 +17,7 @@ import validation
 from pianorig import workflows
 from pianorig.console.failures import Interrupted
 from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Scene, Settings
-from pianorig.console.output import table_lines, tell, wrapped
+from pianorig.console.output import table_lines, tell, wrap_text
 from pianorig.console.overrides import load_model, read_settings
 from pianorig.console.progress import say
 from pianorig.errors import CommandInputError
@@ -138,12 +138,12 @@ def command(
     more = {"file": out, "files": files, "next": shrinks, "no_plan": why_none or None}
     lines = [
         *table_lines(ESTIMATE_HEAD, [*map(_cells, found.estimates)]),
-        *(line for text in found.warnings for line in wrapped(f"note: {text}.")),
-        *(line for name, scores in found.scores.items() for line in wrapped(_scores(name, scores))),
-        *(line for text in reading_lines(found, ranked, refused) for line in wrapped(text)),
-        *wrapped(f"end: {found.end}."),
+        *(line for text in found.warnings for line in wrap_text(f"note: {text}.")),
+        *(line for name, scores in found.scores.items() for line in wrap_text(_scores(name, scores))),
+        *(line for text in reading_lines(found, ranked, refused) for line in wrap_text(text)),
+        *wrap_text(f"end: {found.end}."),
         *(f"{name}: {path}" for name, path in files.items()),
-        *(wrapped(f"plan: none is written: {why_none}.") if why_none else []),
+        *(wrap_text(f"plan: none is written: {why_none}.") if why_none else []),
     ]
     tell(as_json, _as_plain(found) | more, lines)
     if found.end.by_user:

@@ -181,18 +181,18 @@ def load_target(
     scale.
     """
     # start-up: 0.4 s of NumPy and h5py
-    from rig.foreign.channel_table import known
+    from rig.foreign.channel_table import known_unit
     from rig.foreign.sample_times import SECONDS
 
     table = rig.read_channels(source, separator=separator, decimal=decimal)
-    unit = known(table.units.get(force_channel, ""))
+    unit = known_unit(table.units.get(force_channel, ""))
     if unit not in (None, "N") and scale == 1.0:
         raise CommandInputError(
             f"{source}: {force_channel} is in {unit!r} by the file itself; give --scale, newtons per {unit}"
         )
     if time_channel not in table.channels and force_channel in table.clocks:
         time_channel = None
-    time_unit = known(table.units.get(time_channel or "", "")) or "s"
+    time_unit = known_unit(table.units.get(time_channel or "", "")) or "s"
     if time_unit not in SECONDS:
         raise CommandInputError(
             f"{source}: {time_channel} is in {time_unit!r} by the file itself, allowed {', '.join(SECONDS)}"

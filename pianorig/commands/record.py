@@ -218,11 +218,11 @@ def press_felt(
     """Press a felt, or the block, on a bench; on the virtual one it is mounted by itself."""
     # start-up: 0.5 s of NumPy and h5py, which --help does not need
     from rig.atomic_write import write_text
-    from rig.felt_recording import checked
+    from rig.felt_recording import check_order
     from rig.recording.options import RecordingKeywords
 
     rig_file = rig.load_rig(access.rig)
-    felt = checked(order, rig_file.config, rig_file.source)
+    felt = check_order(order, rig_file.config, rig_file.source)
     address = access.backend
     if address.startswith(SIMULATED) and "felt=" not in address:
         address += f"{'&' if '?' in address else '?'}felt={order.contact}"

@@ -12,8 +12,8 @@ import model
 from pianorig import workflows
 from pianorig.console.column_file import FIGURE_ENDINGS, check_writable
 from pianorig.console.options import BUILT_IN_ACTION, AsJson, Figure, Scene, Settings, complete_file
-from pianorig.console.output import file_lines, table_lines, tell, wrapped
-from pianorig.console.overrides import in_scene, load_changed, read_settings
+from pianorig.console.output import file_lines, table_lines, tell, wrap_text
+from pianorig.console.overrides import load_changed, name_with_scene, read_settings
 from pianorig.console.progress import working
 
 
@@ -45,7 +45,7 @@ def command(
     check_writable(out, ".toml")
     check_writable(figure, *FIGURE_ENDINGS)
     given = load_changed(action, set_, scene=scene)
-    said = in_scene(given, scene).name
+    said = name_with_scene(given, scene).name
     wanted = {name: 1e-3 * length for name, length in read_settings(target_mm or [], "--target-mm").items()}
     targets = model.regulation.targets_at(wanted)
     if out is None:
@@ -77,7 +77,7 @@ def _measure(
     cells = [(row["words"], _millimetres(row["wanted_m"]), _millimetres(row["measured_m"])) for row in rows]
     lines = table_lines((f"{said}, mm", "wanted", "measured"), cells)
     for row in rows:
-        lines += wrapped(str(row["remark"]), f"{row['target']}: ") if row["remark"] else []
+        lines += wrap_text(str(row["remark"]), f"{row['target']}: ") if row["remark"] else []
     if figure is not None:
         workflows.draw_targets(rows, "measured_m", figure)
     more = {"figure": figure} if figure is not None else {}

@@ -13,7 +13,7 @@ from pianorig.console import options
 from pianorig.console.column_file import make_folder, write_rows
 from pianorig.console.options import DEFAULT_ACTION, AsJson, Scale, Scene, Settings
 from pianorig.console.output import file_lines, tell
-from pianorig.console.overrides import in_scene, load_changed
+from pianorig.console.overrides import load_changed, name_with_scene
 from pianorig.console.progress import say, working
 from pianorig.errors import CommandInputError
 
@@ -59,11 +59,11 @@ def command(
     Example:  pianorig sensitivity force.csv --parameters friction,hammer.mass,contact02 --out sensitivity
     """
     names = None if parameters is None else [name.strip() for name in parameters.split(",") if name.strip()]
-    chosen = in_scene(load_changed(action, set_, scale, scene), scene)
+    chosen = name_with_scene(load_changed(action, set_, scale, scene), scene)
     make_folder(out)
     source = _trial_of(blow, trial)
     driving = workflows.read_driving_force(source, model.choice_of(chosen).input_column)
-    local = _local(chosen, driving, names, as_json)
+    local = _local_sensitivities(chosen, driving, names, as_json)
     if not as_json:
         _print_local(local, chosen.name)
     files: list[Path] = []
@@ -92,7 +92,7 @@ def _trial_of(blow: Path, trial: int | None) -> Path:
     return usable[0].path
 
 
-def _local(
+def _local_sensitivities(
     action: model.Action, driving: workflows.DrivingForce, names: list[str] | None, quiet: bool
 ) -> model.sensitivity.LocalTable:
     for name in names or ():

@@ -153,7 +153,7 @@ def command(
         )
     doubt, check = _judge_blow(chosen, driving, choice, (str(force), tolerance, method))
     seen = solution.inside
-    words = {} if seen is None else _described(chosen)
+    words = {} if seen is None else _contact_descriptions(chosen)
     write_columns(
         out,
         solution.columns(),
@@ -180,13 +180,17 @@ def command(
             )
             if figure is not None:
                 model.inside.draw_sheet(
-                    chosen, moved, driving.at(fine), figure, workflows.blow_events(chosen, moved, driving.at(fine))
+                    chosen,
+                    moved,
+                    driving.force_at(fine),
+                    figure,
+                    workflows.blow_events(chosen, moved, driving.force_at(fine)),
                 )
             if animation is not None:
                 # start-up: the player's data need more of validation and vision than a run without animation
                 from pianorig.player.animation import write_blow_animation
 
-                write_blow_animation(chosen, moved, driving.at(fine), animation)
+                write_blow_animation(chosen, moved, driving.force_at(fine), animation)
     facts: dict[str, object] = {
         "out": out,
         "rows": len(solution.time_s),
@@ -203,8 +207,8 @@ def command(
         kept = f"largest error of an angle about {solution.error_rad:.1e} rad, requested {solution.tolerance:g}"
         lines.append(missed_request(solution) or kept)
     if seen is not None:
-        facts |= _inside_facts(seen)
-        lines += _inside_lines(seen, words)
+        facts |= _loss_facts(seen)
+        lines += _loss_lines(seen, words)
     facts |= {name: path for name, path in drawings.items() if path is not None}
     tell(as_json, facts, [*lines, *file_lines(drawings.values())])
 
@@ -292,13 +296,13 @@ def _motion_lines(driven: model.MotionDriven) -> list[str]:
     ]
 
 
-def _described(action: model.Action) -> dict[str, str]:
+def _contact_descriptions(action: model.Action) -> dict[str, str]:
     """What each contact is, in the words of the action's file."""
     ending = ".description"
     return {path[: -len(ending)]: words for path, words in action.structure.items() if path.endswith(ending)}
 
 
-def _inside_facts(seen: model.inside.Inside) -> dict[str, object]:
+def _loss_facts(seen: model.inside.Inside) -> dict[str, object]:
     contacts = [
         {
             "contact": name,
@@ -327,7 +331,7 @@ def _lift_attributes(seen: model.inside.Inside) -> dict[str, list[float]]:
     return out
 
 
-def _inside_lines(seen: model.inside.Inside, words: dict[str, str]) -> list[str]:
+def _loss_lines(seen: model.inside.Inside, words: dict[str, str]) -> list[str]:
     """Table of contacts and joints, then the intervals in which the key lifts or would."""
     lines = [f"{'contact':<34}{'largest N':>10}{'rubbed mm':>11}{'friction mJ':>13}{'felt mJ':>9}"]
     for i, name in enumerate(seen.contacts):

@@ -15,7 +15,7 @@ from pianorig import workflows
 from pianorig.console.column_file import make_folder, write_rows
 from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Scale, Scene, Settings
 from pianorig.console.output import file_lines, tell
-from pianorig.console.overrides import in_scene, load_changed, read_variant, say_idle
+from pianorig.console.overrides import load_changed, name_with_scene, read_variant, say_idle
 from pianorig.console.progress import working
 
 Rows = list[dict[str, Any]]
@@ -53,7 +53,7 @@ def variants(
 
     Example:  pianorig study variants --force force.csv --variant "dry: --scale damping=0.1"
     """
-    chosen = in_scene(load_changed(action, set_, scale, scene), scene)
+    chosen = name_with_scene(load_changed(action, set_, scale, scene), scene)
     given = [model.study.Variant(*read_variant(text)) for text in variant or []]
     say_idle(chosen, [name for one in given for name in (*one.values, *one.factors)])
     _report(chosen, force, "", f"simulating {len(given) + 1} blows", partial(_compare, given), (out, as_json))
@@ -74,7 +74,7 @@ def thesis(
 
     Example:  pianorig study thesis --action hirschkorn2004-regulated --out thesis
     """
-    chosen = in_scene(load_changed(action, set_, scale, scene), scene)
+    chosen = name_with_scene(load_changed(action, set_, scale, scene), scene)
     model.choice_of(chosen).need_played_key(chosen.name)  # the piano is a force on the key
     _report(chosen, force, "thesis-forte", "simulating nine blows", _compare_as_thesis, (out, as_json))
 

@@ -11,7 +11,7 @@ import model
 from pianorig.console.column_file import FIGURE_ENDINGS, check_writable, write_rows
 from pianorig.console.options import AsJson, Scale, Scene, Settings, complete_file
 from pianorig.console.output import file_lines, tell
-from pianorig.console.overrides import in_scene, load_changed
+from pianorig.console.overrides import load_changed, name_with_scene
 from pianorig.console.progress import working
 
 
@@ -36,7 +36,7 @@ def command(
     """
     check_writable(figure, *FIGURE_ENDINGS)
     check_writable(curve, ".csv")
-    chosen = [in_scene(load_changed(action, set_, scale, scene), scene) for action in actions]
+    chosen = [name_with_scene(load_changed(action, set_, scale, scene), scene) for action in actions]
     names = [a.name for a in chosen]
     names = [n if names.count(n) == 1 else given for n, given in zip(names, actions, strict=True)]
     feels = []

@@ -120,7 +120,7 @@ def command(
             relevant=limits,
             explain=explain or None,
         )
-        verdict, files, refused, reused = side.verdict_lines, side.files, side.refused, _reused(side)
+        verdict, files, refused, reused = side.verdict_lines, side.files, side.refused, _reused_stages(side)
         printed = workflows.comparison_lines(side)
         # a report is not stored when a session could not be read, or when an input changed while it was made
         if not refused and inputs_sha256(sessions, read, options) == inputs:
@@ -154,7 +154,7 @@ def _limits(given: list[str]) -> dict[str, float]:
     return out
 
 
-def _reused(side: validation.SideBySide) -> str:
+def _reused_stages(side: validation.SideBySide) -> str:
     """What was not made again, for every session and model."""
     texts = []
     for result in side.results:

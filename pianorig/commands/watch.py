@@ -159,7 +159,7 @@ def follow_session(
         if view is not None and (now := (view.trial, view.state, view.time_s.size)) != seen:
             show(view)
             seen = now
-        if once or follower.ended or (view is not None and view.finished):
+        if once or follower.has_ended or (view is not None and view.is_finished):
             return view
         wait(every_s)
 

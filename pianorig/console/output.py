@@ -12,7 +12,7 @@ from typing import Any
 from pianorig.console.terminal import drawing_width
 
 
-def _plain(value: Any) -> Any:
+def _to_plain(value: Any) -> Any:
     """NumPy's numbers and arrays as Python's, anything else, paths above all, as text."""
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
@@ -32,9 +32,9 @@ def _finite(content: Any) -> Any:
 def json_text(content: Any) -> str:
     """JSON of plain values, NumPy's, and paths; a number that is none, or not finite, is null."""
     try:
-        return json.dumps(content, default=_plain, allow_nan=False)
+        return json.dumps(content, default=_to_plain, allow_nan=False)
     except ValueError:
-        return json.dumps(_finite(content), default=_plain)
+        return json.dumps(_finite(content), default=_to_plain)
 
 
 def print_json(item: Mapping[str, Any]) -> None:
@@ -66,18 +66,18 @@ def table_lines(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]
         wide[wide.index(max(wide))] -= 1
     lines = []
     for row in cells:
-        parts = [_cut(cell, n).ljust(n) if i == 0 else _cut(cell, n).rjust(n) for i, (cell, n) in
+        parts = [_shorten_text(cell, n).ljust(n) if i == 0 else _shorten_text(cell, n).rjust(n) for i, (cell, n) in
                  enumerate(zip(row, wide, strict=True))]  # fmt: skip
         lines.append("  ".join(parts).rstrip())
     more = [f"and {len(rows) - len(shown)} more"] if len(shown) < len(rows) else []
     return lines + more
 
 
-def _cut(text: str, n: int) -> str:
+def _shorten_text(text: str, n: int) -> str:
     return text if len(text) <= n else text[: max(n - 1, 0)] + "…"
 
 
-def wrapped(text: str, begin: str = "") -> list[str]:
+def wrap_text(text: str, begin: str = "") -> list[str]:
     """A text in lines of at most 80 columns, those after the first indented by two."""
     return textwrap.wrap(begin + text, MOST_COLUMNS, subsequent_indent="  ", break_long_words=False)
 

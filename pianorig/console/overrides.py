@@ -54,10 +54,10 @@ def load_changed(
 ) -> model.Action:
     """The action in a scene, by default its own, with what ``--set`` gives, then with what ``--scale`` multiplies."""
     laws, others = split_laws(set_ or [])
-    return _changed(action, laws, read_settings(others), read_settings(scale or [], "--scale"), scene)
+    return _change_action(action, laws, read_settings(others), read_settings(scale or [], "--scale"), scene)
 
 
-def _changed(
+def _change_action(
     action: str, laws: dict[str, str], values: dict[str, float], factors: dict[str, float], scene: str | None
 ) -> model.Action:
     """Values that are set go before those of the scene; a value without its effect or law is refused at once."""
@@ -78,7 +78,7 @@ def say_idle(action: model.Action, names: Iterable[str]) -> None:
             warnings.warn(f"{path}: changes nothing, the law of this felt ({law}) has no D", stacklevel=2)
 
 
-def in_scene(action: model.Action, scene: str | None) -> model.Action:
+def name_with_scene(action: model.Action, scene: str | None) -> model.Action:
     """The action with the scene that was chosen for it in its name, as reports and sheets call it."""
     return action if scene is None else replace(action, name=f"{action.name} (scene {Path(scene).stem})")
 
@@ -135,7 +135,7 @@ def load_model(text: str, settings: Sequence[str] = (), scene: str | None = None
         raise CommandInputError(f"--action {name}: --scene found {len(given['--scene'])} times, allowed once")
     scene = given["--scene"][0] if given["--scene"] else scene
     laws |= own
-    action = _changed(name, laws, {**changes, **values}, factors, scene)
+    action = _change_action(name, laws, {**changes, **values}, factors, scene)
     said = [] if scene is None else [f"scene {Path(scene).stem}"]
     said += [f"{contact}.{LAW}={law}" for contact, law in laws.items()]  # a report names no law anywhere else
     said += [f"{path}={value:g}" for path, value in values.items()]

@@ -187,7 +187,7 @@ def recording_line(quiet: bool = False, title: str = "") -> Iterator[Callable[[A
         return
     peak_n, trial, began_s = 0.0, 0, time.monotonic()
 
-    def of(at: Any, word: str = " of ") -> str:
+    def count_of(at: Any, word: str = " of ") -> str:
         return "" if at.trials >= UNLIMITED else f"{word}{at.trials}"
 
     def update(at: Any) -> None:
@@ -197,10 +197,10 @@ def recording_line(quiet: bool = False, title: str = "") -> Iterator[Callable[[A
         if at.trial != trial:
             trial, peak_n = at.trial, 0.0
             if not LIVE.is_on and time.monotonic() - began_s >= PATIENCE_S:
-                say(f"trial {at.trial}{of(at)}" + (f", {title}" if title else ""))
+                say(f"trial {at.trial}{count_of(at)}" + (f", {title}" if title else ""))
         peak_n = max(peak_n, at.peak_force_n)
         left = "" if at.left_s is None else f"  {clock(at.left_s)} left"
-        LIVE.show(f"trial {at.trial}{of(at, '/')}  {at.time_s:5.2f} s  peak {peak_n:5.1f} N{left}")
+        LIVE.show(f"trial {at.trial}{count_of(at, '/')}  {at.time_s:5.2f} s  peak {peak_n:5.1f} N{left}")
 
     try:
         yield update

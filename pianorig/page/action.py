@@ -68,7 +68,7 @@ def scenes() -> dict[str, str]:
 
 
 @lru_cache(maxsize=8)
-def _given(name: str, scene: str) -> model.Action:
+def _load_given_action(name: str, scene: str) -> model.Action:
     if name not in built_in_actions():
         raise CommandInputError(f"action {name[:80]!r}: allowed {', '.join(built_in_actions())}")
     return chosen_scene(scene).apply_to(model.load_action(name))
@@ -85,7 +85,7 @@ def changed_action(name: str, changes: Sequence[str], scene: str = "whole") -> m
             values[path] = float(value)
         except ValueError:
             raise CommandInputError(f"{text[:80]!r}: allowed path=value, the value a number in SI units") from None
-    given = _given(name, scene)
+    given = _load_given_action(name, scene)
     if not values:
         return given
     changed = given.with_values(values, "page")
@@ -95,7 +95,7 @@ def changed_action(name: str, changes: Sequence[str], scene: str = "whole") -> m
 
 def action_facts(name: str, scene: str = "whole") -> dict[str, Any]:
     """Screws and parameters of an action in a scene, each with the reach of its slider, SI units."""
-    given = _given(name, scene)
+    given = _load_given_action(name, scene)
     contacts = {key.removesuffix(".description"): text for key, text in given.structure.items() if "description" in key}
     screws = []
     for screw in SCREWS:
@@ -137,7 +137,7 @@ def reach(path: str, value: float, unit: str) -> tuple[float, float]:
 
 def toml_of(action: model.Action) -> str:
     """The action as the text of a TOML file that ``--action`` reads; its head names what was changed."""
-    if action.content() == _given(action.name, "whole").content():
+    if action.content() == _load_given_action(action.name, "whole").content():
         raise CommandInputError(f"{action.name}: nothing was changed; use it by its name")
     quantities = model.quantities_of(action)
     words = [f"{path} = {value:.9g} {quantities[path].unit}" for path, value in action.changed.items()]

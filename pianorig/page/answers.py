@@ -263,12 +263,12 @@ def _frames(served: Served, name: str, number: str, first: str, count: str, aske
 # outlines of a film; tracking it
 
 
-def _of_film(served: Served, owner: str, number: str) -> FilmSubject:
+def _film_subject(served: Served, owner: str, number: str) -> FilmSubject:
     return subject_of(served.catalogue, owner, int(number))
 
 
 def _track(served: Served, owner: str, number: str, asked: Asked) -> dict[str, Any]:
-    subject = _of_film(served, owner, number)
+    subject = _film_subject(served, owner, number)
     if not subject.bodies.is_file():
         raise CommandInputError(f"{subject.bodies.name}: no outlines yet; save them first")
     words = ["--allow-truncated", "--bodies", str(subject.bodies)]
@@ -333,13 +333,13 @@ ADDRESSES: dict[str, dict[str, Any]] = {
     f"/api/film/{NAME}/{NUMBER}": {"get": _film},
     "/api/films": {"get": lambda it, asked: {"films": it.catalogue.films()}},
     OUTLINES: {
-        "get": lambda it, owner, number, asked: outlines_of(_of_film(it, owner, number)),
-        "post": lambda it, owner, number, asked: save(_of_film(it, owner, number), asked.content.get("bodies")),
+        "get": lambda it, owner, number, asked: outlines_of(_film_subject(it, owner, number)),
+        "post": lambda it, owner, number, asked: save(_film_subject(it, owner, number), asked.content.get("bodies")),
     },
     f"{OUTLINES}/track": {"post": _track},
     f"{OUTLINES}/frame": {
         "post": lambda it, owner, number, asked: track_again(
-            _of_film(it, owner, number), asked.content.get("frame"), asked.content.get("places")
+            _film_subject(it, owner, number), asked.content.get("frame"), asked.content.get("places")
         )
     },
     f"/film/{NAME}/{NUMBER}/{NUMBER}-{NUMBER}": {"get": _frames},

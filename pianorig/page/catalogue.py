@@ -24,7 +24,7 @@ LONGEST = 600
 """Characters of one text that the page shows."""
 
 
-def shortened(text: object) -> str:
+def shorten_text(text: object) -> str:
     """Text on one line, of bounded length."""
     words = " ".join(str(text).split())
     return words if len(words) <= LONGEST else words[: LONGEST - 1] + "…"
@@ -67,10 +67,10 @@ def read_row(folder: Path) -> SessionRow:
         info = session.info
         return SessionRow(
             name=folder.name,
-            created_utc=shortened(info.created_utc),
-            action=shortened(info.action.name),
-            operator=shortened(info.operator),
-            profile=shortened(info.profile.name),
+            created_utc=shorten_text(info.created_utc),
+            action=shorten_text(info.action.name),
+            operator=shorten_text(info.operator),
+            profile=shorten_text(info.profile.name),
             simulated=info.simulated,
             trials=len(trials),
             rejected=sum(trial.rejected is not None for trial in trials),
@@ -140,7 +140,7 @@ def session_detail(folder: Path) -> dict[str, Any]:
             {
                 "trial": trial.number,
                 "status": trial_status(trial),
-                "rejected": None if trial.rejected is None else shortened(trial.rejected),
+                "rejected": None if trial.rejected is None else shorten_text(trial.rejected),
                 "film": "" if trial.film is None else trial.film.name,
                 "tracked": session.derived_path(STEP, trial.number).is_file(),
             }
@@ -150,9 +150,9 @@ def session_detail(folder: Path) -> dict[str, Any]:
             {
                 "trial": entry.trial,
                 "kind": entry.kind,
-                "reason": shortened(entry.reason),
-                "author": shortened(entry.author),
-                "time_utc": shortened(entry.time_utc),
+                "reason": shorten_text(entry.reason),
+                "author": shorten_text(entry.author),
+                "time_utc": shorten_text(entry.time_utc),
             }
             for entry in session.annotations
         ],
@@ -176,7 +176,7 @@ def results_of(path: Path, trials: tuple[Trial, ...]) -> dict[str, Any]:
             return {"problem": f"results.json has {size / 1e6:.0f} MB, {limit}"}
         return _results(json.loads(path.read_text(encoding="utf-8")), trials)
     except (OSError, ValueError, RecursionError, KeyError, TypeError, AttributeError) as error:
-        return {"problem": f"results.json cannot be read ({shortened(error)}); make the report again"}
+        return {"problem": f"results.json cannot be read ({shorten_text(error)}); make the report again"}
 
 
 def _results(content: dict[str, Any], trials: tuple[Trial, ...]) -> dict[str, Any]:
@@ -186,13 +186,13 @@ def _results(content: dict[str, Any], trials: tuple[Trial, ...]) -> dict[str, An
     """
     lines, tables = content["verdict_lines"], content["tables"]
     # a fault of the session stands once for each model
-    texts = list(dict.fromkeys(shortened(row["text"]) for row in tables["findings"]))
-    outcomes = dict.fromkeys(shortened(result.get("outcome", "")) for result in content["results"])
+    texts = list(dict.fromkeys(shorten_text(row["text"]) for row in tables["findings"]))
+    outcomes = dict.fromkeys(shorten_text(result.get("outcome", "")) for result in content["results"])
     rejected = {int(row["trial"]): str(row["reason"]).startswith("rejected") for row in tables["trials"]}
     seals = dict(content["results"][0]["provenance"]["trials_sha256"])
     return {
         "verdict": ", ".join(text for text in outcomes if text),
-        "sentence": shortened(lines[0]) if lines else "",
+        "sentence": shorten_text(lines[0]) if lines else "",
         "findings": tuple(texts[:MOST_FINDINGS]),
         "n_findings": len(texts),
         "stale": bool(seals)
@@ -212,7 +212,7 @@ def _seal(trial: Trial) -> str:
 
 def _reason(error: Exception, folder: Path) -> str:
     """The error in one line, without the path that the row names already."""
-    return shortened(str(error).replace(f"{folder}: ", "").replace(f"{folder}/", "") or type(error).__name__)
+    return shorten_text(str(error).replace(f"{folder}: ", "").replace(f"{folder}/", "") or type(error).__name__)
 
 
 SESSION_FILE = "session.toml"
@@ -253,7 +253,7 @@ class Catalogue:
 
     def names(self) -> list[str]:
         """Names of the folders that hold a ``session.toml``."""
-        return self._listed(self.root, lambda path: (path / SESSION_FILE).is_file())
+        return self._list_names(self.root, lambda path: (path / SESSION_FILE).is_file())
 
     def rows(self) -> list[SessionRow]:
         """One row a session, newest first; sessions without a date last."""
@@ -274,7 +274,7 @@ class Catalogue:
 
     def films(self) -> list[str]:
         """Names of the films that lie in the folder itself, beside the sessions."""
-        return self._listed(self.root, lambda path: path.suffix.lower() in FILM_SUFFIXES and path.is_file())
+        return self._list_names(self.root, lambda path: path.suffix.lower() in FILM_SUFFIXES and path.is_file())
 
     def film(self, name: str) -> Path:
         """A film that lies on its own, which must be one of `films`."""
@@ -289,7 +289,7 @@ class Catalogue:
     def comparisons(self) -> list[str]:
         """Names of the reports of several sessions, newest first."""
         folder = self.root / COMPARISONS
-        return self._listed(folder, lambda path: (path / REPORT).is_file())[::-1] if folder.is_dir() else []
+        return self._list_names(folder, lambda path: (path / REPORT).is_file())[::-1] if folder.is_dir() else []
 
     def comparison_file(self, name: str, path: str = REPORT) -> tuple[Path, str]:
         if name not in self.comparisons():
@@ -310,7 +310,7 @@ class Catalogue:
         return file, kind
 
     @staticmethod
-    def _listed(folder: Path, is_one: Callable[[Path], bool]) -> list[str]:
+    def _list_names(folder: Path, is_one: Callable[[Path], bool]) -> list[str]:
         """Names in a folder, sorted, of what passes a test; what cannot be looked at does not."""
         found = []
         for path in folder.iterdir():

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pianorig.page.catalogue import LARGEST_TRIAL_BYTES, open_session, shortened
+from pianorig.page.catalogue import LARGEST_TRIAL_BYTES, open_session, shorten_text
 from pianorig.workflows.judge_trials import FOLDER as JUDGED
 from rig.errors import RigError
 from rig.session import Trial, TrialData
@@ -118,7 +118,7 @@ def _channels(head: TrialHead) -> list[dict[str, Any]]:
         columns.append({"name": encoder.name, "title": title, "unit": "°", "color": body_colour(encoder.name, i)})
     columns.append({"name": "motor_command", "title": "Motor command", "unit": "V", "color": ""})
     columns += [
-        {"name": one.name, "title": shortened(one.name.replace("_", " ")), "unit": one.unit, "color": ""}
+        {"name": one.name, "title": shorten_text(one.name.replace("_", " ")), "unit": one.unit, "color": ""}
         for one in head.channels
     ]
     return columns
@@ -146,8 +146,8 @@ def _figures(number: int, path: Path) -> dict[str, Any]:
             return row
         data = read_trial(path)
     except (RigError, OSError) as error:
-        return {**row, "reason": shortened(error)}
-    row |= {"status": data.status, "reason": shortened(data.reason)}
+        return {**row, "reason": shorten_text(error)}
+    row |= {"status": data.status, "reason": shorten_text(data.reason)}
     if data.n_valid:
         row["peak_force_n"] = float(data.raw_force_n.max())
         before = data.raw_force_n[: max(int(data.blow_start_s * data.sample_rate_hz), 1)]

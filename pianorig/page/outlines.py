@@ -82,13 +82,13 @@ def outlines_of(subject: FilmSubject) -> dict[str, Any]:
         "film": subject.view(),
         "file": subject.bodies.name,
         "table": subject.table.name if subject.table.is_file() else "",
-        "outlines": [_plain(body) for body in bodies],
+        "outlines": [_plain_body(body) for body in bodies],
         "worst": worst_frames(subject),
         "doubt": subject.film().doubt_about_times or "",
     }
 
 
-def _plain(body: vision.Body) -> dict[str, Any]:
+def _plain_body(body: vision.Body) -> dict[str, Any]:
     points = body.polygon_px.tolist()
     return {"name": body.name, "parent": body.parent or "", "layer": body.layer, "points": points}
 

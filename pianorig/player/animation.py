@@ -94,7 +94,7 @@ def motion_start_s(time_s: NDArray[Any], pose: NDArray[Any]) -> float:
     return max(float(time_s[int(np.argmax(away))]) - BEFORE_S, float(time_s[0]))
 
 
-def thinned(seen: SeenMotion, rows: NDArray[np.int64]) -> SeenMotion:
+def thin_motion(seen: SeenMotion, rows: NDArray[np.int64]) -> SeenMotion:
     """Some rows of a motion; each shows the largest force since the row before, so that no short peak is lost."""
     starts = np.concatenate([[rows[0]], rows[:-1] + 1])
     peak = np.maximum.reduceat(seen.normal_n, np.minimum(starts, len(seen.normal_n) - 1), axis=0)
@@ -166,7 +166,7 @@ def write_blow_animation(
     seen = SeenMotion(inside.scene, inside.time_s, inside.pose, inside.point_m, inside.penetration_m, inside.normal_n)
     rate_hz = (len(seen.time_s) - 1) / float(seen.time_s[-1] - seen.time_s[0])
     rows = np.arange(0, len(seen.time_s), max(1, round(rate_hz / BLOW_RATE_HZ)))
-    drawing = moving_action(thinned(seen, rows), labels=[contact_label(action, name) for name in seen.contacts])
+    drawing = moving_action(thin_motion(seen, rows), labels=[contact_label(action, name) for name in seen.contacts])
     quantity, unit = input_label(inside.scene)
     curves = [{"title": quantity.capitalize(), "unit": unit, "color": "", "value": pack(force_n[rows])}]
     for i, body in enumerate(solution.bodies):

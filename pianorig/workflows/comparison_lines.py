@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pianorig.console.output import table_lines, wrapped
+from pianorig.console.output import table_lines, wrap_text
 
 if TYPE_CHECKING:
     from validation import SideBySide, ValidationResult
@@ -30,15 +30,15 @@ def comparison_lines(side: SideBySide) -> list[str]:
         named = f"{_name(result)}: " if len(side.results) > 1 else ""
         kinds = list(dict.fromkeys(result.findings["kind"]))
         if kinds:
-            lines += wrapped(", ".join(kinds), f"{named}findings: ")
+            lines += wrap_text(", ".join(kinds), f"{named}findings: ")
         if result.advice:
-            lines += wrapped(" ".join(result.advice), f"{named}what to do: ")
+            lines += wrap_text(" ".join(result.advice), f"{named}what to do: ")
     for line in (*side.compared_lines, *(f"Not compared: {text}" for text in side.refused), *side.notes):
-        lines += wrapped(line)
+        lines += wrap_text(line)
     for result in side.results:
         lead, rest = verdict_parts(result)
         begin = f"verdict, {_name(result)}: " if len(side.results) > 1 else "verdict: "
-        lines += wrapped(f"{result.outcome}. {lead} {rest}".strip(), begin)
+        lines += wrap_text(f"{result.outcome}. {lead} {rest}".strip(), begin)
     return lines
 
 

@@ -27,7 +27,7 @@ class DrivingForce:
     force_n: NDArray[np.float64]
     preload_n: float = 0.0
 
-    def at(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def force_at(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """The force (m,) at times (m,), linear between those of the table."""
         return np.interp(as_numbers(time_s, "times", 1), self.time_s, self.force_n)
 

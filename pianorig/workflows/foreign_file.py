@@ -13,7 +13,7 @@ from pianorig.errors import CommandInputError
 from rig.atomic_write import write_text
 from rig.configuration.toml_file import dump_toml, toml_value
 from rig.errors import RigInputError
-from rig.foreign.channel_table import ChannelTable, known
+from rig.foreign.channel_table import ChannelTable, known_unit
 from rig.foreign.csv_file import parse_csv, read_text
 from rig.foreign.mapping import NEWTONS, parse_mapping
 from rig.foreign.reading import SUFFIXES, TEXT, read_segments
@@ -124,7 +124,9 @@ def _rate(table: ChannelTable, name: str) -> str:
     times = _time_column(table, name)
     if times is None or table.channels[times].size != size or size < 2:
         return "not stated"
-    interval_s = typical_interval(table.channels[times]) * SECONDS.get(known(table.units.get(times, "")) or "s", 0.0)
+    interval_s = typical_interval(table.channels[times]) * SECONDS.get(
+        known_unit(table.units.get(times, "")) or "s", 0.0
+    )
     return f"{1.0 / interval_s:.6g}" if interval_s > 0 else "not stated"
 
 
@@ -133,7 +135,7 @@ def _time_column(table: ChannelTable, beside: str) -> str | None:
     group = beside.rpartition("/")[0]
     names = sorted(table.channels, key=lambda name: name.rpartition("/")[0] != group)
     of_name = [name for name in names if TIME_NAMES.fullmatch(name) or TIME_NAMES.fullmatch(name.rpartition("/")[2])]
-    of_unit = [name for name in names if known(table.units.get(name, "")) in SECONDS]
+    of_unit = [name for name in names if known_unit(table.units.get(name, "")) in SECONDS]
     return next(iter([*of_name, *of_unit]), None)
 
 
@@ -143,7 +145,7 @@ def _channel(table: ChannelTable, what: str, taken: list[str], group: str = "") 
     One that cannot be read is found as well, so that what is wrong with it is said. Those of ``group`` come first.
     """
     names = sorted((*table.channels, *table.unreadable), key=lambda name: name.rpartition("/")[0] != group)
-    units = {name: known(table.units.get(name, "")) for name in names if name not in taken}
+    units = {name: known_unit(table.units.get(name, "")) for name in names if name not in taken}
     if what == "force":
         found = [name for name, unit in units.items() if unit in NEWTONS]
         if found:
@@ -177,7 +179,7 @@ def _proposal(tables: tuple[ChannelTable, ...], text_format: dict[str, Any]) -> 
             "", "[[encoders]]",
             *(f"{key} = {toml_value(text)}" for key, text in (("name", name), ("channel", channel))),
             f"unit = {toml_value(unit)}"
-            + ("" if known(table.units.get(channel, "")) else f"{CHECK}the file states none"),
+            + ("" if known_unit(table.units.get(channel, "")) else f"{CHECK}the file states none"),
             *(f"counter_bits = {bits}" for bits in COUNTER_BITS if _wraps(table, channel, unit, bits)),
             f"counts_per_revolution = {COUNTS_PER_REVOLUTION[name]}{CHECK}of your encoder, quadrature included"
             if unit == "counts"
@@ -201,7 +203,7 @@ def _encoders(table: ChannelTable, taken: list[str], group: str) -> dict[str, tu
             continue
         taken = [*taken, name]
         values = table.channels.get(name, np.zeros(1))
-        unit = known(table.units.get(name, "")) or ("counts" if np.all(values == np.round(values)) else "rad")
+        unit = known_unit(table.units.get(name, "")) or ("counts" if np.all(values == np.round(values)) else "rad")
         found[body] = name, unit
     return found
 
@@ -213,7 +215,7 @@ def _wraps(table: ChannelTable, channel: str, unit: str, bits: int) -> bool:
 
 def _time_lines(table: ChannelTable, time: str | None) -> list[str]:
     if time is not None:
-        return [f"channel = {toml_value(time)}", f"unit = {toml_value(known(table.units.get(time, '')) or 's')}"]
+        return [f"channel = {toml_value(time)}", f"unit = {toml_value(known_unit(table.units.get(time, '')) or 's')}"]
     clock = next(iter(table.clocks.values()), None)
     if clock is None:
         return [f"sample_rate_hz = 1000.0{CHECK}the file states no times; with which rate was it recorded?"]
@@ -225,7 +227,7 @@ def _time_lines(table: ChannelTable, time: str | None) -> list[str]:
 
 
 def _force_lines(table: ChannelTable, force: str) -> list[str]:
-    unit = known(table.units.get(force, ""))
+    unit = known_unit(table.units.get(force, ""))
     said = "" if unit else f"{CHECK}the file states no unit of the force"
     lines = [f"channel = {toml_value(force)}", f"unit = {toml_value(unit or 'N')}{said}"]
     if unit is not None and unit not in NEWTONS:

@@ -85,12 +85,12 @@ def interrupts_told(folder: Path, *, resumed: bool = False) -> Iterator[None]:
         yield
     except KeyboardInterrupt as interrupt:
         outputs = "; ".join(getattr(interrupt, "__notes__", ()))  # added by rig.recording.trial_run
-        left = "nothing was recorded" if others else _left(folder)
+        left = "nothing was recorded" if others else _remaining_words(folder)
         told = [how_stopped(interrupt), *([outputs] if outputs else []), left]
         raise Interrupted("; ".join(told)) from interrupt
 
 
-def _left(folder: Path) -> str:
+def _remaining_words(folder: Path) -> str:
     if not folder.is_dir():
         return "nothing was recorded and no session was made"
     try:

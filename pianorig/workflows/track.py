@@ -305,7 +305,7 @@ def retrack(
             source,
             bodies,
             [frame - film.first_frame for frame in frames],
-            [{**_between_neighbours(table, row, bodies), **places} for row in rows],
+            [{**_interpolate_places(table, row, bodies), **places} for row in rows],
             times,
             **options,
         )
@@ -342,7 +342,7 @@ def _number_or_none(value: Any) -> int | None:
     return None if value is None else int(value)
 
 
-def _between_neighbours(table: pd.DataFrame, row: int, bodies: Sequence[vision.Body]) -> dict[str, Place]:
+def _interpolate_places(table: pd.DataFrame, row: int, bodies: Sequence[vision.Body]) -> dict[str, Place]:
     """Places between the nearest rows before and after in which the bodies are known."""
     places = {}
     frame = table["frame"].to_numpy(dtype=float)

@@ -143,7 +143,7 @@ def load_profile(name: str | Path) -> Profile:
     >>> rig.load_profile("piano").name
     'piano'
     """
-    path = toml_file.named(name, FOLDER, "profile")
+    path = toml_file.find_toml(name, FOLDER, "profile")
     return parse_profile(toml_file.read_text(path), str(path))
 
 

@@ -630,7 +630,7 @@ def load_rig(name: str | Path = "virtual") -> Rig:
     >>> rig.load_rig("virtual").config.device.sample_rate_hz
     5000.0
     """
-    path = toml_file.named(name, FOLDER, "rig file")
+    path = toml_file.find_toml(name, FOLDER, "rig file")
     return parse_rig(toml_file.read_text(path), str(path))
 
 

@@ -13,7 +13,7 @@ import tomli_w
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from rig.atomic_write import refused
+from rig.atomic_write import translate_os_error
 from rig.errors import RigInputError
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -22,7 +22,7 @@ Model = TypeVar("Model", bound=BaseModel)
 def read_text(path: Path) -> str:
     """Read a UTF-8 text file; raise :class:`RigInputError` in one line when that is impossible."""
     try:
-        with refused(path, "read"):
+        with translate_os_error(path, "read"):
             return path.read_bytes().decode("utf-8")
     except UnicodeDecodeError as error:
         raise RigInputError(f"{path}: byte {error.start} is not UTF-8 text; save the file as UTF-8") from error
@@ -32,7 +32,7 @@ def built_in(folder: Path) -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in folder.glob("*.toml")))
 
 
-def named(name: str | Path, folder: Path, what: str) -> Path:
+def find_toml(name: str | Path, folder: Path, what: str) -> Path:
     """Return the path of a built-in file by name, or of one by path; raises RigInputError when there is none."""
     path = folder / f"{name}.toml" if str(name) in built_in(folder) else Path(name)
     if not path.is_file():
@@ -77,14 +77,16 @@ def _one_line(error: ValidationError) -> str:
     elif first["type"] == "extra_forbidden":
         lacking = [_key(c["loc"]) for c in complaints if c["type"] == "missing" and c["loc"][:-1] == first["loc"][:-1]]
         meant = "".join(f"; {near} is missing" for near in get_close_matches(key, lacking, 1))
-        line = f"unknown key {key} = {_shown(first['input'])}; correct its spelling or remove it{meant}"
+        line = f"unknown key {key} = {_value_text(first['input'])}; correct its spelling or remove it{meant}"
     elif first["type"] == "value_error":
         line = f"{key}: {first['ctx']['error']}" if key else str(first["ctx"]["error"])
     elif branches := _branches(complaints, first):
-        line = f"{_key(first['loc'][:-1])} = {_shown(first['input'])}: {' or '.join(map(_said, branches))}"
+        line = (
+            f"{_key(first['loc'][:-1])} = {_value_text(first['input'])}: {' or '.join(map(_complaint_text, branches))}"
+        )
         complaints = [c for c in complaints if c not in branches[1:]]
     else:
-        line = f"{key} = {_shown(first['input'])}: {_said(first)}"
+        line = f"{key} = {_value_text(first['input'])}: {_complaint_text(first)}"
     if len(complaints) > 1:
         line += f" (and {len(complaints) - 1} more)"
     return " ".join(line.split())
@@ -97,7 +99,7 @@ def _branches(complaints: Sequence[ErrorDetails], first: ErrorDetails) -> list[E
     return same if any(str(kind).startswith("literal[") for kind in kinds) else []
 
 
-def _said(complaint: ErrorDetails) -> str:
+def _complaint_text(complaint: ErrorDetails) -> str:
     return complaint["msg"][:1].lower() + complaint["msg"][1:]
 
 
@@ -108,7 +110,7 @@ def _key(location: Sequence[int | str]) -> str:
     return text
 
 
-def _shown(value: object) -> str:
+def _value_text(value: object) -> str:
     text = repr(value)
     return text if len(text) <= 60 else text[:57] + "..."
 

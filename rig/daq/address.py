@@ -11,7 +11,7 @@ import nidaqmx.errors
 
 from rig.configuration.rig_file import RigConfig
 from rig.daq.discovery import FoundDevice, ServerClaim, driver_version, find_devices
-from rig.daq.faults import translated
+from rig.daq.faults import translate_faults
 from rig.daq.nidaqmx_backend import NidaqmxBackend
 from rig.errors import RigInputError
 
@@ -28,10 +28,10 @@ def open_backend(url: str, config: RigConfig) -> NidaqmxBackend:
     """
     parts = urlsplit(url)
     if parts.scheme == "ni" and parts.netloc in ("", "local"):
-        return _identified(NidaqmxBackend(None, name="NI-DAQmx driver"), config)
+        return _identify_devices(NidaqmxBackend(None, name="NI-DAQmx driver"), config)
     channel, target = _server(url)
     claim = ServerClaim(channel, target)
-    return _identified(NidaqmxBackend(channel, name=f"NI gRPC Device Server at {target}", claim=claim), config)
+    return _identify_devices(NidaqmxBackend(channel, name=f"NI gRPC Device Server at {target}", claim=claim), config)
 
 
 def discover(url: str) -> tuple[str, list[FoundDevice]]:
@@ -73,7 +73,7 @@ def reset_server(url: str) -> str:
     """
     channel, target = _server(url)
     call = channel.unary_unary(RESET, request_serializer=lambda request: request, response_deserializer=lambda raw: raw)
-    with channel, translated("connect", f"server {target}"):
+    with channel, translate_faults("connect", f"server {target}"):
         try:
             call(b"", timeout=RESET_TIMEOUT_S)
         except grpc.RpcError as error:
@@ -106,7 +106,7 @@ def _server(url: str) -> tuple[grpc.Channel, str]:
     return grpc.secure_channel(target, credentials, options=options), target
 
 
-def _identified(backend: NidaqmxBackend, config: RigConfig) -> NidaqmxBackend:
+def _identify_devices(backend: NidaqmxBackend, config: RigConfig) -> NidaqmxBackend:
     with contextlib.ExitStack() as unless_known:
         unless_known.callback(backend.close)
         backend.identify(config)

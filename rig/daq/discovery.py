@@ -27,7 +27,7 @@ from nidaqmx.system import Device, System
 
 from rig.configuration.rig_file import RigConfig, load_rig
 from rig.daq import safe_bench, tasks
-from rig.daq.faults import translated
+from rig.daq.faults import translate_faults
 from rig.daq.safe_bench import WATCHDOG
 from rig.daq.tasks import session_options
 from rig.errors import ResourceBusy, RigInputError
@@ -66,9 +66,9 @@ def _system(channel: grpc.Channel | None) -> System:
 
 def find_device(channel: grpc.Channel | None, name: str) -> FoundDevice:
     """Return one device and, of a chassis, its modules; raises HardwareFault where the driver has none of that name."""
-    with translated("connect", f"device {name}"):
+    with translate_faults("connect", f"device {name}"):
         device = Device(name, grpc_options=session_options(channel))
-        chassis: list[Device] = _known(lambda: list(device.chassis_module_devices), [])
+        chassis: list[Device] = _ask_or_default(lambda: list(device.chassis_module_devices), [])
         modules = [
             FoundDevice(
                 m.name, str(m.product_type), int(m.serial_num), bool(m.is_simulated), int(m.compact_daq_slot_num)
@@ -78,13 +78,13 @@ def find_device(channel: grpc.Channel | None, name: str) -> FoundDevice:
         return FoundDevice(
             name,
             str(device.product_type),
-            _known(lambda: int(device.serial_num), 0),
+            _ask_or_default(lambda: int(device.serial_num), 0),
             bool(device.is_simulated),
             modules=tuple(sorted(modules, key=lambda module: module.slot)),
         )
 
 
-def _known(ask: Callable[[], T], otherwise: T) -> T:
+def _ask_or_default(ask: Callable[[], T], otherwise: T) -> T:
     """Return the answer, or ``otherwise`` where the device does not have the property."""
     with contextlib.suppress(nidaqmx.errors.DaqError):
         return ask()
@@ -92,14 +92,14 @@ def _known(ask: Callable[[], T], otherwise: T) -> T:
 
 
 def driver_version(channel: grpc.Channel | None) -> str:
-    with translated("connect", "NI-DAQmx driver"):
+    with translate_faults("connect", "NI-DAQmx driver"):
         version = _system(channel).driver_version
     return ".".join(str(int(part)) for part in version)
 
 
 def find_devices(channel: grpc.Channel | None) -> list[FoundDevice]:
     """Return every card and chassis of the driver or server, with its modules."""
-    with translated("connect", "list of devices"):
+    with translate_faults("connect", "list of devices"):
         names = _system(channel).devices.device_names
     found = [find_device(channel, name) for name in names]
     inside = {module.name for device in found for module in device.modules}
@@ -125,12 +125,12 @@ def propose_rig(found: Sequence[FoundDevice], name: str | None = None) -> str:
     body = pattern.text[pattern.text.index("schema = ") :]
     own_name = re.sub(r"\W", "_", device.name).lower()
     body = re.sub(r'(?m)^name = "\w+"$', f'name = "{own_name}"', body, count=1)
-    renamed = _renamed(device, pattern.config.device.name)
+    renamed = _pair_device_names(device, pattern.config.device.name)
     any_name = "|".join(map(re.escape, renamed))  # all at once: a found name may be another one of the pattern
     return _head(device) + re.sub(rf"\b({any_name})\b", lambda match: renamed[match[0]], body)
 
 
-def _renamed(device: FoundDevice, pattern_name: str) -> dict[str, str]:
+def _pair_device_names(device: FoundDevice, pattern_name: str) -> dict[str, str]:
     """Return the names of the pattern and those found, modules first."""
     renamed = {}
     if device.modules:
@@ -180,7 +180,7 @@ class ServerClaim:
             return nidaqmx.Task(name, grpc_options=tasks.session_options(self._channel, name, behavior))
 
         mark = re.sub(r"\W", "_", f"pianorig_{config.name}_on_{platform.node()}")
-        with translated("connect", f"server {self._target}"):
+        with translate_faults("connect", f"server {self._target}"):
             try:
                 self._mark = session(mark, tasks.NEW)
                 return False

@@ -63,7 +63,7 @@ _FAULT_OF_STATUS: dict[grpc.StatusCode, tuple[type[HardwareFault], str]] = {
 
 
 @contextlib.contextmanager
-def translated(phase: str, what: str) -> Iterator[None]:
+def translate_faults(phase: str, what: str) -> Iterator[None]:
     """Turn anything the client raises inside the block into a :class:`rig.errors.HardwareFault`.
 
     What the client refuses by itself, without asking the driver, is an error of this program: RigError.

@@ -31,8 +31,8 @@ from rig.backend import Backend, Block, Capabilities, Expiry, Timing
 from rig.configuration.rig_file import RigConfig
 from rig.daq import tasks
 from rig.daq.discovery import FoundDevice, ServerClaim, driver_version, find_device, find_devices
-from rig.daq.faults import translated
-from rig.daq.safe_bench import SafeBench, leave_running, make_watchdog, worst
+from rig.daq.faults import translate_faults
+from rig.daq.safe_bench import SafeBench, leave_running, make_watchdog, worst_failure
 from rig.errors import HardwareFault, NotSupported, RigInputError
 
 PROBES = 5
@@ -207,18 +207,18 @@ class NidaqmxBackend(SafeBench, Backend):
                 calm_block_s=calm_block_s(config, delay),
             )
             if command_v is not None:
-                with translated("configure", config.motor.channel):
+                with translate_faults("configure", config.motor.channel):
                     tasks.prepare_command(self._tasks[tasks.MOTOR], config, command_v.size)
             if config.watchdog is not None:
-                with translated("configure", "watchdog"):
+                with translate_faults("configure", "watchdog"):
                     self._watchdog = self._watchdog or make_watchdog(self._channel, config)
                     self._watchdog.start()
                     self._reset_watchdog()
             if command_v is not None:
-                with translated("configure", config.motor.channel):
+                with translate_faults("configure", config.motor.channel):
                     tasks.load_command(self._tasks[tasks.MOTOR], command_v)
             for name in self._tasks:
-                with translated("configure", name):
+                with translate_faults("configure", name):
                     self._reset_watchdog()
                     self._tasks[name].control(TaskMode.TASK_COMMIT)
         return timing
@@ -231,13 +231,13 @@ class NidaqmxBackend(SafeBench, Backend):
         failures: list[BaseException] = []
         self._outputs_safe("configure", failures)
         if failures:
-            raise worst(failures)
+            raise worst_failure(failures)
         if not self._was_reset:
             self._reset_device("configure")
             self._outputs_safe("configure", failures)
             if failures:
-                raise worst(failures)
-        with translated("configure", f"device {config.device.name}"):
+                raise worst_failure(failures)
+        with translate_faults("configure", f"device {config.device.name}"):
             device = Device(config.device.name, grpc_options=tasks.session_options(self._channel))
             delay = measure(lambda: device.is_simulated, self._now_s)
         shortest_block_s(config, delay)
@@ -246,7 +246,7 @@ class NidaqmxBackend(SafeBench, Backend):
     def _make_tasks(self, config: RigConfig, *, motor: bool) -> Timing:
         """Make every task of the rig file, the motor's only if asked; nothing is reserved yet."""
         frame_rate_hz = first_pulse_s = None
-        with translated("configure", config.force.channel):
+        with translate_faults("configure", config.force.channel):
             inputs = tasks.inputs_task(self._tasks.make, config)
             rate = float(inputs.timing.samp_clk_rate)
             scaling = tasks.device_scaling(inputs)
@@ -256,16 +256,16 @@ class NidaqmxBackend(SafeBench, Backend):
                 "Hz; write a rate the module has"
             )
         for encoder in config.encoders:
-            with translated("configure", encoder.counter):
+            with translate_faults("configure", encoder.counter):
                 tasks.encoder_task(self._tasks.make, config, encoder)
         if config.key_opposite is not None:
-            with translated("configure", config.key_opposite.counter):
+            with translate_faults("configure", config.key_opposite.counter):
                 tasks.opposite_head_task(self._tasks.make, config, config.key_opposite)
         if motor:
-            with translated("configure", config.motor.channel):
+            with translate_faults("configure", config.motor.channel):
                 tasks.motor_task(self._tasks.make, config)
         if config.camera is not None:
-            with translated("configure", config.camera.counter):
+            with translate_faults("configure", config.camera.counter):
                 if config.camera.mode == "counted":
                     tasks.edge_task(self._tasks.make, config, config.camera.counter, config.camera.terminal)
                 else:
@@ -274,50 +274,50 @@ class NidaqmxBackend(SafeBench, Backend):
 
     def arm(self, *, enable_drive: bool = True) -> None:
         """Start all slaves, which wait for the master's clock and trigger; enable the drive last, at 0 V."""
-        config = self._ready()
+        config = self._require_configured()
         with self._safe_on_failure():
             for name in self._tasks:
                 if name != tasks.MASTER:
-                    with translated("arm", name):
+                    with translate_faults("arm", name):
                         self._reset_watchdog()
                         self._tasks[name].start()
             self._generating = tasks.MOTOR in self._tasks
             if config.drive_enable is not None and enable_drive and self._generating:
-                with translated("arm", config.drive_enable.line):
+                with translate_faults("arm", config.drive_enable.line):
                     self._reset_watchdog()
                     self._outputs.enable_drive(config.drive_enable.line, True)
 
     def start(self) -> None:
         """Start the master task."""
-        self._ready()
+        self._require_configured()
         self._next_sample = self._reset_at_sample = 0
-        with self._safe_on_failure(), translated("start", tasks.MASTER):
+        with self._safe_on_failure(), translate_faults("start", tasks.MASTER):
             self._reset_watchdog()
             self._tasks[tasks.MASTER].start()
 
     def read_block(self, n_samples: int, timeout_s: float) -> Block:
         """Read the next samples; on a fault the outputs are made safe first. The watchdog is reset as needed."""
-        config = self._ready()
+        config = self._require_configured()
         with self._safe_on_failure():
-            with translated("read", "watchdog"):
+            with translate_faults("read", "watchdog"):
                 watchdog_s = 0.0 if config.watchdog is None else config.watchdog.timeout_s
                 interval_s = watchdog_s / RESETS_IN_TIMEOUT
                 # by the device's time, which is in the samples, and by ours, in which a block may be late
                 read_s = (self._next_sample - self._reset_at_sample) / config.device.sample_rate_hz
                 self._reset_watchdog(at_least_every_s=interval_s if read_s < interval_s else 0.0)
             if self._generating:
-                with translated("read", tasks.MOTOR):  # raises if the generation has failed
+                with translate_faults("read", tasks.MOTOR):  # raises if the generation has failed
                     self._generating = not self._tasks[tasks.MOTOR].is_task_done()
             return self._read_inputs(n_samples, timeout_s)
 
     def _read_inputs(self, n_samples: int, timeout_s: float) -> Block:
-        block = tasks.next_block(self._tasks, self._ready(), self._next_sample, n_samples, timeout_s)
+        block = tasks.next_block(self._tasks, self._require_configured(), self._next_sample, n_samples, timeout_s)
         self._next_sample += n_samples
         return block
 
     def read_positions(self) -> dict[str, tuple[int, int]]:
         """Samples per channel that each input task has handed out and acquired since its start, by the driver."""
-        return tasks.positions(self._tasks, self._ready())
+        return tasks.positions(self._tasks, self._require_configured())
 
     @contextlib.contextmanager
     def _check_tasks(self) -> Iterator[tasks.NewTask]:
@@ -335,7 +335,7 @@ class NidaqmxBackend(SafeBench, Backend):
         """Return by how much the bridge's reading changes when the module's shunt resistor is switched in, mV/V."""
         n, readings = int(SHUNT_S * config.device.sample_rate_hz), []
         for shunt in (False, True):
-            with translated("read", config.force.channel), self._check_tasks() as new_task:
+            with translate_faults("read", config.force.channel), self._check_tasks() as new_task:
                 task = tasks.force_task(new_task, config)
                 task.ai_channels[0].ai_bridge_shunt_cal_enable = shunt
                 task.start()
@@ -348,7 +348,7 @@ class NidaqmxBackend(SafeBench, Backend):
     def count_edges(self, config: RigConfig, counter: str, terminal: str, duration_s: float, pulses: bool) -> int:
         """Return the rising edges on a terminal in ``duration_s``; with ``pulses`` the camera's counter gives them."""
         n = int(round(duration_s * config.device.sample_rate_hz))
-        with translated("read", counter), self._check_tasks() as new_task:
+        with translate_faults("read", counter), self._check_tasks() as new_task:
             edges = tasks.edge_task(new_task, config, counter, terminal)
             made = [edges]
             if pulses and config.camera is not None:
@@ -363,7 +363,7 @@ class NidaqmxBackend(SafeBench, Backend):
         """Return what a voltage input wired to the motor's output reads while the command is put out, V."""
         command_v = as_numbers(command_v, "motor command", 1)
         values = np.empty(command_v.size)
-        with translated("read", channel), contextlib.ExitStack() as then:
+        with translate_faults("read", channel), contextlib.ExitStack() as then:
             then.callback(self._outputs.put_motor_at_zero, config)
             new_task = then.enter_context(self._check_tasks())
             motor = tasks.motor_task(new_task, config)
@@ -386,15 +386,15 @@ class NidaqmxBackend(SafeBench, Backend):
             try:
                 read.append(self._read_inputs(n_samples, READ_TIMEOUT_S))
             except HardwareFault:
-                if not self._expired():
+                if not self._has_expired():
                     raise
                 return Expiry(read, index if tripped is None else tripped, locked=True)
-            if tripped is None and self._expired():
+            if tripped is None and self._has_expired():
                 tripped = index
         return Expiry(read, tripped)
 
-    def _expired(self) -> bool:
-        with translated("read", "watchdog"):
+    def _has_expired(self) -> bool:
+        with translate_faults("read", "watchdog"):
             return self._watchdog is not None and bool(self._watchdog.expired)
 
     def close(self) -> None:
@@ -411,7 +411,7 @@ class NidaqmxBackend(SafeBench, Backend):
             if self._channel is not None:
                 self._channel.close()
 
-    def _ready(self) -> RigConfig:
+    def _require_configured(self) -> RigConfig:
         if self._config is None or not self._live:
             raise HardwareFault("the backend is not configured, or has been stopped; call configure first", phase="arm")
         return self._config

@@ -35,7 +35,7 @@ from nidaqmx.system.watchdog import AOExpirationState, DOExpirationState, Watchd
 from rig.backend import Timing
 from rig.configuration.rig_file import RigConfig
 from rig.daq import tasks
-from rig.daq.faults import translated
+from rig.daq.faults import translate_faults
 from rig.daq.tasks import ATTACHED, NEW, NewTask, TaskSet, session_options
 from rig.errors import WatchdogTripped, is_defect
 
@@ -131,17 +131,17 @@ class SafeOutputs:
     def _write(self, name: str, add: Callable[[nidaqmx.Task], None], write: Callable[[nidaqmx.Task], None]) -> None:
         if name in self._tasks:
             with contextlib.suppress(nidaqmx.errors.Error):
-                self._written(name, write)
+                self._write_output(name, write)
                 return
             self._forget(name)
         try:
             add(self._tasks.make(name))
-            self._written(name, write)
+            self._write_output(name, write)
         except BaseException:
             self._forget(name)
             raise
 
-    def _written(self, name: str, write: Callable[[nidaqmx.Task], None]) -> None:
+    def _write_output(self, name: str, write: Callable[[nidaqmx.Task], None]) -> None:
         write(self._tasks[name])
         self._tasks[name].stop()  # it was started by the write: with that it gives its hardware back
 
@@ -178,7 +178,7 @@ def attempt(step: Callable[[], None], failures: list[BaseException], what: str) 
     return True
 
 
-def worst(failures: list[BaseException]) -> BaseException:
+def worst_failure(failures: list[BaseException]) -> BaseException:
     """Return the failure to raise: a programming error before the first fault of the hardware, so that neither hides.
 
     A fault caused by an error in this program would otherwise be blamed on the bench.
@@ -205,7 +205,7 @@ class RememberedCalls(grpc.Channel):
         self._made: dict[tuple[str, str], Callable[..., Any]] = {}
 
     @classmethod
-    def of(cls, channel: grpc.Channel | None) -> RememberedCalls | None:
+    def on_channel(cls, channel: grpc.Channel | None) -> RememberedCalls | None:
         """Return another channel with this memory; None for none."""
         if channel is None or isinstance(channel, RememberedCalls):
             return channel
@@ -246,7 +246,7 @@ class SafeBench:
     """
 
     def __init__(self, channel: grpc.Channel | None) -> None:
-        self._channel = RememberedCalls.of(channel)
+        self._channel = RememberedCalls.on_channel(channel)
         self._config: RigConfig | None = None
         self._tasks = TaskSet(self._new_task, self._end_left)
         self._outputs = SafeOutputs(self._new_task, self._end_left)
@@ -283,7 +283,7 @@ class SafeBench:
         self._clear(watchdog_too=True)
         if self._config is not None:
             for name in (self._config.device.name, *(further.name for further in self._config.devices)):
-                with translated(phase, f"device {name} not reset"):
+                with translate_faults(phase, f"device {name} not reset"):
                     reset_device(self._channel, name)
         self._was_reset = True
 
@@ -305,7 +305,7 @@ class SafeBench:
             self._close_watchdog()  # last: until here it watches over the steps above
         if failures:
             self._clear()
-            raise worst(failures)
+            raise worst_failure(failures)
 
     def _has_tripped(self) -> bool:
         assert self._watchdog is not None
@@ -354,13 +354,13 @@ class SafeBench:
             return
 
         def zero() -> None:
-            with translated(phase, f"{config.motor.channel} not put at 0 V, use the emergency stop"):
+            with translate_faults(phase, f"{config.motor.channel} not put at 0 V, use the emergency stop"):
                 self._outputs.put_motor_at_zero(config)
 
         def disable() -> None:
             if config.drive_enable is not None:
                 line = config.drive_enable.line
-                with translated(phase, f"{line} not disabled, use the emergency stop"):
+                with translate_faults(phase, f"{line} not disabled, use the emergency stop"):
                     self._outputs.enable_drive(line, False)
 
         steps = ((zero, "motor to 0 V"), (disable, "drive disabled"))
@@ -369,7 +369,7 @@ class SafeBench:
 
     def _unreserve(self, name: str, failures: list[BaseException]) -> None:
         def unreserve() -> None:
-            with translated("stop", name):
+            with translate_faults("stop", name):
                 self._tasks.unreserve(name)
 
         attempt(unreserve, failures, f"stopping task {name}")

@@ -28,10 +28,10 @@ def recording_plan(config: RigConfig, timing: Timing, n_command: int) -> list[Ta
     device, rate = config.device.name, timing.sample_rate_hz
     ai_clock, ai_trigger = f"/{device}/ai/SampleClock", f"/{device}/ai/StartTrigger"
 
-    def slaved(channel: str) -> str:
+    def slave_clock_text(channel: str) -> str:
         return f"{config.clock_of(channel)}, {rate:.10g} Hz"
 
-    def armed(channel: str) -> str:
+    def arm_trigger_text(channel: str) -> str:
         start = config.start_of(channel)
         return f"arm start: {start}" if start else "none: its clock starts with AI"
 
@@ -71,18 +71,27 @@ def recording_plan(config: RigConfig, timing: Timing, n_command: int) -> list[Ta
                 tasks.encoder_task_name(encoder),
                 encoder.counter,
                 f"CI angular encoder X4, {encoder.counts_per_revolution} counts/rev, sign {encoder.sign:+d}",
-                slaved(encoder.counter),
-                armed(encoder.counter),
+                slave_clock_text(encoder.counter),
+                arm_trigger_text(encoder.counter),
                 (f"{encoder.a_terminal} -> A", f"{encoder.b_terminal} -> B"),
             )
         )
     if (head := config.key_opposite) is not None:
         purpose = f"CI angular encoder X4, second head on the key's scale, sign {head.sign:+d}"
         routes = (f"{head.a_terminal} -> A", f"{head.b_terminal} -> B")
-        rows.append(TaskPlan(tasks.OPPOSITE, head.counter, purpose, slaved(head.counter), armed(head.counter), routes))
+        rows.append(
+            TaskPlan(
+                tasks.OPPOSITE,
+                head.counter,
+                purpose,
+                slave_clock_text(head.counter),
+                arm_trigger_text(head.counter),
+                routes,
+            )
+        )
     motor = config.motor
     purpose = f"AO voltage, {motor.force_per_volt_n:g} N/V, within {motor.voltage_limit_v:g} V"
-    clock = f"{slaved(motor.channel)}, finite, {n_command} samples, last 0 V"
+    clock = f"{slave_clock_text(motor.channel)}, finite, {n_command} samples, last 0 V"
     rows.append(TaskPlan(tasks.MOTOR, motor.channel, purpose, clock, "none: its clock starts with AI"))
     if camera := config.camera:
         if timing.frame_rate_hz is not None and timing.first_pulse_s is not None:
@@ -92,7 +101,7 @@ def recording_plan(config: RigConfig, timing: Timing, n_command: int) -> list[Ta
             rows.append(TaskPlan(tasks.CAMERA, camera.counter, purpose, clock, trigger, (route,)))
         else:
             purpose, route = "CI count of the camera's exposures", f"{camera.terminal} -> counter source"
-            clock, trigger = slaved(camera.counter), armed(camera.counter)
+            clock, trigger = slave_clock_text(camera.counter), arm_trigger_text(camera.counter)
             rows.append(TaskPlan(tasks.EDGES, camera.counter, purpose, clock, trigger, (route,)))
     if config.drive_enable:
         purpose, trigger = "DO, high enables the drive", "software, last to go high, low on every exit"

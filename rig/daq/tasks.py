@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from rig.backend import Block
 from rig.configuration.rig_file import CameraConfig, EncoderConfig, OppositeHeadConfig, RigConfig
-from rig.daq.faults import translated
+from rig.daq.faults import translate_faults
 from rig.errors import HardwareFault, RigInputError, refuse
 
 AUTO = SessionInitializationBehavior.AUTO
@@ -124,7 +124,7 @@ def inputs_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
     """AI on the load cell and the further channels, in this order, continuous, on its own clock: the master."""
     task = force_task(new_task, config)
     for further in config.channels:
-        ends_v = _on_line(np.array([further.least, further.most]), further.physical, further.electrical)
+        ends_v = _interpolate_line(np.array([further.least, further.most]), further.physical, further.electrical)
         _add_voltage(task, further.channel, further.name, ends_v)
     for device in config.devices:
         if device.clock_from is not None:
@@ -205,13 +205,13 @@ def _continuous(task: nidaqmx.Task, config: RigConfig, source: str = "") -> None
 Points = tuple[float, float]
 
 
-def _on_line(value: NDArray[np.float64], x: Points, y: Points) -> NDArray[np.float64]:
+def _interpolate_line(value: NDArray[np.float64], x: Points, y: Points) -> NDArray[np.float64]:
     return y[0] + (value - x[0]) * ((y[1] - y[0]) / (x[1] - x[0]))
 
 
 def volts_of_force(config: RigConfig, force_n: NDArray[np.float64]) -> NDArray[np.float64]:
     """Electrical reading (mV/V or V) that the calibration line gives for a force."""
-    return _on_line(force_n, config.force.physical_n, config.force.electrical)
+    return _interpolate_line(force_n, config.force.physical_n, config.force.electrical)
 
 
 WRITE_TIMEOUT_S = 5.0
@@ -359,15 +359,15 @@ def check_command(config: RigConfig, command_v: NDArray[np.float64]) -> None:
 def next_block(made: TaskSet, config: RigConfig, first_sample: int, n_samples: int, timeout_s: float) -> Block:
     """Return the next ``n_samples`` of every input; ``first_sample`` is the number of the first of them."""
     values = np.empty((1 + len(config.channels), n_samples))
-    with translated("read", MASTER):
+    with translate_faults("read", MASTER):
         reader = AnalogMultiChannelReader(made[MASTER].in_stream)
         reader.verify_array_shape = False  # saves a round trip to the server per read
         reader.read_many_sample(values, n_samples, timeout_s)
     if config.force.kind == "bridge":
         force_n, raw = values[0], volts_of_force(config, values[0])
     else:
-        force_n, raw = _on_line(values[0], config.force.electrical, config.force.physical_n), values[0]
-    further = [_on_line(values[k], one.electrical, one.physical) for k, one in enumerate(config.channels, 1)]
+        force_n, raw = _interpolate_line(values[0], config.force.electrical, config.force.physical_n), values[0]
+    further = [_interpolate_line(values[k], one.electrical, one.physical) for k, one in enumerate(config.channels, 1)]
     count = np.empty((n_samples, len(config.encoders)), dtype=np.int64)
     for column, encoder in enumerate(config.encoders):
         count[:, column] = _ticks(made, encoder_task_name(encoder), n_samples, timeout_s)
@@ -380,7 +380,7 @@ def next_block(made: TaskSet, config: RigConfig, first_sample: int, n_samples: i
 
 def _ticks(made: TaskSet, name: str, n_samples: int, timeout_s: float) -> NDArray[np.int64]:
     ticks = np.empty(n_samples)
-    with translated("read", name):
+    with translate_faults("read", name):
         reader = CounterReader(made[name].in_stream)
         reader.verify_array_shape = False
         reader.read_many_sample_double(ticks, n_samples, timeout_s)
@@ -396,7 +396,7 @@ def positions(made: TaskSet, config: RigConfig) -> dict[str, tuple[int, int]]:
     encoders = map(encoder_task_name, config.encoders)
     for name in (MASTER, *encoders, OPPOSITE, EDGES):
         if name in made:
-            with translated("read", name):
+            with translate_faults("read", name):
                 stream = made[name].in_stream
                 found[name] = (int(stream.curr_read_pos), int(stream.total_samp_per_chan_acquired))
     return found

@@ -49,7 +49,7 @@ _UNIT_IN_NAME = re.compile(
 """Places of a unit in a name; after ``_`` or ``/`` without a space only what is no word that names a channel."""
 
 
-def known(text: str) -> str | None:
+def known_unit(text: str) -> str | None:
     """Return the unit a text states: ours for a known spelling, else the text itself; None where none is stated."""
     stated = text.partition(" since ")[0].strip()  # "seconds since 1970-01-01" of CF are seconds
     return None if stated.lower() in SILENT else SYNONYMS.get(stated.lower(), stated)
@@ -135,7 +135,7 @@ def numbers(cells: Sequence[str], decimal: str = ".", thousands: str = "") -> ND
     return values
 
 
-def shown(cell: str) -> str:
+def shorten_cell(cell: str) -> str:
     """Return a cell of text for a message, truncated if long."""
     return repr(cell if len(cell) <= 40 else cell[:37] + "...")
 
@@ -280,7 +280,7 @@ class ChannelTable:
             if not np.isfinite(values).all() or (of_own_group in self.channels and path != of_own_group):
                 continue
             named = TIME_NAMES.fullmatch(name) or TIME_NAMES.fullmatch(path)
-            unit = known(self.units.get(path, "")) or (named and (named["unit"] or "s"))
+            unit = known_unit(self.units.get(path, "")) or (named and (named["unit"] or "s"))
             step = float(np.median(np.diff(values)))
             if unit in SECONDS:
                 if named or abs(step * SECONDS[unit] - interval_s) < 0.1 * interval_s:

@@ -24,9 +24,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.atomic_write import refused
+from rig.atomic_write import translate_os_error
 from rig.errors import RigInputError
-from rig.foreign.channel_table import ChannelTable, is_units_row, number, numbers, shown
+from rig.foreign.channel_table import ChannelTable, is_units_row, number, numbers, shorten_cell
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8"),
@@ -39,7 +39,7 @@ _MARKS = (
 
 def read_text(path: Path) -> str:
     """Read a text file of another program, gzipped or not; raises RigInputError when it cannot be read."""
-    with refused(path, "read"):
+    with translate_os_error(path, "read"):
         data = path.read_bytes()
     if path.suffix.lower() == ".gz":
         try:
@@ -192,7 +192,7 @@ def _column(cells: list[str], decimal: str, thousands: str, first: int) -> tuple
         except ValueError as error:
             i, cell = error.args
         advice = _advice(cell, decimal, thousands)
-        raise ValueError(f"row {first + i}: found {shown(cell)}, allowed a number{advice}")
+        raise ValueError(f"row {first + i}: found {shorten_cell(cell)}, allowed a number{advice}")
     values = np.empty(len(cells))
     started, date = begin
     for i, cell in enumerate(cells):
@@ -202,7 +202,7 @@ def _column(cells: list[str], decimal: str, thousands: str, first: int) -> tuple
                 raise TypeError
             values[i] = (read[0] - started).total_seconds()
         except TypeError:  # one with a zone, one without
-            raise ValueError(f"row {first + i}: found {shown(cell)}, allowed a time like the first") from None
+            raise ValueError(f"row {first + i}: found {shorten_cell(cell)}, allowed a time like the first") from None
     return values, started
 
 

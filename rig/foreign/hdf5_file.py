@@ -40,7 +40,7 @@ def read_hdf5(path: Path) -> ChannelTable:
         # a damaged heap can keep the library busy without end
         with ending_by_keyboard(), h5py.File(path, "r") as file:
             if file.attrs.get("schema") != SCHEMA:
-                return _plain(path, file)
+                return _read_plain_file(path, file)
     except RigInputError:
         raise
     except (OSError, RuntimeError, ValueError, TypeError, KeyError) as error:
@@ -62,7 +62,7 @@ def read_hdf5(path: Path) -> ChannelTable:
     return ChannelTable(str(path), columns, units, dict.fromkeys(columns, clock), started=data.started_utc)
 
 
-def _plain(path: Path, file: h5py.File) -> ChannelTable:
+def _read_plain_file(path: Path, file: h5py.File) -> ChannelTable:
     found: list[tuple[str, str, h5py.Dataset, str]] = []
     outer: dict[str, dict[str, Any]] = {"/": _properties(file)}
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import RigInputError
-from rig.foreign.channel_table import ChannelTable, known, number, numbers, shown
+from rig.foreign.channel_table import ChannelTable, known_unit, number, numbers, shorten_cell
 from rig.foreign.sample_times import JITTER, SECONDS, Clock, CoarseTimes, even_interval, time_resolution
 
 END = "***End_of_Header***"
@@ -118,7 +118,7 @@ def _segments(file: _File, lines: list[str]) -> Iterator[_Segment]:
         starts.append(start)
     if any(line.strip() for line in lines[: starts[0]]):
         raise RigInputError(
-            f"{file.where}: found {shown(lines[0])} before the first segment's header; the file is damaged"
+            f"{file.where}: found {shorten_cell(lines[0])} before the first segment's header; the file is damaged"
         )
     for start, end, stop in zip(starts, ends, [*starts[1:], len(lines)], strict=True):
         yield _Segment(_fields(lines[start:end], file.separator), lines[end + 1 : stop])
@@ -142,13 +142,13 @@ def _is_number(cell: str, decimal: str) -> bool:
 
 def _tables(file: _File, segment: _Segment, where: str) -> list[ChannelTable]:
     """The segment's table, and those of segments without a header that follow it."""
-    count = _whole(segment.fields.get("Channels", [])[:1], "Channels", where)[0]
+    count = _read_whole_number(segment.fields.get("Channels", [])[:1], "Channels", where)[0]
     if not 1 <= count <= 10_000:
         raise RigInputError(f"{where}: Channels {count}, allowed 1 to 10000")
     multi = file.columns == "Multi"
     at = list(range(1, 2 * count, 2)) if multi else list(range(1, count + 1))
     cells = [c for c in segment.fields.get("Samples", [])[: at[-1]] if c.strip()]
-    samples = _whole(cells, "Samples", where)
+    samples = _read_whole_number(cells, "Samples", where)
     longest = max(samples, default=0)
     if len(samples) != count or not longest:
         raise RigInputError(f"{where}: Samples {samples} of {count} channels; allowed one number for each, one from 1")
@@ -192,7 +192,7 @@ def _columns(
             raise RigInputError(f"{where}: row {i}: {len(row)} cells, allowed {width} and a comment")
         if len(row) > width and _is_number(row[width], file.decimal):
             raise RigInputError(
-                f"{where}: row {i}: comment {shown(row[width])} is a number; the row has a cell too many"
+                f"{where}: row {i}: comment {shorten_cell(row[width])} is a number; the row has a cell too many"
             )
     columns = {}
     for k, length in lengths.items():
@@ -204,7 +204,7 @@ def _columns(
             said = (
                 f"{len(rows[i])} cells, allowed {width}"
                 if k >= len(rows[i])
-                else f"found {shown(cell)}, allowed a number"
+                else f"found {shorten_cell(cell)}, allowed a number"
             )
             raise RigInputError(f"{where}: row {before + i + 1}: {said}") from None
         if any(cell.strip() for cell in cells[length:]):
@@ -227,7 +227,7 @@ def _table(
         return {name: _numbers([cell], file.decimal, tag, where)[0] for name, cell in read_fields(tag).items()}
 
     dimensions = set(read_fields("X_Dimension").values()) or {"Time"}
-    labels = {known(label) or "s" for label in read_fields("X_Unit_Label").values()} or {"s"}
+    labels = {known_unit(label) or "s" for label in read_fields("X_Unit_Label").values()} or {"s"}
     if dimensions != {"Time"} or len(labels) != 1 or not labels <= set(SECONDS):
         raise RigInputError(
             f"{where}: X_Dimension {sorted(dimensions)} in {sorted(labels)}, allowed Time in one of {list(SECONDS)}"
@@ -322,7 +322,7 @@ def _stamp(date: str, time: str, where: str) -> float:
     return ((day * 24 + hour) * 60 + minute) * 60 + second if date and time else 0.0
 
 
-def _whole(cells: list[str], key: str, where: str) -> list[int]:
+def _read_whole_number(cells: list[str], key: str, where: str) -> list[int]:
     cells = [cell.strip() for cell in cells]
     if not cells or not all(cell.isascii() and cell.isdigit() and len(cell) < 12 for cell in cells):
         raise RigInputError(f"{where}: {key} {cells}, allowed whole numbers")
@@ -333,4 +333,4 @@ def _numbers(cells: list[str], decimal: str, what: str, where: str) -> list[floa
     try:
         return [number(cell, decimal) for cell in cells]
     except ValueError as error:
-        raise RigInputError(f"{where}: {what} found {shown(str(error))}, allowed a number") from None
+        raise RigInputError(f"{where}: {what} found {shorten_cell(str(error))}, allowed a number") from None

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from rig.configuration import toml_file
 from rig.configuration.rig_file import BODIES, RESERVED_NAMES, LimitsConfig, Number, RulerConfig, Table, Text
 from rig.errors import RigInputError, refuse
-from rig.foreign.channel_table import ChannelTable, known
+from rig.foreign.channel_table import ChannelTable, known_unit
 from rig.session.info import ActionInfo, RoomInfo
 
 
@@ -308,7 +308,7 @@ def parse_mapping(text: str, where: str = "mapping") -> MappingFile:
 def check_unit(table: ChannelTable, channel: str, unit: str, overruled: tuple[str, ...] = ()) -> None:
     """Refuse a channel whose file states another unit, unless the mapping overrules that."""
     stated = table.units.get(channel, "").strip()
-    if known(stated) not in (None, unit) and channel not in overruled:
+    if known_unit(stated) not in (None, unit) and channel not in overruled:
         raise RigInputError(
             f"{table.where}: {channel} is in {stated!r} by the file itself, the mapping says {unit!r}; correct the "
             "mapping, or name the channel in overrule_units where the file is wrong"

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import RigInputError
-from rig.foreign.channel_table import ChannelTable, known
+from rig.foreign.channel_table import ChannelTable, known_unit
 from rig.foreign.csv_file import parse_csv, read_text
 from rig.foreign.hdf5_file import read_hdf5
 from rig.foreign.lvm_file import parse_lvm
@@ -108,14 +108,14 @@ def read_force(path: str | Path, column: str = "force_n") -> tuple[NDArray[np.fl
         raise UncorrectedForceError(
             f"{path}: is an older export, its force_n is not corrected for offset, delay and hum; export it again"
         )
-    unit = known(table.units.get(column, "")) or "N"
+    unit = known_unit(table.units.get(column, "")) or "N"
     if column == "force_n" and unit not in NEWTONS:
         raise RigInputError(
             f"{path}: {column} is in {unit!r}, allowed {', '.join(NEWTONS)}; state the scale in a mapping"
         )
     values = table.channel(column) * (NEWTONS[unit] if column == "force_n" else 1.0)
     time_channel = "time_s" if "time_s" in table.channels or not table.clocks else None
-    time_unit = known(table.units.get("time_s", "")) or "s"
+    time_unit = known_unit(table.units.get("time_s", "")) or "s"
     if time_unit not in SECONDS:
         raise RigInputError(f"{path}: time_s is in {time_unit!r}, allowed {', '.join(SECONDS)}")
     interval_s = table.interval([column], time_channel, "a channel time_s", unit=time_unit)
@@ -124,7 +124,7 @@ def read_force(path: str | Path, column: str = "force_n") -> tuple[NDArray[np.fl
     return start_s + interval_s * np.arange(values.size, dtype=np.float64), values
 
 
-def joined(segments: Sequence[ChannelTable], names: Sequence[str]) -> ChannelTable:
+def join_segments(segments: Sequence[ChannelTable], names: Sequence[str]) -> ChannelTable:
     first = segments[0]
     whole = {name: np.concatenate([segment.channel(name) for segment in segments]) for name in names}
     for before, after in zip(segments, segments[1:], strict=False):

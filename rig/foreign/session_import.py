@@ -22,12 +22,21 @@ from rig.configuration.rig_file import BODIES, LimitsConfig
 from rig.errors import RigInputError
 from rig.foreign.channel_table import ChannelTable
 from rig.foreign.mapping import EncoderMapping, ImportMapping, MappingFile, PositionMapping, check_unit
-from rig.foreign.reading import joined, read_segments
+from rig.foreign.reading import join_segments, read_segments
 from rig.foreign.sample_times import SECONDS, BrokenTimes, typical_interval
 from rig.safety.interlocks import SPEED_OVER_S
 from rig.session import Session, SessionInfo
 from rig.session.annotation_file import utc_now
-from rig.session.info import NO_FORCE, ChannelInfo, EncoderInfo, FileInfo, ForceInfo, PlanInfo, RulerInfo, of_same_name
+from rig.session.info import (
+    NO_FORCE,
+    ChannelInfo,
+    EncoderInfo,
+    FileInfo,
+    ForceInfo,
+    PlanInfo,
+    RulerInfo,
+    take_same_fields,
+)
 from rig.session.ruler import position_of
 from rig.session.trial_data import TrialData
 
@@ -305,7 +314,7 @@ def import_session(out: str | Path, files: Sequence[Path], mapping: MappingFile)
         tables = _recordings(file, config)
         for part, table in enumerate(tables, 1):
             segment = f" segment {part} of {len(tables)}" if len(tables) > 1 else ""
-            started, first = _started(table, file, config), len(trials) + 1
+            started, first = _recording_start(table, file, config), len(trials) + 1
             if config.positions:
                 cut = position_trials(table, config, sample_interval(table, config), first, started)
                 trials += [trial for trial, _ in cut]
@@ -385,7 +394,7 @@ def read_recording(path: Path, mapping: MappingFile) -> TrialData:
     tables = _recordings(path, mapping.config)
     if len(tables) != 1:
         raise RigInputError(f"{path}: holds {len(tables)} trials, allowed one here; import it and give a trial")
-    return make_trial(tables[0], mapping.config, 1, _started(tables[0], path, mapping.config))
+    return make_trial(tables[0], mapping.config, 1, _recording_start(tables[0], path, mapping.config))
 
 
 def _recordings(file: Path, config: ImportMapping) -> tuple[ChannelTable, ...]:
@@ -408,7 +417,7 @@ def _recordings(file: Path, config: ImportMapping) -> tuple[ChannelTable, ...]:
         sample_interval(table, config)
     names = config.channels
     timed = all(name in segment.clocks for segment in segments for name in names)
-    return (joined(segments, names if timed or config.time.channel is None else [*names, config.time.channel]),)
+    return (join_segments(segments, names if timed or config.time.channel is None else [*names, config.time.channel]),)
 
 
 def _difference(one: ChannelTable, other: ChannelTable, names: Sequence[str]) -> str:
@@ -451,7 +460,7 @@ def _pieces(table: ChannelTable, config: ImportMapping) -> list[ChannelTable]:
     return table.cut(columns[0], interval_s) if interval_s > 0 else [table]
 
 
-def _started(table: ChannelTable, file: Path, config: ImportMapping) -> str:
+def _recording_start(table: ChannelTable, file: Path, config: ImportMapping) -> str:
     """Return when a recording began, ISO 8601.
 
     The file's own statement comes first: in UTC where its zone is known, without a zone where it is not. A file that
@@ -512,7 +521,7 @@ def make_trial(table: ChannelTable, mapping: ImportMapping, number: int, started
         motor_command_v=volts,
         encoder_count=counts,
         encoders=encoders,
-        force_info=of_same_name(
+        force_info=take_same_fields(
             ForceInfo,
             cell,
             electrical=(cell.zero, cell.zero + 1.0),

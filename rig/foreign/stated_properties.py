@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rig.foreign.channel_table import SYNONYMS, known
+from rig.foreign.channel_table import SYNONYMS, known_unit
 from rig.foreign.sample_times import Clock
 
 Properties = Mapping[str, Any]
@@ -50,9 +50,9 @@ def find_unit(properties: Properties) -> tuple[str, str]:
     found = {}
     for key, value in properties.items():
         text = text_of(value).strip()
-        if _UNIT.fullmatch(key) and known(text) or _PERHAPS_UNIT.fullmatch(key) and text.lower() in SYNONYMS:
+        if _UNIT.fullmatch(key) and known_unit(text) or _PERHAPS_UNIT.fullmatch(key) and text.lower() in SYNONYMS:
             found[key] = text
-    if len({known(text) for text in found.values()}) > 1:
+    if len({known_unit(text) for text in found.values()}) > 1:
         return "", f"the units that the file states contradict each other: {found}"
     return next(iter(found.values()), ""), ""
 

@@ -26,7 +26,7 @@ from nptdms import TdmsFile, log
 from nptdms.reader import TdmsReader
 
 from rig.errors import RigInputError
-from rig.foreign.channel_table import ChannelTable, known
+from rig.foreign.channel_table import ChannelTable, known_unit
 from rig.foreign.sample_times import SECONDS, Clock
 from rig.foreign.stated_properties import find_clock, find_scale_doubt, find_unit, says_what_numbers_mean
 
@@ -233,7 +233,7 @@ def _waveform_clock(properties: Mapping[str, object]) -> Clock | None:
     interval, offset = properties.get("wf_increment"), properties.get("wf_start_offset", 0.0)
     if not isinstance(interval, float | int) or not (np.isfinite(interval) and interval > 0):
         return None
-    unit = known(str(properties.get("wf_xunit_string", ""))) or "s"
+    unit = known_unit(str(properties.get("wf_xunit_string", ""))) or "s"
     if unit not in SECONDS:
         raise ValueError(f"wf_xunit_string = {unit!r}, allowed {', '.join(SECONDS)}: the samples are not over time")
     start = float(offset) if isinstance(offset, float | int) and np.isfinite(offset) else 0.0

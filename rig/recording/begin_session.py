@@ -13,7 +13,7 @@ from rig.configuration.rig_file import Rig
 from rig.errors import HardwareFault
 from rig.recording.options import RecordingOptions
 from rig.recording.provenance import software_versions
-from rig.safety.interrupts import deferred
+from rig.safety.interrupts import defer_interrupts
 from rig.session.annotation_file import utc_now
 from rig.session.folder import Session
 from rig.session.info import ActionInfo, FileInfo, RoomInfo, SessionInfo
@@ -55,7 +55,7 @@ def new_session(
         yield backend, create
     except BaseException:
         if isinstance(given, str):
-            with deferred(), contextlib.suppress(HardwareFault):
+            with defer_interrupts(), contextlib.suppress(HardwareFault):
                 backend.close()  # the first fault is the one to report
         raise
     else:
@@ -63,7 +63,7 @@ def new_session(
             backend.close()
     finally:
         for session in made:
-            with deferred():
+            with defer_interrupts():
                 if not session.trials and not session.journals and existed:
                     for path in session.path.iterdir() if session.path.is_dir() else ():
                         path.unlink()

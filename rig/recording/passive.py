@@ -32,10 +32,10 @@ from rig.recording.options import Progress, RecordingKeywords, RecordingOptions
 from rig.recording.provenance import trial_provenance
 from rig.recording.seal_trials import Stroke, seal_cut
 from rig.recording.trial_plan import MAX_TRIALS
-from rig.recording.trial_run import LATE_S, closed, reason_of, status_of
-from rig.safety.interrupts import deferred, termination_as_interrupt
+from rig.recording.trial_run import LATE_S, close_journal, reason_of, status_of
+from rig.safety.interrupts import defer_interrupts, termination_as_interrupt
 from rig.session.folder import Session, Trial
-from rig.session.info import PASSIVE, FileInfo, PlanInfo, of_same_name, restored
+from rig.session.info import PASSIVE, FileInfo, PlanInfo, restore_info, take_same_fields
 from rig.session.journal_writer import JournalWriter
 from rig.session.trial_head import TrialHead
 
@@ -61,8 +61,8 @@ class StrokeSettings:
     longest_s: float
 
     @classmethod
-    def of(cls, config: RigConfig, rate_hz: float) -> StrokeSettings:
-        return of_same_name(
+    def from_rig(cls, config: RigConfig, rate_hz: float) -> StrokeSettings:
+        return take_same_fields(
             cls,
             config.passive,
             rate_hz=rate_hz,
@@ -77,7 +77,7 @@ class StrokeSettings:
     @classmethod
     def from_text(cls, text: str) -> StrokeSettings:
         """Restore settings; raises TypeError, ValueError or KeyError for anything else."""
-        return restored(cls, dict(json.loads(text)))
+        return restore_info(cls, dict(json.loads(text)))
 
 
 class StrokeDetector:
@@ -110,7 +110,7 @@ class StrokeDetector:
         return self._begun is not None
 
     @property
-    def settled(self) -> bool:
+    def is_settled(self) -> bool:
         """Whether it is quiet or a stroke is under way: what was played since is found."""
         return self.playing or self._quiet_from is not None
 
@@ -122,11 +122,11 @@ class StrokeDetector:
         self._end = block.first_sample + new
         ended = None
         if self._begun is not None:
-            ended = self._ended()
+            ended = self._finish_at_rest()
         elif self._quiet_from is None:
-            if self._still():
+            if self._is_still():
                 self._settle()
-        elif not self._triggered(new):
+        elif not self._find_trigger(new):
             self._update_level()
         keep = max(self._rest, self._pre) + self._sustained
         self._force, self._count = self._force[-keep:], self._count[-keep:]
@@ -143,7 +143,7 @@ class StrokeDetector:
         assert self._quiet_from is not None
         return max(self._quiet_from, trigger - self._pre)
 
-    def _triggered(self, new: int) -> bool:
+    def _find_trigger(self, new: int) -> bool:
         force_n, count = self._level
         at = max(self._force.size - new - self._sustained + 1, 0)
         moved = np.abs(self._force[at:] - force_n) > self._s.trigger_n
@@ -155,11 +155,11 @@ class StrokeDetector:
         self._begun, self._quiet_from = (self._pre_from(trigger), trigger), None
         return True
 
-    def _ended(self) -> Stroke | None:
+    def _finish_at_rest(self) -> Stroke | None:
         assert self._begun is not None
         first, trigger = self._begun
         back = np.abs((self._count[-1, 0] - self._level[1][0]) * self._rad[0]) <= BACK * self._s.trigger_rad
-        if self._end - trigger >= self._rest and back and self._still():
+        if self._end - trigger >= self._rest and back and self._is_still():
             self._begun = None
             self._settle()
             return Stroke(first, trigger, self._end, "complete")
@@ -168,7 +168,7 @@ class StrokeDetector:
             return Stroke(first, trigger, self._end, "not at rest")
         return None
 
-    def _still(self) -> bool:
+    def _is_still(self) -> bool:
         """Whether encoders and force have kept their values for ``rest_s``."""
         if self._force.size < self._rest:
             return False
@@ -284,7 +284,7 @@ class _Stream:
         with termination_as_interrupt():
             try:
                 timing = backend.configure(config, None)
-                settings = StrokeSettings.of(config, timing.sample_rate_hz)
+                settings = StrokeSettings.from_rig(config, timing.sample_rate_hz)
                 detector = StrokeDetector(settings)
                 self._open_journal(timing, settings)
                 backend.arm(enable_drive=False)
@@ -293,7 +293,7 @@ class _Stream:
                 self._follow(timing, settings, detector, most, duration_s)
             except BaseException as ended:
                 error = ended
-            with deferred():
+            with defer_interrupts():
                 outputs = "outputs safe"
                 try:
                     backend.safe_stop()
@@ -328,7 +328,7 @@ class _Stream:
                 self._recent.popleft()
             self._tell(block, committed, rate)
             if stroke is not None:
-                with deferred():
+                with defer_interrupts():
                     late = f"not at rest {settings.longest_s:g} s after it began (passive.longest_s)"
                     trial = self._seal(stroke, stroke.status, "" if stroke.status == "complete" else late)
                     sealed += 1
@@ -351,7 +351,7 @@ class _Stream:
     def _open_journal(self, timing: Timing, settings: StrokeSettings) -> None:
         """Begin the journal of the next trial with what may belong to it already."""
         command = MotorCommand(np.zeros(2), settings.pre_s, settings.pre_s)
-        head = TrialHead.of(
+        head = TrialHead.from_rig(
             self._config, timing, command, number=self._number, simulated=self._backend.capabilities.simulated
         )
         origin = trial_provenance(self._session.info, self._backend.capabilities, self._config, None)
@@ -378,7 +378,7 @@ class _Stream:
     def _seal(self, stroke: Stroke, status: str, reason: str) -> Trial:
         assert self._journal is not None
         journal, self._journal = self._journal, None
-        failed = closed(journal.writer, status, reason)
+        failed = close_journal(journal.writer, status, reason)
         if failed is not None:
             raise failed
         base = journal.base

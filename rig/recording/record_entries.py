@@ -22,7 +22,7 @@ from rig.recording.provenance import trial_provenance
 from rig.recording.seal_trials import seal_journal
 from rig.recording.trial_plan import Entry
 from rig.recording.trial_run import PlannedTrial, TrialOutcome, run_trial
-from rig.safety.interrupts import deferred, termination_as_interrupt
+from rig.safety.interrupts import defer_interrupts, termination_as_interrupt
 from rig.session.folder import Session, Trial
 from rig.session.journal_records import scan_journal
 
@@ -87,7 +87,7 @@ def record_entries(
 
 def _store(session: Session, trial: PlannedTrial, outcome: TrialOutcome, options: RecordingOptions) -> None:
     if outcome.journal is not None:
-        with deferred():
+        with defer_interrupts():
             sealed = seal(session, outcome.journal.path, outcome.status, outcome.reason)
             outcome.journal.remove()
         if outcome.error is None and options.after_trial is not None:

@@ -24,7 +24,7 @@ from typing import Unpack
 import numpy as np
 
 from rig import platform_calls
-from rig.atomic_write import refused, replace_when_complete, sha256_of_bytes
+from rig.atomic_write import replace_when_complete, sha256_of_bytes, translate_os_error
 from rig.backend import Backend, check_contract
 from rig.configuration import toml_file
 from rig.configuration.profile import parse_profile
@@ -150,7 +150,7 @@ def _copy_session(session: Session, out: Path) -> tuple[Session, list[Recovered]
     damaged = []
     for trial in session.trials:
         target = copy.trial_path(trial.number)
-        with refused(target, "written"), replace_when_complete(target) as part:
+        with translate_os_error(target, "written"), replace_when_complete(target) as part:
             shutil.copyfile(trial.path, part)
         with contextlib.suppress(RigInputError):
             if not has_seal(target):
@@ -163,7 +163,7 @@ def _copy_session(session: Session, out: Path) -> tuple[Session, list[Recovered]
 
 
 def _refuse_if_in_use(file: Path, flags: int) -> None:
-    with refused(file, "opened"):
+    with translate_os_error(file, "opened"):
         descriptor = platform_calls.open_raw(file, flags)
     try:
         if not platform_calls.lock(descriptor):
@@ -174,7 +174,7 @@ def _refuse_if_in_use(file: Path, flags: int) -> None:
 
 def _recover_trial(session: Session, number: int, file: Path, *, keep: bool) -> Recovered:
     journal, fate = scan_journal(file), "stays" if keep else "was removed"
-    if (sealed := _sealed(session, number)) is not None:
+    if (sealed := _read_sealed_trial(session, number)) is not None:
         # sealed just before the program ended, unless the two differ
         kept, at = stored_blocks(file, journal) if journal.head is not None else (), sealed.raw_force_n
         force_n = np.concatenate([np.empty(0), *(block.force_n for block in kept)])
@@ -237,10 +237,10 @@ def _stroke(file: Path, journal: Journal, settings: str) -> tuple[Stroke | None,
     for block in stored_blocks(file, journal):
         if (stroke := detector.add(block)) is not None:
             return stroke, True
-    return detector.finish(), detector.settled
+    return detector.finish(), detector.is_settled
 
 
-def _sealed(session: Session, number: int) -> TrialData | None:
+def _read_sealed_trial(session: Session, number: int) -> TrialData | None:
     """Return the sealed trial; None when there is none, or it cannot be read."""
     try:
         return session.trial(number).read()

@@ -49,7 +49,7 @@ def seal_journal(session: Session, file: Path, scanned: Journal, status: str, re
         camera=head.camera(stored_blocks(file, scanned), scanned.n_samples),
     )
     reject_warm_up(session, about)
-    return session.add_trial_parts(about, scanned.n_samples, _joined(head, stored_blocks(file, scanned)))
+    return session.add_trial_parts(about, scanned.n_samples, _assemble_parts(head, stored_blocks(file, scanned)))
 
 
 NOTICED_LATE_S = 0.05
@@ -71,11 +71,11 @@ def seal_cut(session: Session, file: Path, cut: Stroke, status: str, reason: str
         blow_start_s=max((cut.trigger - cut.first) / rate - NOTICED_LATE_S, 0.0),
     )
     about = replace(head.part((), 0), status=status, reason=reason)
-    blocks = _inside(stored_blocks(file, scanned), cut.first, end)
-    return session.add_trial_parts(about, end - cut.first, _joined(head, blocks))
+    blocks = _cut_blocks(stored_blocks(file, scanned), cut.first, end)
+    return session.add_trial_parts(about, end - cut.first, _assemble_parts(head, blocks))
 
 
-def _inside(blocks: Iterator[Block], first: int, end: int) -> Iterator[Block]:
+def _cut_blocks(blocks: Iterator[Block], first: int, end: int) -> Iterator[Block]:
     """Yield the samples from ``first`` up to ``end``, numbered from 0."""
     for block in blocks:
         low, high = max(first - block.first_sample, 0), min(end - block.first_sample, block.force_n.size)
@@ -92,7 +92,7 @@ def _inside(blocks: Iterator[Block], first: int, end: int) -> Iterator[Block]:
         )
 
 
-def _joined(head: TrialHead, blocks: Iterator[Block]) -> Iterator[TrialData]:
+def _assemble_parts(head: TrialHead, blocks: Iterator[Block]) -> Iterator[TrialData]:
     waiting: list[Block] = []
     first = samples = 0
     for block in blocks:

@@ -19,7 +19,7 @@ from rig.errors import HardwareFault, SamplesLost
 from rig.recording.options import Progress, RecordingOptions
 from rig.recording.rest_detector import RestDetector
 from rig.safety.interlocks import Interlocks
-from rig.safety.interrupts import deferred
+from rig.safety.interrupts import defer_interrupts
 from rig.session.journal_writer import JournalWriter
 from rig.session.trial_head import TrialHead
 
@@ -69,13 +69,13 @@ def run_trial(backend: Backend, config: RigConfig, trial: PlannedTrial, options:
     command = trial.command
     try:
         timing = backend.configure(config, command.volts)
-        head = TrialHead.of(
+        head = TrialHead.from_rig(
             config, timing, command,
             number=trial.number, simulated=backend.capabilities.simulated,
             condition=trial.condition, plan_entry=trial.plan_entry,
         )  # fmt: skip
         head = replace(head, provenance=trial.provenance)
-        lengths = _Lengths.of(config, command, timing)
+        lengths = _Lengths.from_command(config, command, timing)
         interlocks = Interlocks(config, timing, command.volts, command.blow_start_s)
         written = journal = options.open_journal(
             trial.journal_path, head, lengths.longest + lengths.calm, lengths.longest // lengths.block + 2
@@ -109,7 +109,7 @@ def run_trial(backend: Backend, config: RigConfig, trial: PlannedTrial, options:
         error, status, reason = ended, status_of(ended), reason_of(ended)
     finally:
         try:
-            with deferred():
+            with defer_interrupts():
                 outputs = "outputs safe"
                 try:
                     backend.safe_stop()
@@ -120,7 +120,7 @@ def run_trial(backend: Backend, config: RigConfig, trial: PlannedTrial, options:
                 if status == "not at rest":
                     reason = f"not at rest {config.recording.longest_s:g} s after the blow"
                 if journal is not None:
-                    failed = closed(journal, status, reason)
+                    failed = close_journal(journal, status, reason)
                     if error is None and failed is not None:
                         status, reason, error = status_of(failed), one_line(failed), failed
         except KeyboardInterrupt as late:  # it came while the bench was made safe: the trial stays as it is
@@ -147,7 +147,7 @@ def reason_of(error: BaseException) -> str:
     return one_line(error)
 
 
-def closed(journal: JournalWriter, status: str, reason: str) -> BaseException | None:
+def close_journal(journal: JournalWriter, status: str, reason: str) -> BaseException | None:
     """Close a journal; return what prevented it."""
     try:
         journal.close(status, reason)
@@ -173,7 +173,7 @@ class _Lengths:
     """The command is 0 V before ``moves_from`` and from ``moves_until`` on; the trial lasts until ``may_end``."""
 
     @classmethod
-    def of(cls, config: RigConfig, command: MotorCommand, timing: Timing) -> _Lengths:
+    def from_command(cls, config: RigConfig, command: MotorCommand, timing: Timing) -> _Lengths:
         rate, recording = timing.sample_rate_hz, config.recording
         block = max(int(round(recording.block_s * rate)), int(np.ceil(timing.shortest_block_s * rate)), 1)
         moves = np.flatnonzero(command.volts)
@@ -187,7 +187,7 @@ class _Lengths:
             _earliest_rest(command, timing) + int(np.ceil(recording.rest_s * rate)),
         )
 
-    def next(self, read: int) -> int:
+    def next_read(self, read: int) -> int:
         """Return how many samples to read next, after ``read`` of the trial."""
         before, behind = read + self.calm <= self.moves_from, read >= self.moves_until
         return self.calm if before or (behind and read + self.calm <= self.may_end) else self.block
@@ -201,7 +201,7 @@ def _read_until_rest(
     backend: Backend, config: RigConfig, command: MotorCommand, timing: Timing, store: Callable[[Block], None]
 ) -> str:
     rate, recording = timing.sample_rate_hz, config.recording
-    lengths = _Lengths.of(config, command, timing)
+    lengths = _Lengths.from_command(config, command, timing)
     detector = RestDetector(
         window=int(np.ceil(recording.rest_s * rate)),
         earliest=_earliest_rest(command, timing),
@@ -211,7 +211,7 @@ def _read_until_rest(
     )
     read = 0
     while True:
-        size = lengths.next(read)
+        size = lengths.next_read(read)
         late_s = LATE_S if config.watchdog is None else LATE_IN_TIMEOUT * config.watchdog.timeout_s - size / rate
         block = backend.read_block(size, size / rate + late_s)
         store(block)

@@ -22,7 +22,7 @@ class Terminated(KeyboardInterrupt):
 
 
 @contextlib.contextmanager
-def _handled(
+def _handle_signals(
     handler: Callable[[int, FrameType | None], object], numbers: Iterable[int], may_replace: Callable[[Any], bool]
 ) -> Iterator[dict[int, Any]]:
     """Handle signals inside the block where the present handler may be replaced; give the handlers replaced."""
@@ -46,19 +46,19 @@ def termination_as_interrupt() -> Iterator[None]:
         raise Terminated(f"stopped by {signal.Signals(number).name}")
 
     # a handler installed by somebody else stays
-    with _handled(terminate, platform_calls.ending_signals(), lambda before: before is signal.SIG_DFL):
+    with _handle_signals(terminate, platform_calls.ending_signals(), lambda before: before is signal.SIG_DFL):
         yield
 
 
 @contextlib.contextmanager
-def deferred() -> Iterator[None]:
+def defer_interrupts() -> Iterator[None]:
     """Defer Ctrl-C and the signals that end a program until the block has ended."""
     waiting: list[tuple[int, FrameType | None]] = []
     previous: dict[int, Any] = {}
     numbers = platform_calls.ending_signals(with_keyboard=True)
     try:
         # callable: not installed by C code, nor the system's default
-        with _handled(lambda at, frame: waiting.append((at, frame)), numbers, callable) as previous:
+        with _handle_signals(lambda at, frame: waiting.append((at, frame)), numbers, callable) as previous:
             yield
     finally:
         if waiting:

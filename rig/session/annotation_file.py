@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from rig import platform_calls
-from rig.atomic_write import refused
+from rig.atomic_write import translate_os_error
 from rig.errors import RigInputError, refuse
 
 FILE_NAME = "annotations.jsonl"
@@ -48,7 +48,7 @@ def append(folder: Path, trial: int, kind: Kind, reason: str, author: str = "") 
     annotation = Annotation(trial=trial, kind=kind, reason=reason, author=author or "unknown", time_utc=utc_now())
     line = (json.dumps(asdict(annotation)) + "\n").encode("utf-8")
     path = folder / FILE_NAME
-    with refused(path, "written"):
+    with translate_os_error(path, "written"):
         descriptor = platform_calls.open_raw(path, os.O_RDWR | os.O_APPEND | os.O_CREAT)
         try:
             before = os.fstat(descriptor).st_size

@@ -22,7 +22,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.atomic_write import refused, write_text
+from rig.atomic_write import translate_os_error, write_text
 from rig.configuration import toml_file
 from rig.errors import RigInputError
 from rig.session import annotation_file
@@ -53,11 +53,11 @@ def write_table(path: Path, table: pd.DataFrame, attrs: Mapping[str, Any], paren
     names = [str(name) for name in table.columns]
     if len(set(names)) != len(names) or any(not name or "/" in name or name == "row" for name in names):
         raise RigInputError(f"{path}: column names {names} must be unique, not empty, not 'row' and without '/'")
-    with refused(path.parent, "created"):
+    with translate_os_error(path.parent, "created"):
         path.parent.mkdir(parents=True, exist_ok=True)
     with write_sealed(path) as file:
         file.attrs["schema"] = SCHEMA
-        file.attrs["attributes_json"] = json.dumps(dict(attrs), default=_plain)
+        file.attrs["attributes_json"] = json.dumps(dict(attrs), default=_to_plain)
         file.attrs["parents_json"] = json.dumps(dict(parents_sha256), sort_keys=True)
         group = file.create_group("table", track_order=True)
         group.attrs["columns_json"] = json.dumps(names)
@@ -68,7 +68,7 @@ def write_table(path: Path, table: pd.DataFrame, attrs: Mapping[str, Any], paren
         file.attrs[CONTENT] = content_sha256(file)
 
 
-def _plain(value: object) -> Any:
+def _to_plain(value: object) -> Any:
     """Return a NumPy value or a path as JSON can store it."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
@@ -222,7 +222,7 @@ class Session:
         return f"Session({str(self.path)!r}: {count}{f', {rejected} rejected' if rejected else ''})"
 
     def __len__(self) -> int:
-        return len(self._numbered("h5"))
+        return len(self._files_by_number("h5"))
 
     def __bool__(self) -> bool:
         return True  # a session that is being recorded may have no trial yet
@@ -271,7 +271,7 @@ class Session:
         """
         folder = Path(path)
         existed = folder.is_dir()
-        with refused(folder, "created", "choose a writable place"):
+        with translate_os_error(folder, "created", "choose a writable place"):
             if folder.exists() and (not existed or any(folder.iterdir())):
                 raise RigInputError(f"{folder}: exists already and is not an empty folder; choose another name")
             folder.mkdir(parents=True, exist_ok=True)
@@ -289,7 +289,7 @@ class Session:
     def trials(self) -> tuple[Trial, ...]:
         """Trials on disk in the order of their numbers, rejected ones included."""
         rejected = annotation_file.rejections(annotation_file.read(self.path))
-        return tuple(Trial(file, number, rejected.get(number)) for number, file in self._numbered("h5").items())
+        return tuple(Trial(file, number, rejected.get(number)) for number, file in self._files_by_number("h5").items())
 
     @property
     def readable_trials(self) -> tuple[Trial, ...]:
@@ -299,9 +299,9 @@ class Session:
     @property
     def journals(self) -> dict[int, Path]:
         """Journals of trials that are not sealed, by number; during a recording, of the current trial."""
-        return self._numbered("journal")
+        return self._files_by_number("journal")
 
-    def _numbered(self, suffix: str) -> dict[int, Path]:
+    def _files_by_number(self, suffix: str) -> dict[int, Path]:
         found = {}
         with contextlib.suppress(FileNotFoundError):
             for file in self.path.iterdir():

@@ -423,7 +423,9 @@ def find_quiet(
             raise RigInputError(f"encoder counts: found {len(counts)} rows, allowed {time.size}, one for each sample")
         hit = _first_move(counts, first)
         moved = onset if hit is None else min(onset, hit)
-    return _quiet(time, moved, float(time[onset]) - group_delay_s, "quiet baseline is", "to find the force offset")
+    return _quiet_before(
+        time, moved, float(time[onset]) - group_delay_s, "quiet baseline is", "to find the force offset"
+    )
 
 
 def quiet_of_motion(time_s: Array, encoder_count: NDArray[np.int64]) -> Quiet:
@@ -431,7 +433,7 @@ def quiet_of_motion(time_s: Array, encoder_count: NDArray[np.int64]) -> Quiet:
     moved = _first_move(encoder_count, max(round(FIRST_BASELINE_S / step), 8))
     if moved is None:
         raise RigInputError("no encoder moves by more than three counts; was the blow played?")
-    return _quiet(time_s, moved, float(time_s[moved]), "encoders rest for", "before the blow")
+    return _quiet_before(time_s, moved, float(time_s[moved]), "encoders rest for", "before the blow")
 
 
 def _first_move(counts: NDArray[Any], first: int) -> int | None:
@@ -441,7 +443,7 @@ def _first_move(counts: NDArray[Any], first: int) -> int | None:
     return first_run(away.any(axis=1), ONSET_SAMPLES)
 
 
-def _quiet(time: Array, moved: int, onset_s: float, what: str, needed: str) -> Quiet:
+def _quiet_before(time: Array, moved: int, onset_s: float, what: str, needed: str) -> Quiet:
     """The baseline up to shortly before the sample at which something moves."""
     step = float(np.median(np.diff(time)))
     stop = moved - round(MARGIN_S / step)

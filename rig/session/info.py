@@ -147,12 +147,12 @@ KEY_OPPOSITE = "key_opposite_rad"
 Info = TypeVar("Info")
 
 
-def of_same_name(kind: type[Info], config: Table, **own: Any) -> Info:
+def take_same_fields(kind: type[Info], config: Table, **own: Any) -> Info:
     names = {one.name for one in fields(kind)} - own.keys()  # type: ignore[arg-type]
     return kind(**{name: getattr(config, name) for name in names if hasattr(config, name)}, **own)
 
 
-def restored(kind: type[Info], plain: Mapping[str, Any]) -> Info:
+def restore_info(kind: type[Info], plain: Mapping[str, Any]) -> Info:
     """Return a record from JSON, which has lists for tuples."""
     return kind(**{key: tuple(value) if isinstance(value, list) else value for key, value in plain.items()})
 
@@ -186,7 +186,7 @@ class EncoderInfo:
     @classmethod
     def of(cls, config: EncoderConfig) -> EncoderInfo:
         """Return what the rig file says of an encoder."""
-        return of_same_name(cls, config, channel=config.counter, calibration=_calibration("", config.certificate))
+        return take_same_fields(cls, config, channel=config.counter, calibration=_calibration("", config.certificate))
 
     @property
     def u_turn_relative(self) -> float:
@@ -240,7 +240,7 @@ class ForceInfo:
     @classmethod
     def of(cls, config: RigConfig, group_delay_s: float) -> ForceInfo:
         """Return what the rig file says of the force channel, with the delay the device really has, s."""
-        return of_same_name(
+        return take_same_fields(
             cls,
             config.force,
             calibration=_calibration(config.force.calibration, config.force.certificate),
@@ -280,7 +280,7 @@ class ChannelInfo:
         """Return what the rig file says of a further channel."""
         ruler = None if config.ruler is None else RulerInfo(**config.ruler.model_dump())
         calibration = _calibration(config.calibration, config.certificate)
-        return of_same_name(cls, config, calibration=calibration, ruler=ruler)
+        return take_same_fields(cls, config, calibration=calibration, ruler=ruler)
 
     @classmethod
     def opposite_head(cls, config: RigConfig) -> ChannelInfo:
@@ -305,4 +305,4 @@ class ChannelInfo:
     def from_plain(cls, plain: dict[str, Any]) -> ChannelInfo:
         """Restore it from JSON; older files have no ruler."""
         ruler = plain.get("ruler")
-        return restored(cls, {**plain, "ruler": None if ruler is None else restored(RulerInfo, ruler)})
+        return restore_info(cls, {**plain, "ruler": None if ruler is None else restore_info(RulerInfo, ruler)})

@@ -21,7 +21,7 @@ from typing import BinaryIO, NamedTuple
 
 import numpy as np
 
-from rig.atomic_write import refused
+from rig.atomic_write import translate_os_error
 from rig.backend import Block
 from rig.session.trial_head import TrialHead
 
@@ -154,13 +154,13 @@ def _remains(stream: BinaryIO) -> tuple[int, bool]:
 
 def scan_journal(path: Path) -> Journal:
     """Check a journal file; raises RigInputError only when the file itself cannot be read."""
-    with refused(path, "read"), path.open("rb") as stream:
+    with translate_os_error(path, "read"), path.open("rb") as stream:
         return scan(stream)
 
 
 def stored_blocks(path: Path, scanned: Journal) -> Iterator[Block]:
     """Yield the blocks of a journal that was scanned, one at a time; raises as :func:`scan_journal`."""
-    with refused(path, "read"), path.open("rb") as stream:
+    with translate_os_error(path, "read"), path.open("rb") as stream:
         yield from blocks_of(stream, scanned)
 
 

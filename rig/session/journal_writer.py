@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from rig import platform_calls
-from rig.atomic_write import refused
+from rig.atomic_write import translate_os_error
 from rig.backend import Block
 from rig.errors import RecordingFault, RigInputError, is_defect
 from rig.session.journal_records import BLOCK, COMMAND, END, HEAD, OVERHEAD, block_payload, bytes_per_sample, encode
@@ -72,7 +72,7 @@ class JournalWriter:
         command = np.ascontiguousarray(head.command_v, dtype="<f8").tobytes()
         beginning = first + self._record(COMMAND, head.command_v.size, command)
         room = len(beginning) + most_samples * bytes_per_sample(head) + (most_blocks + 1) * OVERHEAD + 4096
-        with refused(path, "created"):
+        with translate_os_error(path, "created"):
             self._file = platform_calls.open_raw(path, os.O_RDWR | os.O_CREAT | os.O_EXCL)
         try:
             platform_calls.lock(self._file)

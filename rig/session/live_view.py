@@ -95,7 +95,7 @@ class LiveView(ArrayRecord):
     sealed: int  # trials sealed so far
 
     @property
-    def finished(self) -> bool:
+    def is_finished(self) -> bool:
         """Whether nothing is being recorded and the plan's trials are there."""
         return self.state != "recording" and self.sealed >= self.trials
 
@@ -109,7 +109,7 @@ class SessionFollower:
         self._idle = 0
 
     @property
-    def ended(self) -> bool:
+    def has_ended(self) -> bool:
         """Whether nobody plays any more: as long as somebody may, a journal lies there, but for an instant."""
         return self.session.info.profile.name == PASSIVE and self._idle >= LOOKS
 

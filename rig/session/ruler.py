@@ -54,7 +54,7 @@ class SmoothCurve:
         held = np.clip(x, self.places[0], self.places[-1])
         return np.asarray(self._spline(self.height).derivative()(self._axis(held)) * self._stretching(held))
 
-    def moved(self, away: Array, x: Array) -> Array:
+    def shift_points(self, away: Array, x: Array) -> Array:
         """Heights at places if the points had been read so much higher (p,)."""
         held = np.clip(x, self.places[0], self.places[-1])
         return np.asarray(self._spline(self.height + self.smoother @ away)(self._axis(held)))
@@ -65,7 +65,7 @@ class SmoothCurve:
 
     def _axis(self, x: Array) -> Array:
         share = (x - self.places[0]) / (self.places[-1] - self.places[0])
-        return share if not self.stretch else _stretched(share, self.stretch)
+        return share if not self.stretch else _stretch_axis(share, self.stretch)
 
     def _stretching(self, x: Array) -> Array:
         span = self.places[-1] - self.places[0]
@@ -87,7 +87,7 @@ def fit_smooth(places: Array, height: Array) -> SmoothCurve:
     sense = np.sign(height[-1] - height[0])
     best, least = None, np.inf
     for stretch in STRETCHES:
-        axis = _stretched(share, stretch)
+        axis = _stretch_axis(share, stretch)
         for stiffness in STIFFNESSES:
             smoother = _smoother(axis, stiffness)
             error, gain = _left_out(smoother, height)
@@ -97,10 +97,10 @@ def fit_smooth(places: Array, height: Array) -> SmoothCurve:
             rising = CubicSpline(axis, fitted, bc_type="natural").derivative()(np.linspace(0.0, 1.0, GRID))
             if np.all(sense * rising > 0.0):
                 best, least = SmoothCurve(places, fitted, stretch, smoother, error / gain), error
-    return best or _through_all(places, height)
+    return best or _monotone_interpolation(places, height)
 
 
-def _through_all(places: Array, height: Array) -> SmoothCurve:
+def _monotone_interpolation(places: Array, height: Array) -> SmoothCurve:
     errors = [
         float(PchipInterpolator(np.delete(places, i), np.delete(height, i))(places[i]) - height[i])
         for i in range(1, places.size - 1)
@@ -109,7 +109,7 @@ def _through_all(places: Array, height: Array) -> SmoothCurve:
     return SmoothCurve(places, height, 0.0, np.eye(places.size), scatter)
 
 
-def _stretched(share: Array, by: float) -> Array:
+def _stretch_axis(share: Array, by: float) -> Array:
     return np.asarray(np.log1p(share / by) / np.log1p(1.0 / by))
 
 
@@ -170,14 +170,14 @@ class RulerCurve(SmoothCurve):
         inside = (x >= self.places[0]) & (x <= self.places[-1])
         return np.where(inside, np.abs(super().slope(x)), 0.0)
 
-    def drawn(self, random: np.random.Generator, reading: Array) -> Array:
+    def draw_calibration(self, random: np.random.Generator, reading: Array) -> Array:
         """Displacements (m) at readings by another calibration that the ruler's uncertainty allows."""
-        return self.moved(self.u_m * random.standard_normal(self.places.size), reading)
+        return self.shift_points(self.u_m * random.standard_normal(self.places.size), reading)
 
     def draws(self, reading: Array, n: int = DRAWS) -> Array:
         """Displacements (n, m) by calibrations that the ruler's uncertainty allows, seeded."""
         random = np.random.default_rng(SEED)
-        return np.array([self.drawn(random, reading) for _ in range(n)])
+        return np.array([self.draw_calibration(random, reading) for _ in range(n)])
 
     def u_at(self, reading: Array) -> Array:
         """Standard uncertainty (m) of the calibration at readings: common to all samples there, not noise."""
@@ -235,7 +235,7 @@ def ruler_curve(ruler: RulerInfo, where: str = "ruler") -> RulerCurve:
             f"after {reading[i]:g} at {1e3 * displacement[i]:.3f} mm goes back by {back[i]:.3g}, allowed {allowed:.3g} "
             "(from u_reading); read these points again, or leave them out"
         )
-    reading, displacement = _pooled(sense * reading, displacement)
+    reading, displacement = _pool_neighbours(sense * reading, displacement)
     if reading.size < 4:
         raise RigInputError(f"{where}: {reading.size} ruler points with different readings, allowed from 4")
     if sense < 0:
@@ -245,7 +245,7 @@ def ruler_curve(ruler: RulerInfo, where: str = "ruler") -> RulerCurve:
     return RulerCurve(**vars(curve), u_m=u_m, stated_m=ruler.u_displacement_m)
 
 
-def _pooled(reading: Array, displacement: Array) -> tuple[Array, Array]:
+def _pool_neighbours(reading: Array, displacement: Array) -> tuple[Array, Array]:
     """Points with rising readings: neighbours that do not rise are put at their common mean."""
     rising, group = np.unique(isotonic_regression(reading).x, return_inverse=True)
     return rising, np.bincount(group, displacement) / np.bincount(group)

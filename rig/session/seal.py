@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig import platform_calls
-from rig.atomic_write import refused, replace_when_complete
+from rig.atomic_write import replace_when_complete, translate_os_error
 from rig.errors import RigInputError
 
 MARK = b"\npiano-action-rig sha256 "
@@ -275,7 +275,7 @@ def array_sha256(values: NDArray[Any]) -> str:
 
 def has_seal(path: Path) -> bool:
     """Whether a file ends with the line of a seal, and its header is not the one thing that contradicts it."""
-    with refused(path, "read"), path.open("rb") as stream:
+    with translate_os_error(path, "read"), path.open("rb") as stream:
         size = stream.seek(0, 2)
         stream.seek(max(size - _TAIL, 0))
         tail = stream.read()
@@ -287,12 +287,12 @@ def has_seal(path: Path) -> bool:
 
 def seal_again(path: Path) -> None:
     """Put the seal back on a file whose content is as it was sealed."""
-    with refused(path, "read"):
+    with translate_os_error(path, "read"):
         _check_content(path, warn=False)
         before = file_state(path)
     if platform_calls.is_held(path):
         raise RigInputError(f"{path}: {OPEN_ELSEWHERE}")
-    with refused(path, "read"):
+    with translate_os_error(path, "read"):
         whole = path.read_bytes()
     rest_of_seal = whole.rfind(MARK, max(len(whole) - _TAIL, 0))
     whole = _remove_mark(whole[:rest_of_seal] if rest_of_seal >= 0 else whole)

@@ -258,7 +258,7 @@ def _columns(about: TrialData) -> list[Column]:
         if (ruler := rest.pop("ruler")) is not None:
             rest["ruler_json"] = json.dumps(ruler)
         name, unit, quantity = (rest.pop(key) for key in ("name", "unit", "quantity"))
-        found.append((name, "<f8", unit, quantity, partial(_further, k), rest))
+        found.append((name, "<f8", unit, quantity, partial(_further_channels, k), rest))
     if info.device_scaling:  # else the driver's scaling is not known
         meaning = "code of the converter behind the force, by the driver's scaling device_scaling"
         codes = {"no_code": NO_CODE}
@@ -266,7 +266,7 @@ def _columns(about: TrialData) -> list[Column]:
     return found
 
 
-def _further(k: int, part: TrialData) -> NDArray[np.float64]:
+def _further_channels(k: int, part: TrialData) -> NDArray[np.float64]:
     assert part.channel_values is not None
     return part.channel_values[:, k]
 
@@ -322,7 +322,7 @@ def _write_camera(content: Content, group: h5py.Group, camera: CameraInfo) -> No
     index.dims[0].attach_scale(time)
 
 
-def _plain(value: Any) -> Any:
+def _to_plain(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return tuple(float(item) for item in value)
     return value.item() if isinstance(value, np.generic) else value
@@ -347,13 +347,13 @@ def _read(path: Path, file: h5py.File, sha256: str) -> TrialData:
     if "force" in daq:
         force = daq["force"]
         stated = [field for field in ForceInfo.__dataclass_fields__ if field in force.attrs or field not in LATER]
-        info = ForceInfo(**{field: _plain(force.attrs[field]) for field in stated})
+        info = ForceInfo(**{field: _to_plain(force.attrs[field]) for field in stated})
     encoders = tuple(EncoderInfo(**entry) for entry in json.loads(daq["encoder_count"].attrs["encoders_json"]))
     channels = tuple(ChannelInfo.from_plain(entry) for entry in json.loads(daq.attrs.get("channels_json", "[]")))
     camera = None
     if "camera" in file:
         attributes = file["camera"].attrs
-        camera = CameraInfo(**{field: _plain(attributes[field]) for field in CameraInfo.__dataclass_fields__})
+        camera = CameraInfo(**{field: _to_plain(attributes[field]) for field in CameraInfo.__dataclass_fields__})
     return TrialData(
         number=int(file.attrs["trial"]),
         status=str(daq.attrs["status"]),

@@ -59,7 +59,7 @@ def columns(data: TrialData) -> list[Column]:
     return found
 
 
-def about(data: TrialData) -> dict[str, str | int | float]:
+def trial_facts(data: TrialData) -> dict[str, str | int | float]:
     """Return what the file says of the trial, as numbers and text."""
     return {
         "trial": data.number,
@@ -86,7 +86,7 @@ def export_trial(data: TrialData, path: Path) -> list[Path]:
     for file in (path, beside) if path.suffix == ".csv" else (path,):
         if file.exists():
             raise RigInputError(f"{file}: exists already; delete it, or export into another folder")
-    write(path, columns(data), about(data))
+    write(path, columns(data), trial_facts(data))
     return [path, beside] if path.suffix == ".csv" else [path]
 
 

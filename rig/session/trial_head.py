@@ -18,7 +18,7 @@ from rig.configuration.profile import MotorCommand
 from rig.configuration.rig_file import CameraConfig, RigConfig
 from rig.errors import HardwareFault
 from rig.session.annotation_file import utc_now
-from rig.session.info import ChannelInfo, EncoderInfo, ForceInfo, restored
+from rig.session.info import ChannelInfo, EncoderInfo, ForceInfo, restore_info
 from rig.session.trial_data import CameraInfo, TrialData
 
 
@@ -34,7 +34,7 @@ class FrameClock:
     """The camera runs by itself; rate and first pulse are nominal, the counted exposures tell the real ones."""
 
     @classmethod
-    def of(cls, camera: CameraConfig | None, timing: Timing) -> FrameClock | None:
+    def from_camera(cls, camera: CameraConfig | None, timing: Timing) -> FrameClock | None:
         """Return the clock of a configured camera; None without one."""
         if camera is None:
             return None
@@ -109,7 +109,7 @@ class TrialHead:
     provenance: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
-    def of(
+    def from_rig(
         cls,
         config: RigConfig,
         timing: Timing,
@@ -132,7 +132,7 @@ class TrialHead:
             force_info=replace(
                 ForceInfo.of(config, timing.force_group_delay_s), device_scaling=timing.force_device_scaling
             ),
-            frame_clock=FrameClock.of(config.camera, timing),
+            frame_clock=FrameClock.from_camera(config.camera, timing),
             condition=condition,
             plan_entry=plan_entry,
             channels=(
@@ -159,7 +159,7 @@ class TrialHead:
             blow_start_s=float(plain["blow_start_s"]),
             command_v=command_v,
             encoders=tuple(EncoderInfo(**encoder) for encoder in plain["encoders"]),
-            force_info=restored(ForceInfo, plain["force_info"]),
+            force_info=restore_info(ForceInfo, plain["force_info"]),
             frame_clock=FrameClock(**clock) if clock else None,
             condition=str(plain.get("condition", "")),
             plan_entry=int(plain.get("plan_entry", 0)),

@@ -223,13 +223,13 @@ def _options(url: str) -> dict[str, str]:
     return dict(pairs)
 
 
-def _whole(text: str) -> int:
+def _read_whole_number(text: str) -> int:
     if not (text.isascii() and text.isdigit()):
         raise ValueError
     return int(text)
 
 
-def _within(text: str, low: float, high: float) -> float:
+def _read_number_within(text: str, low: float, high: float) -> float:
     value = float(text)
     if not low <= value <= high:
         raise ValueError
@@ -237,14 +237,14 @@ def _within(text: str, low: float, high: float) -> float:
 
 
 READERS: dict[str, tuple[Callable[[str], Any], str]] = {
-    "seed": (_whole, "a whole number from 0"),
-    "delay_ms": (lambda text: _within(text, 0, 10_000), "0 to 10000"),
+    "seed": (_read_whole_number, "a whole number from 0"),
+    "delay_ms": (lambda text: _read_number_within(text, 0, 10_000), "0 to 10000"),
     "hand": (lambda text: {one: one for one in ("yes", "no", "plays")}[text], "yes, no or plays"),
     "clock": (
         lambda text: (
             VirtualClock()
             if text == "virtual"
-            else PacedClock(1.0 if text == "real" else _within(text, math.ulp(0.0), sys.float_info.max))
+            else PacedClock(1.0 if text == "real" else _read_number_within(text, math.ulp(0.0), sys.float_info.max))
         ),
         "virtual, real, or a speed above 0",
     ),

@@ -35,7 +35,7 @@ def create_task(device: DeviceState, name: str) -> SimulatedTask:
 
 def create_watchdog_task(device: DeviceState, name: str, timeout_s: float, of: str = "") -> SimulatedTask:
     """Make a watchdog timer task of the device named, by default the main one."""
-    refuse_bad_timer(device.inventory.of(of), name, timeout_s)
+    refuse_bad_timer(device.inventory.owner_of(of), name, timeout_s)
     task = create_task(device, name)
     device.watchdogs[task.name] = WatchdogTimer(name, timeout_s, of)
     return task
@@ -92,13 +92,13 @@ def reset_device(device: DeviceState, which: Inventory | None = None) -> None:
     reset = inventory if which is None else which
     for name, task in list(device.tasks.items()):
         timer = device.watchdogs.get(name)
-        if (timer is not None and inventory.of(timer.device) is reset) or (
-            task.channels and inventory.of(task.channels[0].physical.name) is reset
+        if (timer is not None and inventory.owner_of(timer.device) is reset) or (
+            task.channels and inventory.owner_of(task.channels[0].physical.name) is reset
         ):
             clear_task(device, name)
-    device.output_v |= {name: 0.0 for name in device.output_v if inventory.of(name) is reset}
-    device.lines |= {name: False for name in device.lines if inventory.of(name) is reset}
-    for target in [target for target in device.exports if inventory.of(target) is reset]:
+    device.output_v |= {name: 0.0 for name in device.output_v if inventory.owner_of(name) is reset}
+    device.lines |= {name: False for name in device.lines if inventory.owner_of(name) is reset}
+    for target in [target for target in device.exports if inventory.owner_of(target) is reset]:
         del device.exports[target]
     if reset.product.expiry_locks:
         device.locked = False
@@ -140,7 +140,7 @@ def configure_clock(device: DeviceState, task: SimulatedTask, clock: SampleClock
     terminal = device.inventory.terminal(source) if source and source != "OnboardClock" else ""
     if task.type == "CI" and not terminal:
         raise DaqStatusError(Code.EXT_SAMP_CLK_SRC_NOT_SPECIFIED)
-    owner = device.inventory.of(task.channels[0].physical.name)
+    owner = device.inventory.owner_of(task.channels[0].physical.name)
     rate_hz = owner.coerced_rate(rate_hz, task.channels[0].physical.kind, len(task.channels))
     task.clock = replace(clock, rate_hz=rate_hz, source=terminal)
 

@@ -100,7 +100,7 @@ class Product:
         return any(name.startswith("Mod") for name, _ in self.modules)
 
 
-def numbered(prefix: str, count: int, kind: Kind, resource: str) -> tuple[tuple[str, Kind, str], ...]:
+def number_channels(prefix: str, count: int, kind: Kind, resource: str) -> tuple[tuple[str, Kind, str], ...]:
     return tuple((f"{prefix}{i}", kind, f"{resource}{i}") for i in range(count))
 
 
@@ -114,11 +114,11 @@ CDAQ_9189 = Product(
     },
     modules=(("Mod1", "NI 9237"), ("Mod2", "NI 9263"), ("Mod3", "NI 9411"), ("Mod4", "NI 9401")),
     channels=(
-        *numbered("Mod1/ai", 4, "bridge", "bridge"),
-        *numbered("Mod2/ao", 4, "voltage_out", "ao"),
-        *numbered("Mod3/ctr", 4, "counter", "ctr"),
-        *numbered("Mod4/ctr", 4, "counter", "ctr"),
-        *numbered("Mod4/port0/line", 8, "line", "pin4."),
+        *number_channels("Mod1/ai", 4, "bridge", "bridge"),
+        *number_channels("Mod2/ao", 4, "voltage_out", "ao"),
+        *number_channels("Mod3/ctr", 4, "counter", "ctr"),
+        *number_channels("Mod4/ctr", 4, "counter", "ctr"),
+        *number_channels("Mod4/port0/line", 8, "line", "pin4."),
     ),
     terminals=(r"Mod3/PFI[0-5]", r"Mod4/PFI[0-7]"),
     ao_max_rate_hz=100e3,
@@ -138,11 +138,11 @@ PCIE_6363 = Product(
     name="PCIe-6363",
     differential=(*range(8), *range(16, 24)),
     channels=(
-        *numbered("ai", 32, "voltage_in", "ai"),
-        *numbered("ao", 4, "voltage_out", "ao"),
-        *numbered("ctr", 4, "counter", "ctr"),
-        *numbered("port0/line", 32, "line", "pin0."),
-        *numbered("port1/line", 8, "static_line", "PFI PFI"),
+        *number_channels("ai", 32, "voltage_in", "ai"),
+        *number_channels("ao", 4, "voltage_out", "ao"),
+        *number_channels("ctr", 4, "counter", "ctr"),
+        *number_channels("port0/line", 32, "line", "pin0."),
+        *number_channels("port1/line", 8, "static_line", "PFI PFI"),
         *((f"port2/line{i}", "static_line", f"PFI PFI{8 + i}") for i in range(8)),
     ),
     terminals=(r"PFI(1[0-5]|[0-9])", r"RTSI[0-7]"),
@@ -172,10 +172,10 @@ PCI_6034E = Product(
     rtsi=True,
     modules=(("SC1Mod1", "SCXI-1520"),),
     channels=(
-        *numbered("SC1Mod1/ai", 8, "bridge", "bridge"),
-        *numbered("ai", 16, "voltage_in", "ai"),
-        *numbered("ctr", 2, "counter", "ctr"),
-        *numbered("port0/line", 8, "static_line", "line"),
+        *number_channels("SC1Mod1/ai", 8, "bridge", "bridge"),
+        *number_channels("ai", 16, "voltage_in", "ai"),
+        *number_channels("ctr", 2, "counter", "ctr"),
+        *number_channels("port0/line", 8, "static_line", "line"),
     ),
     terminals=(r"PFI[0-9]", r"RTSI[0-6]", r"Ctr[01]Out"),
     differential=tuple(range(8)),
@@ -198,8 +198,8 @@ PCI_6602 = Product(
     name="PCI-6602",
     rtsi=True,
     channels=(
-        *numbered("ctr", 8, "counter", "ctr"),
-        *numbered("port0/line", 32, "static_line", "line"),
+        *number_channels("ctr", 8, "counter", "ctr"),
+        *number_channels("port0/line", 32, "static_line", "line"),
     ),
     terminals=(r"PFI([12][0-9]|3[0-9]|[0-9])", r"RTSI[0-6]"),
     counter_timebase_hz=80e6,
@@ -219,9 +219,9 @@ PCI_6733 = Product(
     name="PCI-6733",
     rtsi=True,
     channels=(
-        *numbered("ao", 8, "voltage_out", "ao"),
-        *numbered("ctr", 2, "counter", "ctr"),
-        *numbered("port0/line", 8, "static_line", "line"),
+        *number_channels("ao", 8, "voltage_out", "ao"),
+        *number_channels("ctr", 2, "counter", "ctr"),
+        *number_channels("port0/line", 8, "static_line", "line"),
     ),
     terminals=(r"PFI[0-9]", r"RTSI[0-6]", r"Ctr[01]Out"),
     ao_max_rate_hz=1e6,
@@ -309,7 +309,7 @@ class Inventory:
         modules = {self.full_name(name): kind for name, kind in self.product.modules}
         return {self.name: self.product.name, **modules}
 
-    def of(self, name: str) -> Inventory:
+    def owner_of(self, name: str) -> Inventory:
         """Return the device that a channel, terminal or device of this name belongs to; else the main one."""
         if self._others:
             first = name.removeprefix("/").split("/", 1)[0].lower()
@@ -319,14 +319,14 @@ class Inventory:
         return self
 
     def own_name(self, terminal: str) -> str:
-        owner = self.of(terminal) if terminal.startswith("/") else self
+        owner = self.owner_of(terminal) if terminal.startswith("/") else self
         return terminal if owner is self else terminal[1 + len(owner.name) :].lstrip("/")
 
     def known_as(self, owner: Inventory, relative: str) -> str:
         """Return the name by which a terminal of a device is known here."""
         return relative if owner is self or relative.startswith("/") else "/" + owner.full_name(relative)
 
-    def linked(self, one: Inventory, other: Inventory) -> bool:
+    def are_linked(self, one: Inventory, other: Inventory) -> bool:
         """Whether two devices can route clocks and triggers to each other without a wire of the lab's own."""
         return one is other or {one.name, other.name} <= self._linked
 
@@ -365,7 +365,7 @@ class Inventory:
 
     def counter_terminal(self, channel: PhysicalChannel, pin: Pin) -> str:
         """Return a counter's default terminal, by the name it has here; "" where it has none."""
-        if (owner := self.of(channel.name)) is not self:
+        if (owner := self.owner_of(channel.name)) is not self:
             found = owner.counter_terminal(channel, pin)
             return self.known_as(owner, found) if found else ""
         module = channel.name.split("/", 1)[0].removeprefix(self.name)
@@ -382,7 +382,7 @@ class Inventory:
 
         A name that does not begin with a slash, such as ``ai/SampleClock``, is one of this device.
         """
-        if "/" in name and (owner := self.of(name)) is not self:
+        if "/" in name and (owner := self.owner_of(name)) is not self:
             return self.known_as(owner, owner.terminal("/" + name.removeprefix("/"), output=output))
         if (name, output) not in self._terminals:
             self._terminals[name, output] = self._checked_terminal(name, output)
@@ -395,7 +395,7 @@ class Inventory:
             name = f"/{name}" if mine else f"/{self.name}/{name}"
         if not name.lower().startswith("/" + owner):
             raise DaqStatusError(Code.INVALID_ROUTING_SOURCE_TERMINAL_NAME_ROUTING, f"Terminal: {name!r}")
-        relative = self._spelled(name[1 + len(owner) :].lstrip("/"))
+        relative = self._canonical_name(name[1 + len(owner) :].lstrip("/"))
         name = f"/{self.name}{name[1 + len(owner) :]}"
         name = name[: len(name) - len(relative)] + relative
         patterns = (*self.product.terminals, self.product.timebases)
@@ -411,7 +411,7 @@ class Inventory:
             raise DaqStatusError(Code.ROUTE_NOT_SUPPORTED_BY_HW_ROUTING, f"Terminal: {name!r} is an input")
         return relative
 
-    def _spelled(self, relative: str) -> str:
+    def _canonical_name(self, relative: str) -> str:
         """Return a terminal as the product spells it; the driver does not tell capitals from small letters."""
         for known in self.product.internal:
             if known.lower() == relative.lower():

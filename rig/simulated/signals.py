@@ -28,7 +28,7 @@ def pulse_train(task: SimulatedTask) -> PulseTrain:
 
 def output_terminals(device: DeviceState, task: SimulatedTask) -> set[str]:
     channel = task.channels[0]
-    owner, number = device.inventory.of(channel.physical.name), channel.physical.resource.removeprefix("ctr")
+    owner, number = device.inventory.owner_of(channel.physical.name), channel.physical.resource.removeprefix("ctr")
     found = {device.inventory.known_as(owner, f"Ctr{number}InternalOutput")}
     if named := task.setting("Chan", channel.name, daqmx.CO_PULSE_TERM, ""):
         found.add(device.inventory.terminal(named))
@@ -50,7 +50,7 @@ def input_terminal(device: DeviceState, task: SimulatedTask) -> str:
 
 def pulses_on(device: DeviceState, terminal: str) -> PulseTrain | None:
     """Return the pulses on a terminal; None when nothing pulses there."""
-    terminal = device.carried(terminal)
+    terminal = device.source_terminal(terminal)
     for task in device.tasks.values():
         if task.type == "CO" and task.progress.live and terminal in output_terminals(device, task):
             return pulse_train(task)
@@ -61,7 +61,7 @@ def edges_passed(device: DeviceState, terminal: str, edge: NDArray[np.int64]) ->
     """Return how many rising edges have passed on a terminal by each edge (n,) of the bench."""
     if (train := pulses_on(device, terminal)) is not None:
         time_s = edge / device.bench.rate_hz
-        passed = train.passed(time_s)
+        passed = train.count_edges(time_s)
         return device.faults.exposures(device.trial, time_s, passed) if train is device.bench.exposures else passed
     for body, (a_terminal, _) in enumerate(device.wiring.encoders):
         if terminal == a_terminal:
@@ -89,7 +89,7 @@ def analog_reading(
     edge: NDArray[np.int64],
 ) -> NDArray[np.float64]:
     """Return what an AI channel gives at each edge (n,) for the load cell's output (n,), in its task's units."""
-    owner, settings = device.inventory.of(channel.physical.name), channel.settings
+    owner, settings = device.inventory.owner_of(channel.physical.name), channel.settings
     product = owner.product
     wired = channel.physical.name == device.inventory.full_name(device.wiring.force)
     signal = cell_mv_per_v if wired else np.zeros_like(cell_mv_per_v)

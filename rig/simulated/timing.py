@@ -47,7 +47,7 @@ class Engine:
     bench_hz: float
     limit: float = float("inf")
 
-    def passed(self, edge: int) -> int:
+    def count_ticks(self, edge: int) -> int:
         """Return the number of ticks before the bench's edge number ``edge``."""
         ticks = math.ceil((edge - self.first_s * self.bench_hz - _TOLERANCE_EDGES) * (self.rate_hz / self.bench_hz))
         return int(min(max(ticks, 0), self.limit))
@@ -78,19 +78,19 @@ def drift(device: DeviceState, task: SimulatedTask) -> float:
     """Return the rate of a device's own timebase over that of the device that began the trial."""
     if device.timebase is None:
         return 1.0
-    own = device.inventory.of(task.channels[0].physical.name)
+    own = device.inventory.owner_of(task.channels[0].physical.name)
     return (1.0 + own.clock_error) / (1.0 + device.timebase.clock_error)
 
 
 def _engine_behind(device: DeviceState, terminal: str, seen: set[str]) -> Engine | None:
     """Return the engine whose ticks a terminal carries; ``seen`` names the tasks on the way, against loops."""
-    terminal = device.carried(terminal)
-    owner = device.inventory.of(terminal) if terminal.startswith("/") else device.inventory
+    terminal = device.source_terminal(terminal)
+    owner = device.inventory.owner_of(terminal) if terminal.startswith("/") else device.inventory
     stem, _, signal = device.inventory.own_name(terminal).partition("/")
     others = [task for task in device.tasks.values() if task.name not in seen and task.progress.live]
     if signal == "SampleClock":
         for task in others:
-            own = task.channels and device.inventory.of(task.channels[0].physical.name) is owner
+            own = task.channels and device.inventory.owner_of(task.channels[0].physical.name) is owner
             if own and task.type == stem.upper() and task.clock is not None:
                 if task.has_own_clock:
                     return engine_of(device, task)
@@ -119,9 +119,9 @@ def go_live(device: DeviceState, task: SimulatedTask) -> None:
     progress = task.progress
     progress.live, progress.live_since_s = True, device.bench.now_s
     engine = None if task.has_own_clock else engine_of(device, task)
-    progress.first_tick = engine.passed(device.bench.edge) if engine else 0
+    progress.first_tick = engine.count_ticks(device.bench.edge) if engine else 0
     channel, clock = task.channels[0], task.clock
-    owner, wired = device.inventory.of(channel.physical.name), device.inventory.full_name(device.wiring.force)
+    owner, wired = device.inventory.owner_of(channel.physical.name), device.inventory.full_name(device.wiring.force)
     if task.type == "CO":
         task.pulses.drift = drift(device, task)
         task.pulses.end_s = pulse_train(task).end_s
@@ -134,7 +134,7 @@ def go_live(device: DeviceState, task: SimulatedTask) -> None:
     if task.has_own_clock:
         trigger = device.inventory.known_as(owner, f"{str(task.type).lower()}/StartTrigger")
         for other in _waiting(device):
-            if device.carried(other.triggers.begin) == trigger:
+            if device.source_terminal(other.triggers.begin) == trigger:
                 go_live(device, other)
 
 
@@ -143,7 +143,7 @@ def _begin_trial(device: DeviceState, task: SimulatedTask) -> None:
     rate_hz = clock.rate_hz if clock is not None else bench.rate_hz
     device.trial += 1
     device.handed_out = 0
-    device.timebase = device.inventory.of(task.channels[0].physical.name)
+    device.timebase = device.inventory.owner_of(task.channels[0].physical.name)
     written = [t.output.samples for t in device.tasks.values() if t.type == "AO" and t.output.samples is not None]
     bench.begin(
         device.trial, rate_hz,
@@ -203,7 +203,7 @@ def pass_edges(device: DeviceState, n: int) -> None:
         last = min(last, first + int(min(task.samples_remaining, last - first)))
         rows = np.clip(engine.edges(first, last) - edge, 0, n - 1)
         if rows.size:
-            task.buffer.put(latch(device, task, cell[rows], quarter[rows], edge + rows))
+            task.buffer.append(latch(device, task, cell[rows], quarter[rows], edge + rows))
     for task in device.tasks.values():
         if task.type == "CO" and task.progress.live and bench.now_s >= task.pulses.end_s:
             task.pulses.finished = True
@@ -211,7 +211,7 @@ def pass_edges(device: DeviceState, n: int) -> None:
 
 def _ticks(task: SimulatedTask, engine: Engine, edge: int, n: int) -> tuple[int, int]:
     first = task.progress.first_tick
-    return max(engine.passed(edge), first), max(engine.passed(edge + n), first)
+    return max(engine.count_ticks(edge), first), max(engine.count_ticks(edge + n), first)
 
 
 def _generate(device: DeviceState, task: SimulatedTask, engine: Engine, command_v: NDArray[np.float64]) -> None:
@@ -336,7 +336,7 @@ def _edges_to_sample(device: DeviceState, task: SimulatedTask, wanted: int) -> f
 def wait_until_done(device: DeviceState, task: SimulatedTask, timeout_s: float) -> None:
     """Let time pass until a task is done, at most ``timeout_s``; a negative one has no end."""
     allowed = _edges_of_timeout(device, timeout_s)
-    while allowed > 0 and not task.done and not task.progress.error:
+    while allowed > 0 and not task.is_done and not task.progress.error:
         passed = advance(device, int(min(edges_in(device, QUESTION_S), allowed)))
         if not passed:  # nothing runs that could end
             return

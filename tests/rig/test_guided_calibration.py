@@ -21,7 +21,7 @@ from rig import InputError, load_rig, parse_rig
 from rig.guided_calibration import (
     STANDARD_GRAVITY,
     Arc,
-    changed,
+    change_table,
     dead_weights,
     fit_arc,
     fit_line,
@@ -30,7 +30,7 @@ from rig.guided_calibration import (
     read_plateaus,
     read_swing,
     shunt,
-    there_and_back,
+    up_and_down,
     with_what_was_known,
 )
 from rig.simulated.backend import DEFAULT_BENCH
@@ -54,7 +54,7 @@ def off_centre(folder: Path, eccentricity: float) -> str:
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_the_error_of_the_arc_is_found_within_its_uncertainty(tmp_path: Path, seed: int) -> None:
     config = rig.load_rig("virtual").config
-    references = there_and_back(ANGLES)
+    references = up_and_down(ANGLES)
     address = off_centre(tmp_path, 0.02)
     listed = ",".join(map(str, references))
     bench = rig.open_backend(f"{address}&seed={seed}&pose=key:{listed}", config)
@@ -107,7 +107,7 @@ def test_coarse_references_spoil_no_scale_that_is_known_better() -> None:
 
 def test_a_reference_is_off_alike_on_the_way_up_and_down() -> None:
     up, encoder = np.array(ANGLES), load_rig("virtual").config.encoders[0]
-    references = there_and_back(ANGLES)
+    references = up_and_down(ANGLES)
     u = fit_arc(references, references, 1e-3, encoder).u_gain
     random = np.random.default_rng(5)
     gains = []
@@ -127,7 +127,7 @@ def test_a_rig_file_that_cannot_be_rewritten_is_told_before_anything_is_read(tmp
 
 def test_keys_that_are_indented_and_arrays_over_lines_are_replaced() -> None:
     text = "[force]\n  electrical = [\n    0.0,\n    2.0,\n  ] # mV/V\n\tu_gain = 1\n"
-    made = changed(text, "force", {"electrical": (0.25, 3.0), "u_gain": 5.0})
+    made = change_table(text, "force", {"electrical": (0.25, 3.0), "u_gain": 5.0})
     assert tomllib.loads(made) == {"force": {"electrical": [0.25, 3.0], "u_gain": 5.0}} and "# mV/V" in made
 
 
@@ -242,15 +242,15 @@ def test_a_line_knows_its_uncertainty() -> None:
 
 def test_values_change_and_everything_else_stays() -> None:
     text = load_rig("pcie6363").text
-    new = changed(text, "force", {"u_gain_relative": 0.001, "offset_n": 0.5, "calibration": 'a "b" \\ c'})
+    new = change_table(text, "force", {"u_gain_relative": 0.001, "offset_n": 0.5, "calibration": 'a "b" \\ c'})
     before, after = tomllib.loads(text), tomllib.loads(new)
     assert after["force"] == {**before["force"], "u_gain_relative": 0.001, "offset_n": 0.5, "calibration": 'a "b" \\ c'}
     assert {k: v for k, v in after.items() if k != "force"} == {k: v for k, v in before.items() if k != "force"}
     assert new.count("#") == text.count("#")
-    hammer = tomllib.loads(changed(text, "encoders", {"sign": 1}, named="hammer"))["encoders"]
+    hammer = tomllib.loads(change_table(text, "encoders", {"sign": 1}, named="hammer"))["encoders"]
     assert [e["sign"] for e in hammer] == [1, 1, 1]
     with pytest.raises(InputError, match=r"no table \[nothing\]"):
-        changed(text, "nothing", {})
+        change_table(text, "nothing", {})
 
 
 def test_the_command_writes_a_rig_file_that_records(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -100,13 +100,13 @@ class PulseTrain:
     count: float
     high_s: float
 
-    def passed(self, time_s: NDArray[np.float64]) -> NDArray[np.int64]:
+    def count_edges(self, time_s: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return how many rising edges have passed by each time."""
         edges = np.floor((time_s - self.first_s) * self.rate_hz + 1e-9) + 1
         return np.asarray(np.clip(edges, 0, self.count), dtype=np.int64)
 
     def passed_at(self, time_s: float) -> int:
-        return int(self.passed(np.array([time_s]))[0])
+        return int(self.count_edges(np.array([time_s]))[0])
 
     def next_after(self, time_s: float) -> float:
         """Return when the next rising edge comes; infinite when there is none."""
@@ -130,7 +130,7 @@ def press_n(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.interp(time_s, PRESS_S, (0.0, PRESS_N, PRESS_N, 0.0))
 
 
-def lifted(time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
+def is_arm_lifted(time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return when the arm is off the key."""
     return (time_s >= LIFTED_S[0]) & (time_s < LIFTED_S[1])
 
@@ -155,7 +155,7 @@ class VirtualPianist:
     def press_n(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the force at the arm's tip, N, at successive times (n,)."""
         while not self._strokes or self._strokes[-1][0][0] <= time_s[-1]:
-            self._strokes.append(self._next())
+            self._strokes.append(self._draw_stroke())
         while self._strokes[0][0][-1] < time_s[0]:
             self._strokes.pop(0)
         force = np.zeros(time_s.size)
@@ -163,7 +163,7 @@ class VirtualPianist:
             force += np.interp(time_s, at, values, left=0.0, right=0.0)
         return force
 
-    def _next(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _draw_stroke(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Draw a stroke: quiet, a push that grows and falls like a hand's, a hold, the finger lifted."""
         pause, peak, rise, hold_n, hold = (self._random.uniform(*b) for b in (PAUSE_S, PEAK_N, RISE_S, HOLD_N, HOLD_S))
         begin = self._begun_s + pause
@@ -251,7 +251,7 @@ class BenchTime:
         if self._pianist is not None:
             command_v = command_v + self._pianist.press_n(time_s) / self.force_per_volt_n
         block = self.plant.advance(command_v)
-        felt_n = np.where(lifted(time_s), 0.0, block.force_n) if self._by_operator else block.force_n
+        felt_n = np.where(is_arm_lifted(time_s), 0.0, block.force_n) if self._by_operator else block.force_n
         felt_n = felt_n + self.hung_n
         cell = self._force.millivolts_per_volt(self._delay.push(felt_n), time_s)
         self._last_force_n, self._last_angle_rad = felt_n[-1:], block.angle_rad[-1:]

@@ -165,7 +165,7 @@ class ActionPlant:
         return PlantTruth(time, angles, speeds, force, self._specimen, self._gain, self._names)
 
 
-def _joined(scene: model.SceneChoice, bench: model.SceneChoice) -> model.SceneChoice:
+def _join_scenes(scene: model.SceneChoice, bench: model.SceneChoice) -> model.SceneChoice:
     """The specimen's scene, whose values go before, with what the bench adds."""
     if missing := set(model.BODIES) - set(scene.bodies):
         raise RigInputError(f"scene: found one without {', '.join(sorted(missing))}, allowed one with all bodies")
@@ -215,7 +215,7 @@ def load_plant(
     specimen, _, scatter = (bench_table(bench, name, path) for name in ("specimen", "motor_arm", "scatter"))
     tables = {effect: bench[effect] for effect in EFFECTS if effect in bench}
     given = model.load_action(specimen.get("action", "hirschkorn2004"), specimen.get("set", {}))
-    choice = _joined(model.choice_of(given, scene), model.scene_of({"effects": [*effects], **tables}, str(path)))
+    choice = _join_scenes(model.choice_of(given, scene), model.scene_of({"effects": [*effects], **tables}, str(path)))
     known = {"seed", "specimen", "motor_arm", "motor", "scatter", "force_sensor", "encoders", "wiring", *EFFECTS}
     unknown = [*(bench.keys() - known), *(f"specimen.{key}" for key in specimen.keys() - {"action", "set"})]
     if unknown:

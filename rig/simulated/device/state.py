@@ -81,7 +81,7 @@ class FaultPlan:
         self._struck: set[Fault] = set()
         self._held: dict[Fault, float] = {}
 
-    def before_call(self, call: str, device: DeviceState, timeout_s: float = 0.0) -> None:
+    def raise_due(self, call: str, device: DeviceState, timeout_s: float = 0.0) -> None:
         """Raise what is due before a call is answered that would wait ``timeout_s``."""
         self._calls[call] += 1
         for index, fault in enumerate(self.faults):
@@ -158,13 +158,13 @@ class Reservations:
         self._inventory = inventory
         self._reserved: dict[str, str] = {}
 
-    def needed(self, task: SimulatedTask) -> list[str]:
+    def needed_resources(self, task: SimulatedTask) -> list[str]:
         """Return the hardware a task needs for itself; refuses terminals not set, or of no linked device."""
-        owner = self._inventory.of(task.channels[0].physical.name) if task.channels else self._inventory
+        owner = self._inventory.owner_of(task.channels[0].physical.name) if task.channels else self._inventory
         source = task.clock.source if task.clock is not None else ""
         for route in filter(None, (source, task.triggers.start, task.triggers.arm_start)):
-            origin = self._inventory.of(route) if route.startswith("/") else self._inventory
-            if not self._inventory.linked(origin, owner):  # no cable carries it here
+            origin = self._inventory.owner_of(route) if route.startswith("/") else self._inventory
+            if not self._inventory.are_linked(origin, owner):  # no cable carries it here
                 detail = f"Task: {task.name}: {route} of {origin.name} to {owner.name}"
                 raise DaqStatusError(Code.TRIG_LINE_NOT_FOUND_ROUTING, detail)
         if task.type == "DO":
@@ -194,7 +194,7 @@ class Reservations:
 
     def reserve(self, task: SimulatedTask) -> None:
         """Reserve all a task needs, or nothing."""
-        needed = self.needed(task)
+        needed = self.needed_resources(task)
         for resource in needed:
             holder = self._reserved.get(resource)
             if holder not in (None, task.name):
@@ -263,7 +263,7 @@ class DeviceState:
     def __post_init__(self) -> None:
         self.reservations = Reservations(self.inventory)
 
-    def carried(self, terminal: str) -> str:
+    def source_terminal(self, terminal: str) -> str:
         """Return the terminal whose signal a terminal carries, over a wire between devices or an export."""
         for _ in range(4):
             on_wire = self.wiring.wires.get(terminal, terminal)

@@ -47,7 +47,7 @@ class InputBuffer:
         """Samples per channel waiting to be read."""
         return self.acquired - self.read
 
-    def put(self, values: NDArray[np.float64]) -> None:
+    def append(self, values: NDArray[np.float64]) -> None:
         """Add n samples, shape (n, columns); more unread samples than the buffer holds means loss."""
         self._blocks.append(values)
         self.acquired += values.shape[0]
@@ -241,7 +241,7 @@ class SimulatedTask:
         return output.samples[rows]
 
     @property
-    def done(self) -> bool:
+    def is_done(self) -> bool:
         """Whether a finite task has acquired or generated all its samples, or the task does not run."""
         if self.state != "running":
             return True

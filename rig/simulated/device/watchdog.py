@@ -45,7 +45,7 @@ def watchdog_timer(device: DeviceState, name: str) -> WatchdogTimer:
 def set_expiration_volts(
     device: DeviceState, timer: WatchdogTimer, channel: str, volts: float, output_type: int
 ) -> None:
-    product = device.inventory.of(timer.device).product
+    product = device.inventory.owner_of(timer.device).product
     if "voltage_out" not in product.watchdog_reach:
         raise DaqStatusError(Code.WATCHDOG_TIMER_NOT_SUPPORTED, f"Physical Channel: {channel} is analog")
     physical = device.inventory.channel(channel, "voltage_out")
@@ -63,18 +63,19 @@ def set_expiration_level(device: DeviceState, timer: WatchdogTimer, line: str, l
 
 
 def _same_device(device: DeviceState, timer: WatchdogTimer, name: str) -> None:
-    if device.inventory.of(name) is not device.inventory.of(timer.device):
+    if device.inventory.owner_of(name) is not device.inventory.owner_of(timer.device):
         raise DaqStatusError(Code.WATCHDOG_TIMER_NOT_SUPPORTED, f"Physical Channel: {name} is on another device")
 
 
 def start_watchdog(device: DeviceState, task: SimulatedTask) -> None:
     """Start the timer of a task; on a chassis no other task may have reserved anything then."""
     timer = device.watchdogs[task.name]
-    owner = device.inventory.of(timer.device)
+    owner = device.inventory.owner_of(timer.device)
     others = [
         other.name
         for other in device.tasks.values()
-        if other.state != "unreserved" and all(device.inventory.of(c.physical.name) is owner for c in other.channels)
+        if other.state != "unreserved"
+        and all(device.inventory.owner_of(c.physical.name) is owner for c in other.channels)
     ]
     if others and "voltage_out" in owner.product.watchdog_reach:
         raise DaqStatusError(
@@ -104,7 +105,7 @@ def check_watchdogs(device: DeviceState) -> None:
         device.output_v.update(timer.volts)
         states = {line: level for line, level in timer.levels.items() if level != daqmx.NO_CHANGE}
         device.lines |= {line: level == daqmx.HIGH for line, level in states.items()}  # tri-stated, it is pulled down
-        if device.inventory.of(timer.device).product.expiry_locks:
+        if device.inventory.owner_of(timer.device).product.expiry_locks:
             device.locked = True
             for task in device.tasks.values():
                 if task.state == "running" and task.name not in device.watchdogs:

@@ -83,7 +83,7 @@ def add_pulse_train(device: DeviceState, task: SimulatedTask, request: Any) -> N
     require_one_of(enum(request, "idle_state"), (daqmx.LOW, daqmx.HIGH), "Idle state")
     if enum(request, "idle_state") == daqmx.HIGH:
         raise NotAnswered("pulses from a high idle state")
-    timebase = device.inventory.of(request.counter).product.counter_timebase_hz
+    timebase = device.inventory.owner_of(request.counter).product.counter_timebase_hz
     has_duty, has_delay = 0 < request.duty_cycle < 1, 0 <= request.initial_delay * timebase < 2**32
     if not (timebase / 2**33 <= request.freq <= timebase / 4 and has_duty and has_delay):
         raise DaqStatusError(
@@ -106,7 +106,7 @@ def add_force_bridge(device: DeviceState, task: SimulatedTask, request: Any) -> 
     require_one_of(electrical, (daqmx.VOLTS_PER_VOLT, daqmx.MILLIVOLTS_PER_VOLT), "Electrical units")
     require_one_of(enum(request, "bridge_config"), BRIDGE_CONFIGURATIONS, "Bridge configuration")
     _refuse_custom_scale(request)
-    product = device.inventory.of(request.physical_channel).product
+    product = device.inventory.owner_of(request.physical_channel).product
     if enum(request, "voltage_excit_source") == INTERNAL_EXCITATION and product.bridge_excitation_v:
         require_one_of(request.voltage_excit_val, product.bridge_excitation_v, "Excitation voltage")
     e0, e1 = request.first_electrical_val, request.second_electrical_val
@@ -129,7 +129,7 @@ def add_voltage_input(device: DeviceState, task: SimulatedTask, request: Any) ->
     _refuse_limits(request)
     require_one_of(enum(request, "units"), (daqmx.VOLTS,), "Units")
     _refuse_custom_scale(request)
-    owner = device.inventory.of(request.physical_channel)
+    owner = device.inventory.owner_of(request.physical_channel)
     if owner.product.ai_ranges_v:
         owner.voltage_range(request.min_val, request.max_val)
     before = len(task.channels)
@@ -147,7 +147,7 @@ def add_voltage_output(device: DeviceState, task: SimulatedTask, request: Any) -
     require_one_of(enum(request, "units"), (daqmx.VOLTS,), "Units")
     _refuse_custom_scale(request)
     low_v, high_v = request.min_val, request.max_val
-    reach = device.inventory.of(request.physical_channel).product.ao_range_v
+    reach = device.inventory.owner_of(request.physical_channel).product.ao_range_v
     if not -reach <= low_v < high_v <= reach:
         raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Output limits {low_v:g} to {high_v:g} V")
     _add(device, task, request, "AO", min_val=low_v, max_val=high_v)

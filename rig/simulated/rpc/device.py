@@ -30,7 +30,7 @@ def device_property(answer: Answer) -> Property:
 
     def get(device: DeviceState, request: Any) -> Any:
         name = request.device_name
-        asked = device.inventory.of(name)
+        asked = device.inventory.owner_of(name)
         known = {known.lower(): known for known in asked.own_devices()}
         if name.lower() not in known:
             raise DaqStatusError(Code.INVALID_DEVICE_ID, f"Device: {name}")
@@ -41,7 +41,7 @@ def device_property(answer: Answer) -> Property:
 
 def list_channels(*kinds: Kind) -> Answer:
     def get(device: Inventory, name: str) -> str:
-        names = [one for one in device.names(*kinds) if device.of(one) is device]
+        names = [one for one in device.names(*kinds) if device.owner_of(one) is device]
         if name in _modules(device):
             names = [channel for channel in names if channel.startswith(name + "/")]
         return ", ".join(names)
@@ -99,11 +99,11 @@ def open_watchdog(device: DeviceState, request: Any) -> Fields:
 
 def reset_named_device(device: DeviceState, request: Any) -> None:
     _refuse_other_device(device, request.device_name)
-    reset_device(device, device.inventory.of(request.device_name))
+    reset_device(device, device.inventory.owner_of(request.device_name))
 
 
 def _refuse_other_device(device: DeviceState, name: str) -> None:
-    if name.lower() != device.inventory.of(name).name.lower():
+    if name.lower() != device.inventory.owner_of(name).name.lower():
         raise DaqStatusError(Code.INVALID_DEVICE_ID, f"Device: {name}")
 
 

@@ -79,7 +79,7 @@ def default_sample_count(device: DeviceState, task: SimulatedTask) -> int:
 
 def scaling_coefficients(device: DeviceState, task: SimulatedTask, channel: Channel) -> list[float]:
     """Polynomial from codes of the converter to V, or V/V of a bridge."""
-    owner = device.inventory.of(channel.physical.name)
+    owner = device.inventory.owner_of(channel.physical.name)
     product = owner.product
     if channel.physical.kind == "bridge":
         return [0.0, 2e-3 * product.bridge_range_mv_per_v / 2**product.bridge_bits]

@@ -84,7 +84,7 @@ class Service:
                 let_pass(self.device, self.device.call_delay_s)
             check_watchdogs(self.device)
             refuse_locked(self.device, call)
-            self.device.faults.before_call(call, self.device, getattr(request, "timeout", 0.0))
+            self.device.faults.raise_due(call, self.device, getattr(request, "timeout", 0.0))
             self._remember(call)
             go_on(self.device)
             if _QUESTION.fullmatch(call):

@@ -48,7 +48,7 @@ def is_task_done(device: DeviceState, task: SimulatedTask, request: Any) -> Fiel
     """Say whether a task has ended; a failure that ended it is the driver's answer."""
     if task.progress.error:
         raise DaqStatusError(task.progress.error, f"Task: {task.name}")
-    return {"is_task_done": task.done}
+    return {"is_task_done": task.is_done}
 
 
 def set_sample_clock(device: DeviceState, task: SimulatedTask, request: Any) -> None:
@@ -86,7 +86,7 @@ def export_clock(device: DeviceState, task: SimulatedTask, request: Any) -> None
     if enum(request, "signal_id") != SAMPLE_CLOCK or task.type not in ("AI", "AO"):
         raise NotAnswered(f"export of signal {enum(request, 'signal_id')} of a {task.type} task")
     target = device.inventory.terminal(request.output_terminal, output=True)
-    owner = device.inventory.of(task.channels[0].physical.name)
+    owner = device.inventory.owner_of(task.channels[0].physical.name)
     source = device.inventory.known_as(owner, f"{str(task.type).lower()}/SampleClock")
     if device.exports.get(target, source) != source or device.reservations.is_reserved(f"PFI {target}"):
         raise DaqStatusError(Code.RESOURCES_IN_USE_FOR_ROUTE_ROUTING, f"Terminal: {request.output_terminal!r}")

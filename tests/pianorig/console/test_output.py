@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pianorig.console.output import MOST_COLUMNS, MOST_ROWS, table_lines, wrapped
+from pianorig.console.output import MOST_COLUMNS, MOST_ROWS, table_lines, wrap_text
 
 CELL = st.text(st.characters(categories=("L", "N", "P"), include_characters=" ±"), max_size=70)
 
@@ -25,6 +25,6 @@ def test_a_table_fits_80_columns_and_20_rows(rows: list[tuple[str, str, str]]) -
 
 
 def test_sentences_are_wrapped_and_led() -> None:
-    lines = wrapped("the error of the model is small " * 8, "verdict: ")
+    lines = wrap_text("the error of the model is small " * 8, "verdict: ")
     assert max(map(len, lines)) <= MOST_COLUMNS and lines[0].startswith("verdict: the error")
     assert all(line.startswith("  ") for line in lines[1:])

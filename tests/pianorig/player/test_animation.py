@@ -19,7 +19,7 @@ from pianorig.player.animation import (
     animation_html,
     motion_start_s,
     scripts,
-    thinned,
+    thin_motion,
     write_blow_animation,
 )
 from pianorig.player.moving_action import pack
@@ -90,7 +90,7 @@ def test_what_never_moves_starts_at_its_beginning(blow: tuple[model.Action, mode
     inside = blow[1].inside
     assert inside is not None
     seen = SeenMotion(inside.scene, inside.time_s, inside.pose, inside.point_m, inside.penetration_m, inside.normal_n)
-    still = thinned(seen, np.arange(0, 20))
+    still = thin_motion(seen, np.arange(0, 20))
     assert motion_start_s(still.time_s, still.pose) == still.time_s[0]
     assert motion_start_s(still.time_s - 5.0, still.pose) == still.time_s[0] - 5.0
 

@@ -12,7 +12,7 @@ import model
 import rig
 from model.calibration import damping_factor, fit_felt, read_curve
 from rig.felt_recording import press_curve
-from rig.guided_calibration import changed
+from rig.guided_calibration import change_table
 from rig.simulated.backend import DEFAULT_BENCH
 from rig.simulated.bench.parts_alone import felt_law
 
@@ -23,7 +23,7 @@ GAIN_ERROR, PRELOAD_N = 0.004, 0.06
 
 
 def long_blocks() -> rig.Rig:
-    return rig.parse_rig(changed(rig.load_rig("virtual").text, "recording", LONG_BLOCKS))
+    return rig.parse_rig(change_table(rig.load_rig("virtual").text, "recording", LONG_BLOCKS))
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,8 @@ def planted(folder: Path, contact: str, stiffness: float, off: float, seed: int,
     bench.write_text(text, encoding="utf-8")
     compliance = 1.0 / stiffness
     values = {"compliance_m_per_n": compliance * (1 + off * u), "u_compliance_m_per_n": compliance * u}
-    rig_text = changed(rig.load_rig("virtual").text, "felt", values)
-    rig_text = changed(rig_text, "recording", LONG_BLOCKS)
+    rig_text = change_table(rig.load_rig("virtual").text, "felt", values)
+    rig_text = change_table(rig_text, "recording", LONG_BLOCKS)
     address = f"sim://?felt={contact}&bench={bench.as_posix()}&seed={seed}"
     opened = rig.simulated.load_plant(bench, seed, 5000.0).action
     return Bench(address, rig.parse_rig(rig_text), np.array([opened[f"{contact}.normal.{k}"] for k in "abcD"]))
@@ -123,7 +123,7 @@ def test_force_and_depth_have_their_limits(tmp_path: Path) -> None:
     with pytest.raises(rig.RigInputError, match=r"peak force 60 N, allowed 1 to 50 N \(felt.force_limit_n\)"):
         rig.record_felt(tmp_path / "a", rig.FeltOrder("contact02", peaks_n=(60.0,)), backend="sim://?felt=contact02")
     assert not (tmp_path / "a").exists()
-    shallow = rig.parse_rig(changed(rig.load_rig("virtual").text, "felt", {"depth_limit_m": 2e-4}))
+    shallow = rig.parse_rig(change_table(rig.load_rig("virtual").text, "felt", {"depth_limit_m": 2e-4}))
     with pytest.raises(rig.LimitExceeded, match=r"key encoder: -0\.00\d+ rad from rest .* allowed"):
         rig.record_felt(tmp_path / "b", rig.FeltOrder("contact02"), rig_config=shallow, backend="sim://?felt=contact02")
     assert [trial.status for trial in rig.Session.open(tmp_path / "b").trials] == ["fault"]

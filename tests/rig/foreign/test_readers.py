@@ -15,7 +15,7 @@ from rig import ChannelTable, InputError, read_channels
 from rig.foreign.channel_table import number
 from rig.foreign.csv_file import parse_csv
 from rig.foreign.lvm_file import parse_lvm
-from rig.foreign.reading import joined
+from rig.foreign.reading import join_segments
 from tests.rig.foreign import tdms_bytes
 
 TIME = np.arange(5) * 2e-4
@@ -240,14 +240,14 @@ def test_every_lvm_segment_has_its_own_header_and_rate(x: str) -> None:
     np.testing.assert_allclose(second.channel("X_Value"), 3 + 5e-4 * np.arange(5), atol=1e-9)
     assert [table.where for table in (first, second)] == ["a.lvm segment 1", "a.lvm segment 2"]
     with pytest.raises(InputError, match="every 0.0005 s, in the segment before it every 0.0002 s"):
-        joined((first, second), ["Force"])
+        join_segments((first, second), ["Force"])
 
 
 def test_one_heading_stands_for_all_packets_that_follow() -> None:
     more = segment(2e-4, 1e-3, 2).partition("Comment\r\n")[2]
     text = file_of(segment(2e-4, 0.0, 1) + more, headings="No")
     both = parse_lvm(text, "a.lvm")
-    whole = joined(both, ["Force", "Key"])
+    whole = join_segments(both, ["Force", "Key"])
     np.testing.assert_allclose(whole.channel("Force"), np.concatenate((FORCE, 2 * FORCE)), atol=1e-9)
     assert whole.interval(["Force", "Key"], None) == 2e-4 and whole.where == "a.lvm"
     with pytest.raises(InputError, match="10 rows, but Samples says 5"):
@@ -269,10 +269,10 @@ def test_one_heading_stands_for_all_packets_that_follow() -> None:
 def test_segments_are_joined_only_without_a_gap(starts, stamps, words) -> None:
     parts = parse_lvm(file_of(*(segment(2e-4, t, 1, s) for t, s in zip(starts, stamps, strict=True))), "a.lvm")
     if words is None:
-        assert joined(parts, ["Key"]).channel("Key").size == 10
+        assert join_segments(parts, ["Key"]).channel("Key").size == 10
     else:
         with pytest.raises(InputError, match=words):
-            joined(parts, ["Key"])
+            join_segments(parts, ["Key"])
 
 
 def test_each_lvm_channel_may_have_times_of_its_own() -> None:

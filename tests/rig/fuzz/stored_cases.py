@@ -189,7 +189,7 @@ def journal_case(folder: Path) -> Case:
     """A journal is never refused, only read as far as it is whole."""
     config = load_rig("virtual").config
     further = ChannelInfo("current", "current of the motor", "A", "drive", "data sheet", (0.0, 1.0), (0.0, 3.0))
-    head = TrialHead.of(config, Timing(5000.0, 0), MotorCommand(np.zeros(10), 0.1, 0.2), number=1, simulated=True)
+    head = TrialHead.from_rig(config, Timing(5000.0, 0), MotorCommand(np.zeros(10), 0.1, 0.2), number=1, simulated=True)
     head = replace(head, channels=(further,))
     counts = np.arange(15, dtype=np.int64).reshape(5, 3)
     blocks = [

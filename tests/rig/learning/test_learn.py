@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rig import InputError, Profile, Timing, TrialData, learn, make_target, motor_command, parse_profile
-from rig.learning import key_bottom, key_points, profile_of, within_limits
+from rig.learning import key_bottom, key_points, limit_command, profile_of
 from rig.session.trial_head import TrialHead
 
 RATE = 5000.0
@@ -44,7 +44,7 @@ def bench(config, *, gain: float = 0.8, lag_s: float = 0.0015, drift: float = 0.
         force += (
             0.15 + 0.03 * np.sin(2 * np.pi * 60 * time + number) + 0.01 * np.random.default_rng(number).normal(size=n)
         )
-        head = TrialHead.of(config, timing, command, number=1, simulated=True)
+        head = TrialHead.from_rig(config, timing, command, number=1, simulated=True)
         return TrialData(
             1, "complete", "", True, RATE, time, force, force, volts, np.zeros((n, 3), dtype=np.int64),
             head.encoders, head.force_info, blow_start_s=command.blow_start_s,
@@ -191,7 +191,7 @@ def test_bad_numbers_are_refused(config) -> None:
 def test_limits_from_both_ends_and_key_points() -> None:
     raw = np.zeros(101)
     raw[50] = 10.0
-    limited = within_limits(raw, 100.0, 500.0, 1000.0)
+    limited = limit_command(raw, 100.0, 500.0, 1000.0)
     assert np.abs(np.diff(limited)).max() <= 0.5 and limited[0] == limited[-1] == 0
     values = np.sin(np.linspace(0, 3, 400)) ** 2
     samples = key_points(values, 0.01)

@@ -139,7 +139,7 @@ def test_counted_exposures_give_the_frame_times_within_their_uncertainty(
     for trial, true in zip(session.trials, truths, strict=True):
         data = trial.read()
         assert true.rate_hz == pytest.approx(2000 * (1 + CAMERA_CLOCK_ERROR), rel=1e-12)
-        assert data.camera.n_frames == true.passed(data.time_s[-1:])[0]
+        assert data.camera.n_frames == true.count_edges(data.time_s[-1:])[0]
         real = true.first_s + np.arange(data.camera.n_frames) / true.rate_hz + data.camera.exposure_s / 2
         error = data.camera.frame_time_s - real
         assert data.camera.u_time_s < 4e-5 and np.abs(error).max() < np.sqrt(3) * data.camera.u_time_s

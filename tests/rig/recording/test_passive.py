@@ -200,7 +200,7 @@ def test_a_second_program_sees_it_alive_between_strokes_and_within(tmp_path) -> 
         view = follower[0].poll()
         if view is not None:
             seen.append((at.time_s, view.trial, view.sealed))
-        assert not follower[0].ended
+        assert not follower[0].has_ended
 
     record_passive(tmp_path / "s", backend=Player(), strokes=2, progress=progress)
     assert {trial for _, trial, _ in seen} == {1, 2}
@@ -271,7 +271,7 @@ def test_bad_settings_are_refused(edited_rig: Callable[..., Any]) -> None:
         edited_rig(("[recording]", "[passive]\npre_s = 0.1\n[recording]"))
 
 
-SETTINGS = StrokeSettings.of(load_rig("virtual").config, RATE)
+SETTINGS = StrokeSettings.from_rig(load_rig("virtual").config, RATE)
 
 
 def played(

@@ -8,7 +8,7 @@ import threading
 
 import pytest
 
-from rig.safety.interrupts import deferred
+from rig.safety.interrupts import defer_interrupts
 
 
 @pytest.mark.usefixtures("keyboard")
@@ -16,7 +16,7 @@ from rig.safety.interrupts import deferred
 def test_an_interrupt_inside_the_block_arrives_after_it() -> None:
     steps = []
     with pytest.raises(KeyboardInterrupt):
-        with deferred():
+        with defer_interrupts():
             signal.raise_signal(signal.SIGINT)
             steps.append("made safe")
         steps.append("not reached")
@@ -28,7 +28,7 @@ def test_in_another_thread_the_block_simply_runs() -> None:
     ran = []
 
     def work() -> None:
-        with deferred():
+        with defer_interrupts():
             ran.append(True)
 
     thread = threading.Thread(target=work)

@@ -66,6 +66,6 @@ def test_where_no_smooth_curve_rises_it_passes_all_points() -> None:
 def test_what_a_moved_point_does_is_what_refitting_gives() -> None:
     places = SENSORS["steep"](POINTS_M)
     curve, away = fit_smooth(places, read(1)), 1e-5 * np.arange(11)
-    moved = curve.moved(away, places)
+    moved = curve.shift_points(away, places)
     assert moved - curve.height == pytest.approx(curve.smoother @ away, abs=1e-12)
     assert moved[-1] - curve.height[-1] == pytest.approx(away[-1], abs=1e-12)
