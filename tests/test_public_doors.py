@@ -66,7 +66,7 @@ IMPORTS = {
         ("from vision import open_film, TrackResult, write_mraw", "numba cv2 pandas scipy"),
         ("from vision import estimate_offset, FrameFlag, ErrorBudget", "numba cv2 pandas scipy"),
         ("from vision import CameraModel, load_calibration", "numba cv2 pandas scipy"),
-        ("from vision import cramer_rao_bound, write_overlay", "numba pandas scipy matplotlib"),
+        ("from vision import cramer_rao_bound, write_contact_sheet", "numba pandas scipy matplotlib"),
         ("from vision import track", "pandas scipy.optimize matplotlib"),  # the tracker needs the compiled fit
     ],
     "rig": [

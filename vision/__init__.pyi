@@ -21,7 +21,6 @@ from .errors import TrackingError as TrackingError
 from .errors import VisionError as VisionError
 from .errors import VisionInputError as VisionInputError
 from .errors import VisionWarning as VisionWarning
-from .film.avi_writer import write_avi as write_avi
 from .film.mraw import FilmHeader as FilmHeader
 from .film.mraw import write_mraw as write_mraw
 from .film.open import open_film as open_film
@@ -30,10 +29,9 @@ from .film.source import Film as Film
 from .film.source import FrameSource as FrameSource
 from .film.time_scale import frame_times_at_rate as frame_times_at_rate
 from .fitting.pose_covariance import cramer_rao_bound as cramer_rao_bound
+from .output.contact_sheet import write_contact_sheet as write_contact_sheet
 from .output.outline_drawing import draw_frames as draw_frames
 from .output.outline_drawing import write_picture as write_picture
-from .output.overlay import write_contact_sheet as write_contact_sheet
-from .output.overlay import write_overlay as write_overlay
 from .output.plots import write_plot as write_plot
 from .results.flags import FrameFlag as FrameFlag
 from .results.track_result import TrackResult as TrackResult

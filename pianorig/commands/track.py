@@ -97,7 +97,6 @@ def command(
         int | None,
         typer.Option("--preview", min=1, max=60, help="First fit N frames and draw them: OUT with .preview.png."),
     ] = None,
-    overlay: Annotated[Path | None, typer.Option("--overlay", help="Film (.avi) with the tracked outlines.")] = None,
     contact_sheet: Annotated[
         Path | None, typer.Option("--contact-sheet", help="Picture (.png) of the worst frames.")
     ] = None,
@@ -107,6 +106,7 @@ def command(
     as_json: AsJson = False,
     propose_bodies: Annotated[Path | None, typer.Option("--propose-bodies", hidden=True)] = None,
     marks: Annotated[Path | None, typer.Option("--marks", hidden=True)] = None,
+    overlay: Annotated[Path | None, typer.Option("--overlay", hidden=True)] = None,
 ) -> None:
     """Track rigid bodies; give angles and their uncertainty.
 
@@ -124,11 +124,12 @@ def command(
         )
     if marks is not None:
         raise CommandInputError("--marks is gone: track a body with an outline around the point or edge")
+    if overlay is not None:
+        raise CommandInputError("--overlay is gone: pianorig bench steps through the film with the tracked outlines")
     target = out if out is not None else film.with_suffix(".angles.csv")
     for path, endings in (
         (target, (".csv",)),
         (draw_frames, (".png",)),
-        (overlay, (".avi",)),
         (contact_sheet, (".png",)),
         (figure, FIGURE_ENDINGS),
     ):
@@ -149,7 +150,7 @@ def command(
         "rows_per_s": workflows.rows_per_second(shutter, rows_per_second),
     }
     if retrack:
-        whole = {"restart", "preview", "overlay", "contact_sheet", "figure"}
+        whole = {"restart", "preview", "contact_sheet", "figure"}
         refuse_beside(ctx, "--retrack", "fits single frames only", *(ctx.params.keys() - whole))
         places = workflows.read_places(place or [])
         rows = workflows.retrack(filmed, target, retrack, places, **fit)
@@ -180,7 +181,7 @@ def command(
             progress=progress,
         )
     write_table(target, result.to_frame())
-    workflows.draw_track(filmed, result, overlay=overlay, contact_sheet=contact_sheet, plot=figure)
+    workflows.draw_track(filmed, result, contact_sheet=contact_sheet, plot=figure)
     facts = workflows.tracking_summary(result)
     again = f", {facts['rows_resumed']} from an interrupted run" if facts["rows_resumed"] else ""
     lines = [

@@ -19,7 +19,7 @@ from pianorig.page.review import outlined_film
 from pianorig.workflows.session_film import BODIES_NAME, STEP, SessionFilm
 from pianorig.workflows.track import retrack
 from rig.session import Session, Trial
-from vision.output.overlay import describe_problems, select_worst_rows
+from vision.output.contact_sheet import describe_problems, select_worst_rows
 from vision.results.flags import FAILURE
 
 Found = tuple[pd.DataFrame, dict[str, Any]]

@@ -17,8 +17,8 @@ from pianorig.console.failures import Interrupted, how_stopped
 from pianorig.errors import CommandInputError
 from pianorig.workflows.session_film import STEP, SessionFilm
 from validation.measurement.film_offset import clock_offsets
+from vision.output.contact_sheet import describe_row
 from vision.output.outline_drawing import grey_picture
-from vision.output.overlay import describe_row
 from vision.reference.rectified_film import ASPECTS
 from vision.tracking.options import FitOptions, TrackOptions
 from vision.uncertainty.budget import TERMS
@@ -123,7 +123,6 @@ def draw_track(
     film: SessionFilm,
     result: vision.TrackResult,
     *,
-    overlay: Path | None = None,
     contact_sheet: Path | None = None,
     plot: Path | None = None,
 ) -> None:
@@ -131,20 +130,14 @@ def draw_track(
 
     Parameters
     ----------
-    overlay : film with the tracked outlines (.avi)
     contact_sheet : picture of the worst frames (.png)
     plot : angles and residuals over time (.png)
     """
     if plot is not None:
         vision.write_plot(plot, result)
-    if overlay is None and contact_sheet is None:
-        return
-    bodies = vision.load_bodies(film.outlines)
-    with film.open_whole(allow_truncated=True) as source:
-        if overlay is not None:
-            vision.write_overlay(overlay, source, bodies, result)
-        if contact_sheet is not None:
-            vision.write_contact_sheet(contact_sheet, source, bodies, result)
+    if contact_sheet is not None:
+        with film.open_whole(allow_truncated=True) as source:
+            vision.write_contact_sheet(contact_sheet, source, vision.load_bodies(film.outlines), result)
 
 
 def track_film_file(film: SessionFilm, **options: Unpack[TrackOptions]) -> vision.TrackResult:

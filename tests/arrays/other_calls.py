@@ -21,7 +21,7 @@ WORKFLOWS, BACKEND = "pianorig.workflows", "rig.simulated.SimulatedBackend"
 CAMERA = "rig.simulated.bench.camera"
 ANY_SHAPE = (
     *("vision.ccw_to_picture", "vision.picture_to_ccw", "vision.ground_to_picture", "vision.write_picture"),
-    *("vision.Projection.to_picture", "vision.Projection.to_plane", "vision.write_avi", "vision.write_mraw"),
+    *("vision.Projection.to_picture", "vision.Projection.to_plane", "vision.write_mraw"),
     *("rig.Profile.force_at", "rig.TrialData.convert_counts"),
 )
 HEAVY = {
@@ -82,7 +82,7 @@ def trial() -> rig.TrialData:
 
 
 CALLS: dict[str, Callable[[], Arguments]] = {
-    f"{WORKFLOWS}.DrivingForce.at": lambda: {
+    f"{WORKFLOWS}.DrivingForce.force_at": lambda: {
         "self": DrivingForce(np.array([0.0, 1.0]), np.array([0.0, 4.0])), "time_s": ROWS / 32.0,
     },
     f"{WORKFLOWS}.blow_events": lambda: {"action": action(), "solution": blow(), "force": np.repeat([0.0, 1.0], 12)},
@@ -98,9 +98,6 @@ CALLS: dict[str, Callable[[], Arguments]] = {
     "vision.Projection.to_picture": lambda: {"self": projection(), "rectified_px": np.ones((3, 2))},
     "vision.Projection.to_plane": lambda: {"self": projection(), "seen_px": np.ones((3, 2))},
     "vision.ArrayFilm": lambda: {"frames": np.stack([picture()] * 3), "bit_depth": 8},
-    "vision.write_avi": lambda: {
-        "path": Out("film.avi"), "frames": [picture(), picture()], "frame_rate_hz": 25.0, "quality": None,
-    },
     "vision.write_mraw": lambda: {
         "path": Out("film.mraw"), "frames": [picture() * np.uint16(16)] * 2, "frame_rate_hz": 25.0, "bit_depth": 12,
     },

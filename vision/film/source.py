@@ -1,6 +1,6 @@
 """Film as a sequence of frames: what every reader offers, and films in memory.
 
-Tracker, overlay and calibration see films only through `FrameSource`. Frames are grey, (height, width), row 0 on
+Tracker, pictures and calibration see films only through `FrameSource`. Frames are grey, (height, width), row 0 on
 top; `read_region` returns only the wanted rectangle and, where the format allows, touches only its bytes.
 
 A frame may repeat the one before, byte for byte: a camera's software fills a dropped frame with its neighbour. Two
@@ -382,7 +382,7 @@ class ArrayFilm(Film):
 
 
 def check_frame(
-    path: Path, frame: ArrayLike, shape: tuple[int, ...] | None, bit_depth: int, number: int, colour: bool = False
+    path: Path, frame: ArrayLike, shape: tuple[int, ...] | None, bit_depth: int, number: int
 ) -> NDArray[Any]:
     """A frame that fits the film, as whole numbers; ``shape`` is that of the first frame, None for the first itself."""
     if not (isinstance(frame, np.ndarray) and frame.dtype.kind in "iu"):
@@ -392,7 +392,7 @@ def check_frame(
             raise FilmError(str(error)) from None
     if shape is not None and frame.shape != shape:
         raise FilmError(f"{path}: frame {number} has shape {frame.shape}, the first has {shape}")
-    if shape is None and (frame.ndim not in (2, 3) or 0 in frame.shape or frame.shape[2:] not in ((), (3,) * colour)):
+    if shape is None and (frame.ndim != 2 or 0 in frame.shape):
         raise FilmError(f"{path}: frame {number} has shape {frame.shape}, needs (height, width)")
     top = (1 << bit_depth) - 1
     if 8 * frame.dtype.itemsize > bit_depth or frame.dtype.kind == "i":

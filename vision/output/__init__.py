@@ -1,1 +1,1 @@
-"""Pictures to check a tracking by eye: overlay films, contact sheets of the worst frames, plots, drawn outlines."""
+"""Pictures to check a tracking by eye: contact sheets of the worst frames, plots, frames to draw outlines on."""

@@ -13,8 +13,9 @@ import pytest
 
 import vision
 from tests.command_line import run
+from tests.vision.film.avi_file import write_avi
 from tests.vision.known_films import smooth_step
-from vision import Body, open_film, save_bodies, write_avi, write_mraw
+from vision import Body, open_film, save_bodies, write_mraw
 from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle
 
 
@@ -37,8 +38,8 @@ def test_a_film_on_its_own(
     filmed: tuple[Path, Path, np.ndarray], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     film, outlines, angle = filmed
-    out, sheet, plot, overlay = (tmp_path / name for name in ("o.csv", "worst.png", "plot.png", "film.avi"))
-    pictures = ("--contact-sheet", str(sheet), "--plot", str(plot), "--overlay", str(overlay))
+    out, sheet, plot = (tmp_path / name for name in ("o.csv", "worst.png", "plot.png"))
+    pictures = ("--contact-sheet", str(sheet), "--plot", str(plot))
     assert run("track", str(film), "--bodies", str(outlines), "--out", str(out), *pictures) == 0
     text = capsys.readouterr()
     assert "expected u in mdeg" in text.err and "not calibrated: assumed tilt 1 deg" in text.err
@@ -49,8 +50,8 @@ def test_a_film_on_its_own(
     assert np.all(np.abs(error) < 5 * table["bar_u_rad"])
     assert np.all(table["bar_u_total_rad"] >= table["bar_u_rad"] * 0.999)
     assert table["bar_u_total_rad"].iloc[-1] > 1.1 * table["bar_u_rad"].iloc[-1], "tilt assumed"
-    assert all(path.stat().st_size > 1000 for path in (sheet, plot, overlay))
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["film.avi", "o.csv", "plot.png", "worst.png"]
+    assert all(path.stat().st_size > 1000 for path in (sheet, plot))
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["o.csv", "plot.png", "worst.png"]
 
 
 def test_the_shutter_is_declared_or_said_to_be_unknown(
@@ -100,6 +101,7 @@ def test_frames_are_drawn_to_draw_outlines_on(
     assert cv2.imread(str(tmp_path / "frames.png")).shape[1] > first.shape[1]
     refused("leave out --bodies", "track", film, "--draw-frames", tmp_path / "f.png", "--bodies", outlines)
     refused("an outline around the point", "track", film, "--marks", tmp_path / "marks.toml")
+    refused("steps through the film", "track", film, "--overlay", tmp_path / "film.avi")
     refused("draw the outlines with", "track", film, "--propose-bodies", tmp_path / "p.toml")
 
 

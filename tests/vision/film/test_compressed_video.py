@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.vision.film.avi_file import write_avi
 from vision import FilmError, VisionWarning
-from vision.film.avi_writer import write_avi
 from vision.film.open import open_film
 
 HEIGHT, WIDTH, N = 60, 84, 7

@@ -18,10 +18,10 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.rig.fuzz.damage import damaged
+from tests.vision.film.avi_file import write_avi
 from tests.vision.film.cine_file import write_cine
 from tests.vision.turning_bar import write_video
 from vision import FilmError, VisionWarning
-from vision.film.avi_writer import write_avi
 from vision.film.mraw import write_mraw
 from vision.film.open import open_film
 

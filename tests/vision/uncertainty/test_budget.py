@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.vision.film.avi_file import write_avi
 from tests.vision.known_films import PIVOT, bar_scene, film_of
-from vision import ArrayFilm, AssumedCamera, Body, InputError, VisionWarning, open_film, track, write_avi
+from vision import ArrayFilm, AssumedCamera, Body, InputError, VisionWarning, open_film, track
 from vision.synthetic import Sensor
 from vision.tracking.prepare import prepare
 from vision.uncertainty.budget import TERMS

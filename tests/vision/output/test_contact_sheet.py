@@ -1,4 +1,4 @@
-"""Overlay film and contact sheet: drawn where the body is, lost frames first, nothing left after a failure."""
+"""Outlines on frames and contact sheet: drawn where the body is, lost frames first, nothing left after a failure."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from tests.vision.known_films import PIVOT, bar_scene, film_of
-from vision import ArrayFilm, Body, InputError, open_film, track, write_contact_sheet, write_overlay
+from vision import ArrayFilm, Body, InputError, track, write_contact_sheet
 from vision.output.colours import LOST, body_colour, to_bgr
-from vision.output.overlay import OutlineDrawer, describe_row, select_worst_rows
+from vision.output.contact_sheet import OutlineDrawer, describe_row, select_worst_rows
 from vision.synthetic import box
 
 
@@ -29,14 +29,8 @@ def tracked() -> tuple[object, object]:
     return known, track(known.film, known.bodies)
 
 
-def test_outline_is_drawn_on_the_body(tmp_path: Path, tracked: tuple) -> None:
+def test_outline_is_drawn_on_the_body(tracked: tuple) -> None:
     known, result = tracked
-    seen: list[tuple[int, int]] = []
-    path = tmp_path / "overlay.avi"
-    assert write_overlay(path, known.film, known.bodies, result, every=2, progress=lambda *a: seen.append(a)) == 22
-    assert seen[-1] == (22, 22)
-    with open_film(path) as film:
-        assert (film.n_frames, film.height, film.width) == (22, 150, 210)
     picture = OutlineDrawer(known.film, known.bodies, result).picture(42)
     tinted = np.abs(picture.astype(int) - to_bgr(body_colour("bar", 0))).max(axis=2) < 60
     # the true outline at that pose, rasterised apart: most of it carries the colour
@@ -80,7 +74,7 @@ def test_refusals(tmp_path: Path, tracked: tuple) -> None:
     with pytest.raises(InputError, match="outlines of other"):
         write_contact_sheet(tmp_path / "a.png", known.film, [Body("other", known.bodies[0].polygon_px)], result)
     with pytest.raises(InputError, match="has 5 frames"):
-        write_overlay(tmp_path / "a.avi", ArrayFilm(known.frames[:5]), known.bodies, result)
+        write_contact_sheet(tmp_path / "a.png", ArrayFilm(known.frames[:5]), known.bodies, result)
     with pytest.raises(InputError, match="cannot be written"):
         write_contact_sheet(tmp_path / "absent" / "a.png", known.film, known.bodies, result)
     assert list(tmp_path.iterdir()) == []

@@ -1,9 +1,9 @@
-"""Overlay films with the tracked outlines, and contact sheets of the worst frames."""
+"""Contact sheets of the worst frames, with the tracked outlines."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,6 @@ from vision.angles import ccw_to_picture
 from vision.bodies.masks import build_masks
 from vision.bodies.outlines import Body
 from vision.errors import VisionInputError
-from vision.film.avi_writer import write_avi
 from vision.film.source import FrameSource
 from vision.output.colours import LOST, body_colour, to_bgr
 from vision.output.outline_drawing import WHITE, grey_picture, put_text, text_size, write_picture
@@ -23,62 +22,6 @@ from vision.results.flags import FAILURE, FrameFlag
 from vision.results.track_result import TrackResult
 
 SUBPIXEL_BITS = 4
-
-
-def write_overlay(
-    path: str | os.PathLike[str],
-    film: FrameSource,
-    bodies: Sequence[Body],
-    result: TrackResult,
-    *,
-    every: int = 1,
-    playback_hz: float = 25.0,
-    progress: Callable[[int, int], None] | None = None,
-) -> int:
-    """Write an AVI (MJPEG) of the film with the tracked outlines drawn in.
-
-    Parameters
-    ----------
-    path : path
-        Ends in ``.avi``.
-    film, bodies, result
-        What was tracked and what came out.
-    every : int
-        Show one tracked frame out of this many.
-    playback_hz : float
-    progress : callable, optional
-        Called with (frames done, frames in all).
-
-    Returns
-    -------
-    int
-        Number of frames written.
-
-    Examples
-    --------
-    >>> import vision
-    >>> bodies = vision.load_bodies("bodies.toml")
-    >>> result = vision.track("film.mraw", bodies, every=10)
-    >>> with vision.open_film("film.mraw") as film:
-    ...     vision.write_overlay("tracked.avi", film, bodies, result)
-    15
-    """
-    draw = OutlineDrawer(film, bodies, result)
-    rows = range(0, result.frame.size, every)
-
-    def pictures() -> Iterator[NDArray[Any]]:
-        for row in rows:
-            picture = draw.picture(row)
-            words = f"{int(result.frame[row])}  {result.time_s[row] * 1e3:.2f} ms"
-            put_text(picture, words, (4, 12), WHITE, 0.4, rim=3)
-            for i, body in enumerate(result.bodies):
-                lost = bool(result.is_lost[row, i])
-                name, colour = (f"{body} lost", LOST) if lost else (body, body_colour(body, i))
-                put_text(picture, name, (4, 26 + 14 * i), to_bgr(colour), 0.4, rim=3)
-            yield picture
-
-    report = None if progress is None else (lambda done: progress(done, len(rows)))
-    return write_avi(path, pictures(), playback_hz, quality=90, progress=report)
 
 
 class OutlineDrawer:
