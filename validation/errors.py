@@ -1,8 +1,4 @@
-"""Errors of the `validation` package.
-
-Each class carries the exit code of the command line: 2 for input a user can mend, 1 for a defect. A message is one
-line: what, where, the value found, the value allowed, and what to do.
-"""
+"""Errors of the `validation` package."""
 
 from __future__ import annotations
 

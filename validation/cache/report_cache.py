@@ -1,7 +1,5 @@
 """A report whose inputs have not changed is not made again: its inputs' key is kept in a file beside it.
 
-The inputs are the session's TOML, annotations, trials and tracked angles, the action's file and changes, the options,
-the source of every package that shapes the numbers, and the versions of the libraries. Films are not: their angles are.
 Whatever cannot be read or does not agree counts as changed, and the report is made again.
 """
 

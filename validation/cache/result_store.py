@@ -1,9 +1,7 @@
 """Results of a session, of this run and of earlier ones: plain values in one text file, tables in derived steps.
 
-Events, curve scores, draws, budget, compatible changes and runs that record inner forces are values, in
-``derived/scores/kept.txt``; predicted angles are tables, in ``derived/prediction_…/trial_NNNN.h5``. Both are found by
-`validation.cache.content_hash.result_key`. A value is given as it would be read back, so that a first and a later run
-cannot differ. What is missing, altered or unreadable counts as not computed; what cannot be written costs only time.
+A value is given as it would be read back, so that a first and a later run cannot differ. What is missing, altered or
+unreadable counts as not computed.
 """
 
 from __future__ import annotations

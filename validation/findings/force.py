@@ -1,7 +1,4 @@
-"""Faults of the force channel, one rule a function: sign and unit, delay, drift, range.
-
-Each names the trial, what was found, the limit below which it is silent, and what to do; nothing is repaired.
-"""
+"""Faults of the force channel, one rule a function: sign and unit, delay, drift, range."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Trials and channels that no statement about the model may rest on: one list, for the verdict and for *What to do*.
-
-In: the findings of a session. Out: `list_unusable_data`, a row a trial and channel, with the reason in words.
-"""
+"""Trials and channels that no statement about the model may rest on: one list, for the verdict and for *What to do*."""
 
 from __future__ import annotations
 
