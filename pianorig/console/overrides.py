@@ -119,8 +119,7 @@ def load_model(text: str, settings: Sequence[str] = (), scene: str | None = None
 
     Parameters
     ----------
-    text : a colon counts only where a blank and an option follow it, so that ``C:\\mine.toml`` is a path. A law of felt
-        is set as ``contact12.law=stulov``.
+    text : is set as ``contact12.law=stulov``
     settings : ``--set`` beside it, for every model; those of the text go before them
     scene : ``--scene`` beside it, likewise
     """

@@ -194,10 +194,8 @@ class RememberedCalls(grpc.Channel):
 
     Parameters
     ----------
-    make : callable
-        Makes a callable by its kind, e.g. ``unary_unary``, and what the client asks for it with.
-    close : callable
-        Closes the connection.
+    make : makes a callable by its kind, e.g. ``unary_unary``, and what the client asks for it with.
+    close : closes the connection
     """
 
     def __init__(self, make: Callable[..., Callable[..., Any]], close: Callable[[], object] = lambda: None) -> None:

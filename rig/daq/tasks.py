@@ -56,9 +56,7 @@ class TaskSet:
 
     Parameters
     ----------
-    new_task : NewTask
-    end_left : callable
-        Ends what a server may still have of a task of ours that could not be cleared, by its name.
+    end_left : ends what a server may still have of a task of ours that could not be cleared, by its name
     """
 
     def __init__(self, new_task: NewTask, end_left: Callable[[str], None]) -> None:

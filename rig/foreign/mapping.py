@@ -167,25 +167,19 @@ class ImportMapping(Table):
 
     Attributes
     ----------
-    force : ForceMapping or None
-        None for a recording of ``positions`` alone, which is cut into ``strokes``.
-    absent_encoders : tuple of str
-        Bodies that were not measured; with those of ``encoders`` they are all three.
-    segments : "trials", "join" or None
-        Meaning of a file's segments: one trial each, or parts of one. None refuses files of several.
-    separator, decimal, thousands : str
-        Of CSV; ``thousands``, between groups of three digits, is empty for none, and a space also stands for no-break
-        and thin ones. The separator may be the decimal sign as well where cells are quoted.
-    names_row, skip_rows : int
-        Line of the names in CSV, from 1, or how many lines before it are left out.
-    limits : LimitsConfig
-        Force and speeds beyond which a recording is doubtful.
-    utc_offset_h : float or None
-        Zone of the times of day in the files, hours ahead of UTC; None where it is not known.
-    overrule_units : tuple of str
-        Channels whose unit, or a scale that is not known here, the file states wrongly: the mapping's is taken.
-    time.ignore : tuple of str
-        Columns of times that are not the sample clock's, and properties of the file that state a wrong rate.
+    force : None for a recording of ``positions`` alone, which is cut into ``strokes``
+    absent_encoders : bodies that were not measured; with those of ``encoders`` they are all three
+    segments : "trials", "join" or None; meaning of a file's segments: one trial each, or parts of one. None refuses
+        files of several.
+    separator, decimal, thousands : of CSV; ``thousands``, between groups of three digits, is empty for none, and a
+        space also stands for no-break and thin ones. The separator may be the decimal sign as well where cells are
+        quoted.
+    names_row, skip_rows : line of the names in CSV, from 1, or how many lines before it are left out
+    limits : force and speeds beyond which a recording is doubtful
+    utc_offset_h : zone of the times of day in the files, hours ahead of UTC; None where it is not known
+    overrule_units : channels whose unit, or a scale that is not known here, the file states wrongly: the mapping's is
+        taken
+    time.ignore : columns of times that are not the sample clock's, and properties of the file that state a wrong rate
     """
 
     schema_name: Literal["piano-action-rig mapping 1"] = Field(alias="schema")

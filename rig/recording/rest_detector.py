@@ -18,16 +18,11 @@ class RestDetector:
 
     Parameters
     ----------
-    window : int
-        Samples that must be at rest.
-    earliest : int
-        First sample that may belong to the rest.
-    baseline : int
-        Samples at the beginning of the trial whose mean force is the reference.
-    counts : int
-        Allowed deviation of each encoder from the middle, counts.
-    force_n : float
-        Half width of the band for the mean force, N.
+    window : samples that must be at rest
+    earliest : first sample that may belong to the rest
+    baseline : samples at the beginning of the trial whose mean force is the reference
+    counts : allowed deviation of each encoder from the middle, counts
+    force_n : half width of the band for the mean force, N
     """
 
     def __init__(self, *, window: int, earliest: int, baseline: int, counts: int, force_n: float) -> None:

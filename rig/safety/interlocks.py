@@ -35,14 +35,10 @@ class Interlocks:
 
     Parameters
     ----------
-    config : RigConfig
-        ``limits`` and scales.
-    timing : Timing
-        Rate and force delay.
-    command_v : ndarray, shape (n,)
-        The whole motor command, V.
-    blow_start_s : float
-        When the motor first leaves zero.
+    config : ``limits`` and scales
+    timing : rate and force delay
+    command_v : (n,) the whole motor command, V
+    blow_start_s : when the motor first leaves zero
     """
 
     def __init__(self, config: RigConfig, timing: Timing, command_v: NDArray[np.float64], blow_start_s: float) -> None:

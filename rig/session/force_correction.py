@@ -296,14 +296,11 @@ class ForceChannel:
 
     Parameters
     ----------
-    group_delay_s, u_group_delay_s : float
-        Sample i was taken at ``time_s[i] - group_delay_s``, known with this standard uncertainty.
-    preload_n, u_preload_n : float
-        Declared force of the resting arm and its standard uncertainty.
-    gain_relative_u : float
-        Relative standard uncertainty of the calibration factor.
-    mains_hz : float or None
-        Nominal mains frequency; None tries 50 and 60 Hz.
+    group_delay_s, u_group_delay_s : sample i was taken at ``time_s[i] - group_delay_s``, known with this standard
+        uncertainty
+    preload_n, u_preload_n : declared force of the resting arm and its standard uncertainty
+    gain_relative_u : relative standard uncertainty of the calibration factor
+    mains_hz : nominal mains frequency; None tries 50 and 60 Hz
     """
 
     group_delay_s: float = 0.0

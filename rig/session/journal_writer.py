@@ -39,14 +39,10 @@ class JournalWriter:
 
     Parameters
     ----------
-    path : Path
-        File to create; must not exist.
-    head : TrialHead
-        Written and committed before the constructor returns.
-    most_samples, most_blocks : int
-        Largest trial for which room is reserved.
-    write, synchronise, now_s : callable
-        The system's calls, to be replaced in tests.
+    path : file to create; must not exist
+    head : written and committed before the constructor returns
+    most_samples, most_blocks : largest trial for which room is reserved
+    write, synchronise, now_s : the system's calls, to be replaced in tests
     """
 
     def __init__(

@@ -46,11 +46,9 @@ class CineFilm(Film):
 
     Parameters
     ----------
-    path : Path
-    allow_truncated : bool
-        Read up to the last whole image instead of refusing a file that was cut short.
-    channel : {"red", "green", "blue"}, optional
-        Of a colour film, take this channel; weighted as the eye does when None.
+    allow_truncated : read up to the last whole image instead of refusing a file that was cut short
+    channel : {"red", "green", "blue"}, optional; of a colour film, take this channel; weighted as the eye does when
+        None
     """
 
     has_camera_times = True

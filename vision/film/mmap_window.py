@@ -20,14 +20,9 @@ WINDOW_BYTES = 32 * 1024 * 1024
 class FileWindow:
     """Read-only access to a file's bytes.
 
-    Parameters
-    ----------
-    path : Path
-
     Attributes
     ----------
-    size : int
-        Of the file, bytes.
+    size : of the file, bytes
     """
 
     def __init__(self, path: Path) -> None:

@@ -284,14 +284,8 @@ class MrawFilm(Film):
 
     Parameters
     ----------
-    path : Path
-        The ``.mraw`` or its header.
-    allow_truncated : bool
-        Accept a file that is too short and read its whole frames.
-
-    Attributes
-    ----------
-    header : FilmHeader
+    path : the ``.mraw`` or its header
+    allow_truncated : accept a file that is too short and read its whole frames
     """
 
     has_camera_times = True

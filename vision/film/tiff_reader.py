@@ -51,11 +51,8 @@ class TiffFilm(Film):
 
     Parameters
     ----------
-    path : Path
-    allow_truncated : bool
-        Read up to the last whole page instead of refusing a file that was cut short.
-    channel : str, optional
-        ``red``, ``green`` or ``blue`` of colour pages; a number from 1 where the file has channels.
+    allow_truncated : read up to the last whole page instead of refusing a file that was cut short
+    channel : ``red``, ``green`` or ``blue`` of colour pages; a number from 1 where the file has channels
     """
 
     def __init__(self, path: Path, *, allow_truncated: bool = False, channel: str | None = None) -> None:

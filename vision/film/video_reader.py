@@ -50,10 +50,8 @@ class VideoFilm(Film):
 
     Attributes
     ----------
-    spacing : Spacing or None
-        How the stamps follow one another.
-    codec : str
-        FFmpeg's name.
+    spacing : how the stamps follow one another
+    codec : FFmpeg's name
     """
 
     def __init__(self, path: Path, *, allow_truncated: bool = False, channel: str | None = None) -> None:

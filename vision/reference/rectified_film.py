@@ -36,13 +36,9 @@ class RectifiedFilm(Corrected):
 
     Parameters
     ----------
-    film : FrameSource
-    pixel_aspect : float
-        Width of a pixel over its height.
-    projection : Projection or None
-        Of a calibrated camera, for a film of ``pixel_aspect`` 1.
-    field : {0, 1} or None
-        Keep the even (0) or the odd rows (1) only.
+    pixel_aspect : width of a pixel over its height
+    projection : of a calibrated camera, for a film of ``pixel_aspect`` 1
+    field : {0, 1} or None; keep the even (0) or the odd rows (1) only
     """
 
     def __init__(

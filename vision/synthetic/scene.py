@@ -74,11 +74,8 @@ class SyntheticBody:
 
     Parameters
     ----------
-    name : str
-    polygon_px : ndarray, shape (m, 2)
-        Outline in the body's axes at angle zero (x right, y down), origin at the point given by a pose.
-    texture : BlobTexture
-        In the same axes.
+    polygon_px : (m, 2) outline in the body's axes at angle zero (x right, y down), origin at the point given by a pose
+    texture : in the same axes
     """
 
     name: str
@@ -108,12 +105,10 @@ class Scene:
 
     Parameters
     ----------
-    bodies : sequence of SyntheticBody
-        From back to front.
+    bodies : from back to front
     background : ndarray of float32, shape (height, width)
-    lens : Projection or None
-        Camera that sees the plane of motion tilted or distorted; poses are those on the plane. The background
-        is taken as seen.
+    lens : camera that sees the plane of motion tilted or distorted; poses are those on the plane. The background is
+        taken as seen.
     """
 
     bodies: Sequence[SyntheticBody]
@@ -172,11 +167,8 @@ class Sensor:
 
     Parameters
     ----------
-    noise_grey : float
-        Standard deviation per pixel, grey of 8 bit.
-    bit_depth : int
-        8, 12 or 16; stored values are 8-bit greys times ``2**(bit_depth - 8)``.
-    seed : int
+    noise_grey : standard deviation per pixel, grey of 8 bit
+    bit_depth : 8, 12 or 16; stored values are 8-bit greys times ``2**(bit_depth - 8)``
     """
 
     def __init__(self, noise_grey: float, bit_depth: int, seed: int) -> None:

@@ -88,14 +88,10 @@ class FeltPlant:
 
     Parameters
     ----------
-    law : FeltLaw
-    arm : mapping
-        ``motor_arm`` of the specimen, the values named in ``ARM``.
+    arm : ``motor_arm`` of the specimen, the values named in ``ARM``
     torque_per_volt_nm, gain_scatter, seed
         Of the motor, and its scatter from trial to trial.
-    body : int
-        Which encoder's scale is on the shaft.
-    sample_rate_hz : float
+    body : which encoder's scale is on the shaft
     """
 
     def __init__(
