@@ -305,7 +305,7 @@ class FaultsByCount(FaultPlan):
         self.struck: set[int | None] = set()
         self.stays: list[int | None] = []
 
-    def before_call(self, call: str, device: Any, timeout_s: float = 0.0) -> None:
+    def raise_due(self, call: str, device: Any, timeout_s: float = 0.0) -> None:
         self.calls += 1
         if self.stays:
             self.strike(self.stays[0])
