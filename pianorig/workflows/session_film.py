@@ -116,6 +116,8 @@ class SessionFilm:
             times, u_time = frame_times(self.owner[1], whole)
             return times[self.first_frame :][: source.n_frames], u_time
         if rate_hz is None:
+            if source.frame_time_s is None:
+                raise CommandInputError(f"{self.path}: the film states no frame rate; give it with --frame-rate")
             return None, 0.0
         return vision.frame_times_at_rate(source, rate_hz), 0.0
 
