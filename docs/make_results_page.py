@@ -31,7 +31,7 @@ print(scores.pivot_table("rmse_rad", ["session", "model"], "channel"))
 ```
 
 Curves stand beside it: `curves.nc` (netCDF-4; `xarray.open_dataset("curves.nc", engine="h5netcdf")`, or
-`validation.read_curves("curves.nc")` as a tidy table), and by channel `curves/*.csv` and `curves/*.json`.
+`validation.read_curves("curves.nc")` as a tidy table), and by channel `curves/*.csv`.
 """
 FIELDS = """# Fields of results.json
 

@@ -9,7 +9,7 @@ from .events.definitions import EVENTS as EVENTS
 from .events.definitions import Event as Event
 from .events.detect import find_events as find_events
 from .infer.identify import identify as identify
-from .infer.page import render_identification as render_identification
+from .infer.report import render_identification as render_identification
 from .infer.residuals import residual_problem as residual_problem
 from .infer.result import Identification as Identification
 from .infer.write import write_identified as write_identified

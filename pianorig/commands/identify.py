@@ -237,7 +237,7 @@ def ranked_next(found: validation.Identification) -> tuple[list[Prospect], list[
     """
     # start-up: --help needs none of it
     from validation.infer.further import best_stroke
-    from validation.infer.page import together
+    from validation.infer.sentences import group_by_reason
 
     try:
         ranked, refused = next_strokes(found)
@@ -249,7 +249,7 @@ def ranked_next(found: validation.Identification) -> tuple[list[Prospect], list[
         ranked,
         refused,
         "no profile could be predicted within the limits of the rig file"
-        + (f" ({'; '.join(together(refused))})" if refused else ""),
+        + (f" ({'; '.join(group_by_reason(refused))})" if refused else ""),
     )
 
 
@@ -271,7 +271,7 @@ def reading_lines(
     found: validation.Identification, ranked: list[Prospect], refused: list[str], most: int = 5
 ) -> list[str]:
     # start-up: --help needs none of it
-    from validation.infer.page import plain_sentences, prospect_words, together
+    from validation.infer.sentences import group_by_reason, plain_sentences
 
     said = plain_sentences(found, ranked)
     if not ranked:
@@ -279,8 +279,8 @@ def reading_lines(
     lines = [*said, "to record next (u of each parameter after, over u now, as predicted):"]
     for p in ranked[:most]:
         each = ", ".join(f"{name} {x:.2f}" for name, x in sorted(p.shrink.items(), key=lambda pair: pair[1])[:3])
-        lines.append(f"  {p.mean:.2f}  {prospect_words(p)} (most: {each})")
-    return lines + [f"  not considered: {line}" for line in together(refused)]
+        lines.append(f"  {p.mean:.2f}  {p.words} (most: {each})")
+    return lines + [f"  not considered: {line}" for line in group_by_reason(refused)]
 
 
 @contextmanager

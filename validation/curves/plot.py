@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
+from model.inside.labels import BODY_COLORS
 from validation.conventions import Array
 from validation.curves.display_signs import SIGN, TITLE, degrees, rotation_label
 from validation.curves.marks import Mark
@@ -75,7 +76,7 @@ def plot_rotation(
         return
     curves = trial_curves(base_s, encoder, film)[channel]
     measured, predicted = (degrees(channel, curves[f"{kind}_rad"]) for kind in ("measured", "predicted"))
-    draw(top, base_s, measured, "trial", color=BLACK, linewidth=1.2)
+    draw(top, base_s, measured, "trial", color=BODY_COLORS[channel], linewidth=1.2)
     draw(top, base_s, predicted, "model", **model_style(0))
     finish_axes(top, rotation_label(channel), bottom=low is None)
     top.legend(fontsize=8, framealpha=0.9)

@@ -73,46 +73,14 @@ def uneven_samples(time: Array, curves: Array, n: int) -> np.ndarray:
     return np.unique(np.searchsorted(along, np.linspace(0.0, along[-1], n)).clip(0, time.size - 1))
 
 
-BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = (
-    "#000000",
-    "#B37400",
-    "#2A8FC4",
-    "#00785A",
-    "#0072B2",
-    "#C04A00",
-    "#A8528A",
-)
-COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, BLACK, SKY)
-DASHES: tuple[tuple[float, ...] | None, ...] = (None, (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5), (8, 2))
-MODEL_COLOURS = (VERMILION, BLUE, GREEN, PURPLE, ORANGE)
+BLACK, ORANGE, SKY, BLUE, VERMILION = "#000000", "#B37400", "#2A8FC4", "#0072B2", "#C04A00"
 MODEL_DASHES = ((5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5), (8, 2), (3, 1, 1, 1, 1, 1))
-MOST_IN_LEGEND = 8
 LEGEND_CHARACTERS = 140  # in a line above the panels
-FULL_CURVES = 8
-FEWEST_COLUMNS = 60
-
-
-def line_style(i: int) -> dict[str, Any]:
-    """Colour and dash pattern of the i-th curve."""
-    style: dict[str, Any] = {"color": COLOURS[i % len(COLOURS)], "linewidth": 1.1}
-    dash = DASHES[i % len(DASHES)]
-    if dash is not None:
-        style["dashes"] = dash
-    return style
 
 
 def model_style(i: int) -> dict[str, Any]:
-    """Colour and dash pattern of the i-th model, none of them the solid black of a trial."""
-    return {
-        "color": MODEL_COLOURS[i % len(MODEL_COLOURS)],
-        "linewidth": 1.3,
-        "dashes": MODEL_DASHES[i % len(MODEL_DASHES)],
-    }
-
-
-def columns_for(curves: int) -> int:
-    """Pixel columns per curve, fewer when many curves share a panel, so that the page stays below some megabytes."""
-    return max(FEWEST_COLUMNS, min(COLUMNS, COLUMNS * FULL_CURVES // max(curves, 1)))
+    """Look of the i-th model: black, with dashes of its own; what was measured is solid and has its body's colour."""
+    return {"color": BLACK, "linewidth": 1.1, "dashes": MODEL_DASHES[i % len(MODEL_DASHES)]}
 
 
 def draw(
@@ -132,12 +100,6 @@ def finish_axes(axes: Axes, ylabel: str, *, bottom: bool = True) -> None:
         axes.set_xlabel("time (s)")
     else:
         axes.tick_params(labelbottom=False)
-
-
-def legend(axes: Axes, n: int) -> None:
-    """A legend, unless there are too many curves for one."""
-    if n <= MOST_IN_LEGEND:
-        axes.legend(fontsize=8, ncols=2, framealpha=0.9, loc="best")
 
 
 def shared_legend(figure: Figure, panels: Sequence[Axes]) -> int:

@@ -253,7 +253,7 @@ def _describe_travel(
 def _format_mean(values: Mapping[int, float]) -> str:
     u = uncertainty_of_mean(values.values())
     mean = f"{np.mean(list(values.values())):.3f}"
-    return f"{mean} (u {u:.1g})" if np.isfinite(u) else mean
+    return f"{mean} (standard uncertainty {u:.2g})" if np.isfinite(u) else mean
 
 
 END_S = 0.05

@@ -309,7 +309,7 @@ def find_force_lags(lags: Mapping[int, tuple[float, float]]) -> list[SessionFind
     else:
         u = uncertainty_of_mean(away.values())
         text = f"{beside} by {_format_ms(float(np.mean(list(away.values()))))} {stated}"
-        text += f", u {1e3 * u:.1g} ms" if np.isfinite(u) else ""
+        text += f", standard uncertainty {1e3 * u:.2g} ms" if np.isfinite(u) else ""
     return [make_finding("force lag", "force", away, limit, text)]
 
 
@@ -347,6 +347,6 @@ def find_force_drift(m: MeasuredTrial) -> list[SessionFinding]:
     text = (
         f"trial {m.number}: force: at rest after the stroke it reads {away:+.2f} N against before (limit {limit:.2f} "
         f"N), "
-        f"{away / (after_s - before_s):+.2f} N/s on average, {slope:+.2f} N/s before the stroke (u {u:.2g} N)"
+        f"{away / (after_s - before_s):+.2f} N/s on average, {slope:+.2f} N/s before the stroke (standard uncertainty {u:.2g} N)"
     )
     return [SessionFinding("force return", m.number, "force", away, limit, text)]

@@ -106,4 +106,4 @@ def find_let_off_and_check(
 def _format_size(values: Mapping[int, float], u_each: float) -> str:
     """Mean size with its u: what each trial's is known to is common to them, their scatter is not."""
     u = math.hypot(u_each, float(np.nan_to_num(uncertainty_of_mean(values.values()))))
-    return f"{1e3 * abs(float(np.mean(list(values.values())))):.1f} mm (u {1e3 * u:.1g} mm)"
+    return f"{1e3 * abs(float(np.mean(list(values.values())))):.1f} mm (standard uncertainty {1e3 * u:.2g} mm)"

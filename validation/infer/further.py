@@ -242,6 +242,15 @@ class Prospect:
         return self.shrink[name] / far, self.shrink[name] * far
 
     @property
+    def words(self) -> str:
+        """What could be done next: so many trials of a stroke, so many more of a session, a sensor."""
+        if self.candidate is None:
+            return self.name
+        return (
+            f"{self.trials} {self.name}" if self.candidate.profile is None else f"{self.trials} trials of {self.name}"
+        )
+
+    @property
     def mean(self) -> float:
         """Geometric mean of the shrinks: what the prospects are ranked by, the smallest first."""
         return float(np.exp(np.mean(np.log(list(self.shrink.values())))))

@@ -131,11 +131,11 @@ def warnings_of(names: Sequence[str], covariance: Array) -> list[str]:
     poor = [(n, w) for n, w in zip(names, width, strict=True) if w > HALF]
     said = []
     if poor:
-        listed = ", ".join(f"{n} ({100 * w:.0f} % of its prior u left)" for n, w in poor)
+        listed = ", ".join(f"{n} ({100 * w:.0f} % of its prior uncertainty left)" for n, w in poor)
         said.append(f"these strokes say little of {listed}")
     undetermined, _ = directions(names, covariance)
     said += [
-        f"{CANNOT_TELL} {d.words} ({100 * d.left:.0f} % of its prior u left)"
+        f"{CANNOT_TELL} {d.words} ({100 * d.left:.0f} % of its prior uncertainty left)"
         for d in undetermined
         if len(d.weights) > 1
     ]
@@ -157,6 +157,6 @@ def warnings_before(names: Sequence[str], at_best: Array, expected: Array) -> li
     if more:
         said.append(
             f"if the model lacks {100 * EXPECTED:.0f} % of what all its laws together could do, these strokes say "
-            f"little of {', '.join(more)}, too (of the prior u left)"
+            f"little of {', '.join(more)}, too (of the prior uncertainty left)"
         )
     return said

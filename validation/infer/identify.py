@@ -212,7 +212,7 @@ def of_many(names: Sequence[str]) -> list[str]:
         return []
     return [
         f"{len(names)} values at once: beyond {MOST_ASKED} a fit that settles may be in one of several minima, "
-        "its values several u off; ask for fewer"
+        "its values several standard uncertainties off; ask for fewer"
     ]
 
 
@@ -220,7 +220,7 @@ def _end(best: Fitted, names: Sequence[str], covariance: Array, determined: Sequ
     """How the fit ended; not identifiable where it settled and no asked parameter is known by itself."""
     if not best.converged or np.any(np.sqrt(np.diag(covariance)) < HALF):
         return best.end
-    known = "; ".join(f"{d.words} ({100 * d.left:.0f} % of its prior u left)" for d in determined)
+    known = "; ".join(f"{d.words} ({100 * d.left:.0f} % of its prior uncertainty left)" for d in determined)
     known = f"of their combinations {known}" if known else "nor any combination of them" if len(names) > 1 else ""
     none = f"these strokes do not tell {'any of ' if len(names) > 1 else ''}{', '.join(names)}"
     return End(NOT_IDENTIFIABLE, f"{none}{', ' if known else ''}{known}")
@@ -232,7 +232,7 @@ def _of_fit(best: Fitted, end: End, fits: Sequence[Fitted], sources: Sources) ->
         said.insert(0, f"{end}; these values are the best so far, their intervals too narrow; give a larger --budget")
     if end.kind == BIFURCATION:
         said.append(
-            f"{end}: there a third of a u turns the motion by more than twice the noise; what follows was left out"
+            f"{end}: there a third of a standard uncertainty turns the motion by more than twice the noise; what follows was left out"
         )
     share = lacking(best)
     if share > LACKING:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from validation.infer.action_file import identified_text
 from validation.infer.further import Prospect
-from validation.infer.page import render_identification
+from validation.infer.report import render_identification
 from validation.infer.result import Identification
 from validation.report.files import check_target, write_files
 

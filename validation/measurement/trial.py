@@ -41,7 +41,11 @@ class KeyHeads:
         rest = float(np.mean(self.lift_m[: max(quiet.stop, 1)]))
         largest = float(np.max(self.lift_m) - rest)
         u = float(np.hypot(self.u_lift_m, largest * self.u_radius_relative))
-        said = f"lifts by up to {1e3 * largest:.3f} mm (u {1e3 * u:.3f} mm)" if largest > 3 * u else "does not lift"
+        said = (
+            f"lifts by up to {1e3 * largest:.3f} mm (standard uncertainty {1e3 * u:.3f} mm)"
+            if largest > 3 * u
+            else "does not lift"
+        )
         return f"key read by two heads: rotation without lift and eccentricity; its pivot {said}"
 
 

@@ -29,8 +29,8 @@ from validation.infer.hypotheses import STEP
 from validation.measurement.measure_session import measure_session, representative
 from validation.measurement.trial import MeasuredTrial
 from validation.options import ComparisonOptions
+from validation.part_names import name_parts
 from validation.pipeline.advice import what_to_do
-from validation.pipeline.part_names import name_parts
 from validation.pipeline.verdict import fitted_trials, identified_warnings, prediction_lines, verdict_lines
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession, predict_session

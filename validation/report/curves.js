@@ -1,5 +1,5 @@
 /* Choice of the drawn trial, values under the pointer, and marks that follow the zoom.  Curves come from the attribute
-   data-curves of the toolbar (see page_data.py); without this script the page shows one trial and its marks. */
+   data-curves of the toolbar (see page.py); without this script the page shows one trial and its marks. */
 for (const { home, bar, panels, after, make, current } of sessions) {
   const data = JSON.parse(bar.dataset.curves), LOST = -32768;
   const plain = (text) => text.replace(/-/g, "+").replace(/_/g, "/");
@@ -18,8 +18,7 @@ for (const { home, bar, panels, after, make, current } of sessions) {
   for (const figure of home.querySelectorAll("figure[data-channel]")) {
     const svg = figure.querySelector("svg"), channel = data.channels[figure.dataset.channel];
     if (!channel) continue;
-    const parts = JSON.parse(svg.dataset.parts).map((p) => ({ ...p, svg, fixed: true }));
-    const own = [...panels.filter((p) => p.svg === svg), ...parts];
+    const own = panels.filter((p) => p.svg === svg);
     const highest = Math.min(...own.map((p) => p.top));
     figures.push({ figure, svg, channel, highest, one: figure.dataset.shows === "one", own });
   }
@@ -47,20 +46,20 @@ for (const { home, bar, panels, after, make, current } of sessions) {
       const old = group.querySelector("path"), fresh = make("path", { d: path(p, y, half) });
       const look = group.querySelector("use") ?? old;
       fresh.setAttribute("style", look?.getAttribute("style") || "fill: #2a8fc4; fill-opacity: 0.35; stroke: none");
-      if (!p.fixed) fresh.setAttribute("vector-effect", "non-scaling-stroke");
+      fresh.setAttribute("vector-effect", "non-scaling-stroke");
       const clip = group.querySelector("[clip-path]")?.getAttribute("clip-path");
       if (clip) fresh.setAttribute("clip-path", clip);
       group.replaceChildren(fresh);
     };
-    for (const p of own) for (const place of [0, 1]) {
-      set(p, `trial-${place}`, measured);
-      if (channel.limit) set(p, `limit-${place}`, measured, (k) => at(channel.limit, channel.scale, 0, k));
+    for (const p of own) {
+      set(p, "trial", measured);
+      if (channel.limit) set(p, "limit", measured, (k) => at(channel.limit, channel.scale, 0, k));
       channel.p.forEach((values, m) => {
-        set(p, `model${m}-${place}`, (k) => at(values, channel.scale, chosen, k));
-        set(p, `difference${m}-${place}`, (k) => at(values, channel.scale, chosen, k) - measured(k));
+        set(p, `model${m}`, (k) => at(values, channel.scale, chosen, k));
+        set(p, `difference${m}`, (k) => at(values, channel.scale, chosen, k) - measured(k));
       });
-      part(figure, `raw-${place}`)?.replaceChildren();
     }
+    part(figure, "raw")?.replaceChildren();
     const words = figure.querySelector(".of-trial"), trial = data.trials[chosen];
     if (words) words.textContent = data.words[figure.dataset.channel]?.[trial] ?? `Trial ${trial}.`;
   };
@@ -72,7 +71,7 @@ for (const { home, bar, panels, after, make, current } of sessions) {
     for (const { svg, own, highest } of one_only()) for (const p of own) {
       p.marks?.remove();
       p.marks = make("g", { class: "marks" });
-      const [a, b] = p.fixed ? p.x : [now.a, now.b], first = p.top === highest;
+      const { a, b } = now, first = p.top === highest;
       for (const [label, t, meaning] of data.marks[data.trials[chosen]]) {
         if (t < a || t > b) continue;
         const x = p.left + (p.right - p.left) * (t - a) / (b - a), named = /^[ABC]$/.test(label);
@@ -122,7 +121,7 @@ for (const { home, bar, panels, after, make, current } of sessions) {
       const p = own.find((q) => place.x >= q.left && place.x <= q.right && place.y >= q.top && place.y <= q.bottom);
       tip.style.display = p ? "block" : "none";
       if (!p) return;
-      const [a, b] = p.fixed ? p.x : [current().a, current().b];
+      const { a, b } = current();
       const t = a + (b - a) * (place.x - p.left) / (p.right - p.left), lines = [`${t.toFixed(4)} s`];
       if (one) {
         const trial = value(channel.m, channel.scale, chosen, t);

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
 
 from validation.result import AGREES, ValidationResult
 from validation.tables.numbers import DASH, number
@@ -15,6 +15,10 @@ from validation.verdict.verdict import format_interval, most_important, reading_
 WIDTH, EDGE = 240.0, 8.0
 EVENTS_SHOWN = ("let_off_distance", "hammer_speed", "string_impact", "check_height", "drop", "key_release")
 ERROR = "Model error"
+NOTE = (
+    "Line: 95 % interval; red dots: limit of relevance; filled square: an error that the test of all quantities "
+    "together shows. Each event has its own scale."
+)
 
 
 def verdict_parts(result: ValidationResult) -> tuple[str, str]:
@@ -31,47 +35,89 @@ def verdict_parts(result: ValidationResult) -> tuple[str, str]:
     return lead[:1].upper() + lead[1:], " ".join(part[:1].upper() + part[1:] for part in rest)
 
 
-def forest(results: Sequence[ValidationResult]) -> list[dict[str, Any]]:
-    """Rows of the events of a session: texts, and the places ``at``, ``low``, ``high``, ``limits`` in the drawing.
+@dataclass(frozen=True)
+class ForestRow:
+    """One line: name and cells, and in the drawing's own units the value, ends of its interval, and its limits."""
 
-    Its numbers are those of `ValidationResult.quantities`; each quantity has one scale for all its rows. Where nothing
-    was drawn the plain difference stands for the error.
+    cells: list[str]
+    at: float
+    low: float
+    high: float
+    limits: list[float]
+    resolved: bool
+
+
+@dataclass(frozen=True)
+class Forest:
+    """A table with a drawn interval in each row, after its first column."""
+
+    caption: str
+    head: tuple[str, ...]
+    rows: list[ForestRow]
+    note: str
+
+
+def make_forest(
+    caption: str,
+    head: tuple[str, ...],
+    found: Sequence[tuple[list[str], float, float, float, float, bool]],
+    note: str,
+    scales: Sequence[str] = (),
+) -> Forest:
+    """A forest of rows: cells, value, ends of the interval, limit on both sides or NaN, and whether it is resolved.
+
+    ``scales``: name of each row's scale; one scale for all where left out.
     """
-    found = [
-        (result, row)
-        for name in EVENTS_SHOWN
-        for result in results
-        for row in result.quantities.itertuples()
-        if row.quantity == name and math.isfinite(row.low)
-    ]
+    names = list(scales) or [""] * len(found)
     reach: dict[str, float] = {}
-    for _, row in found:
-        ends = [abs(row.low), abs(row.high), *([row.limit] if math.isfinite(row.limit) else [])]
-        reach[row.quantity] = max(reach.get(row.quantity, 0.0), *ends)
+    for name, (_, _, low, high, limit, _) in zip(names, found, strict=True):
+        ends = [abs(x) for x in (low, high, limit) if math.isfinite(x)]
+        reach[name] = max(reach.get(name, 0.0), *ends)
 
     def place(value: float, most: float) -> float:
         share = value / most if most > 0 and math.isfinite(value) else 0.0
         return round(WIDTH / 2 + (WIDTH / 2 - EDGE) * share, 2)
 
-    out = []
-    for result, row in found:
-        q, most = QUANTITIES[INDEX[row.quantity]], reach[row.quantity]
-        known = math.isfinite(row.limit)
-        out.append(
-            {
-                "quantity": f"{title_of(row)} ({q.unit_shown})",
-                "model": result.action_name,
-                "difference": format_interval(*shown_interval(row), ""),
-                "limit": f"± {number(q.factor * row.limit, 2)}" if known else DASH,
-                "reading": reading_of(row) if known else "for information",
-                "resolved": bool(row.resolved),
-                "at": place(0.5 * (row.low + row.high), most),
-                "low": place(row.low, most),
-                "high": place(row.high, most),
-                "limits": [place(-row.limit, most), place(row.limit, most)] if known else [],
-            }
+    rows = [
+        ForestRow(
+            cells,
+            place(at, reach[name]),
+            place(low, reach[name]),
+            place(high, reach[name]),
+            [place(x, reach[name]) for x in (-limit, limit)] if math.isfinite(limit) else [],
+            resolved,
         )
-    return out
+        for name, (cells, at, low, high, limit, resolved) in zip(names, found, strict=True)
+    ]
+    return Forest(caption, head, rows, note)
+
+
+def forest(results: Sequence[ValidationResult]) -> Forest | None:
+    """Events of a session; each quantity has one scale for all its rows.
+
+    Its numbers are those of `ValidationResult.quantities`. Where nothing was drawn the plain difference stands for the
+    error.
+    """
+    several = len(results) > 1
+    rows, scales = [], []
+    for name in EVENTS_SHOWN:
+        for result in results:
+            for row in result.quantities.itertuples():
+                if row.quantity != name or not math.isfinite(row.low):
+                    continue
+                q, known = QUANTITIES[INDEX[name]], math.isfinite(row.limit)
+                cells = [
+                    f"{title_of(row)} ({q.unit_shown})",
+                    *([result.action_name] if several else []),
+                    format_interval(*shown_interval(row), ""),
+                    f"± {number(q.factor * row.limit, 2)}" if known else DASH,
+                    reading_of(row) if known else "for information",
+                ]
+                rows.append((cells, 0.5 * (row.low + row.high), row.low, row.high, row.limit, bool(row.resolved)))
+                scales.append(name)
+    head = ("event", "too small · 0 · too large", *(["model"] if several else []), "error, 95 %", "limit", "reading")
+    caption = "Events: error of the model, model − trial, with its 95 % interval"
+    return make_forest(caption, head, rows, NOTE, scales) if rows else None
 
 
 def quantity_rows(result: ValidationResult) -> list[tuple[str, str, str, str]]:

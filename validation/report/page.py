@@ -6,15 +6,11 @@ Text that comes from a session is escaped by the template engine; only our own S
 from __future__ import annotations
 
 import base64
-import hashlib
 import json
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup
 
 from validation.conventions import BODIES, ENCODER_CHANNELS, Array
 from validation.curves.display_signs import TITLE, degrees
@@ -24,10 +20,11 @@ from validation.events.definitions import EVENTS
 from validation.events.key_lift import EXCESS_M
 from validation.measurement.trial import trials_in_words
 from validation.report.figures.five_angles import band_words, five_angles, left_out_trials, limit_of
-from validation.report.figures.layout import MOST_LINES
+from validation.report.figures.layout import MOST_LINES, traces_of
 from validation.report.figures.measured import all_figures
 from validation.report.figures.overlays import limit_of_trial, trial_words
 from validation.report.overview import forest, verdict_parts
+from validation.report.shell import fill_page, flatten_provenance
 from validation.report.view import SessionView, netcdf_names
 from validation.result import ValidationResult
 from validation.side_by_side import SideBySide
@@ -97,13 +94,10 @@ def page_data(view: SessionView) -> str:
     channels: dict[str, Any] = {}
     if view.has_force:
         channels["force"] = {"m": [force_on_base(at, frame) for frame in first.traces.values()], "p": []}
-    for channel in view.measured:
-        measured = [_rotation(frame, channel, "measured", at) for frame in first.traces.values()]
-        predicted = [
-            [_rotation(r.traces[t], channel, "predicted", at) if t in r.traces else np.full(at.size, np.nan)
-             for t in trials]
-            for r in view.results
-        ]  # fmt: skip
+    shown_bodies = [c for c in BODIES if c in view.measured or c in view.compared]
+    for channel in shown_bodies:
+        measured = [_rotation(first, t, channel, "measured", at) for t in trials]
+        predicted = [[_rotation(r, t, channel, "predicted", at) for t in trials] for r in view.results]
         channels[channel] = {"m": measured, "p": predicted, "limit": [limit_of_trial(first, channel, at)]}
     content = {
         "t": base64.urlsafe_b64encode(np.asarray(at, dtype="<f8").tobytes()).decode("ascii"),
@@ -112,12 +106,15 @@ def page_data(view: SessionView) -> str:
         "models": view.names,
         "channels": {name: _packed(curves) for name, curves in channels.items()},
         "marks": {t: [[m.label, round(m.time_s, 6), m.meaning] for m in first.marks(t)] for t in trials},
-        "words": {c: {t: trial_words(view, c, t) for t in trials} for c in view.measured},
+        "words": {c: {t: trial_words(view, c, t) for t in trials} for c in shown_bodies},
     }
     return json.dumps(content, separators=(",", ":"), ensure_ascii=False)
 
 
-def _rotation(frame: Any, channel: str, kind: str, at: Array) -> Array:
+def _rotation(result: ValidationResult, trial: int, channel: str, kind: str, at: Array) -> Array:
+    frame = traces_of(result, channel).get(trial)
+    if frame is None:
+        return np.full(at.size, np.nan)
     return degrees(channel, on_base(at, frame["time_s"].to_numpy(), frame[f"{channel}_{kind}_rad"].to_numpy()))
 
 
@@ -147,7 +144,6 @@ def session_section(view: SessionView) -> dict[str, Any]:
     Tables that depend on the model are made for each, their caption names it; ids lead with the session's prefix.
     """
     first = view.first
-    figures = all_figures(view)
     tables = {section: section_tables(view, section) for section in SECTIONS}
     return dict(
         prefix=view.prefix,
@@ -161,10 +157,9 @@ def session_section(view: SessionView) -> dict[str, Any]:
         verdicts=[_lines_left(r) for r in view.results],
         warnings=_warnings(view),
         differing=section_tables(view, "differing"),
-        figures={"trials": figures["comparison"], "repeatability": figures["repeatability"]}
-        | {section: [] for section in SECTIONS if section not in ("trials", "repeatability")},
+        figures=dict.fromkeys(SECTIONS, []) | all_figures(view),
         tables=tables,
-        provenance=[(f"{r.session_name}, {r.action_name}", _flat(r.provenance)) for r in view.results],
+        provenance=[(f"{r.session_name}, {r.action_name}", flatten_provenance(r.provenance)) for r in view.results],
     )
 
 
@@ -236,25 +231,7 @@ def _impact_s(result: ValidationResult) -> float | None:
     return float(times.iloc[0]) if len(times) else None
 
 
-HERE = Path(__file__).parent
 ANIMATION = "animation.html"
-SCRIPTS = ("zoom.js", "curves.js", "pointed.js", "tables.js")
-
-
-def templates(*homes: Path) -> Environment:
-    """Templates of a page: what comes from a session is escaped, and nothing may be undefined."""
-    return Environment(
-        loader=FileSystemLoader(list(homes)),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-
-
-def style_text() -> Markup:
-    """The style sheet of every page."""
-    return Markup((HERE / "report.css").read_text(encoding="utf-8"))
 
 
 def render_html(side: SideBySide, *, animation: bool = False) -> str:
@@ -262,23 +239,15 @@ def render_html(side: SideBySide, *, animation: bool = False) -> str:
 
     ``animation``: the folder of the page has an `ANIMATION` to link.
     """
-    script = "\n".join((HERE / name).read_text(encoding="utf-8").strip() for name in SCRIPTS)
-    # the text between the tags, with the line end that the template puts on each side
-    digest = hashlib.sha256(f"\n{script}\n".encode()).digest()
-    environment = templates(HERE)
-    environment.filters["drawn"] = Markup  # our own SVG; everything else is escaped
-    template = environment.get_template("report.html.j2")
     several = len(side.sessions) > 1
     sections = [
         session_section(SessionView(tuple(results), f"s{i}-" if several else ""))
         for i, results in enumerate(side.sessions.values(), start=1)
     ]
-    return template.render(
+    return fill_page(
+        "report.html.j2",
         side=side,
         sections=sections,
-        style=style_text(),
-        script=Markup(script),
-        script_sha256=base64.b64encode(digest).decode(),
         parts=[verdict_parts(result) for result in side.results],
         lines=[*(f"Not compared: {text}" for text in side.refused), *side.notes],
         said=side.compared_lines,
@@ -369,17 +338,3 @@ def _limits_of(result: ValidationResult) -> list[str]:
     if is_simulated(result):
         limits.append("The session is simulated: it shows that the method works, not how a real action behaves.")
     return limits
-
-
-def _flat(value: object, prefix: str = "") -> list[tuple[str, str]]:
-    """Nested provenance as pairs of dotted name and text."""
-    if isinstance(value, dict):
-        rows: list[tuple[str, str]] = []
-        for key, item in value.items():
-            if key == "event_definitions":
-                continue
-            rows += _flat(item, f"{prefix}.{key}" if prefix else str(key))
-        return rows
-    if isinstance(value, list | tuple):
-        return [(prefix, json.dumps(value, ensure_ascii=False))]
-    return [(prefix, str(value) if value not in ("", None) else "unknown")]

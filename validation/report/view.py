@@ -5,51 +5,11 @@ What does not depend on the model (trials, repeatability) is taken from the firs
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 
-from validation.conventions import ENCODER_CHANNELS
+from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS
 from validation.result import ValidationResult
 from validation.side_by_side import SideBySide
-
-CONDITIONS = ("forte", "piano", "double")
-MEASURED = {"force": "3.9", "key": "3.10", "whippen": "3.11", "hammer": "3.12", "film": "3.13"}
-COMPARED = {
-    "forte": {"force": "4.1", "key": "4.2", "whippen": "4.3", "hammer": "4.4"},
-    "piano": {"force": "4.5", "key": "4.6", "whippen": "4.7", "hammer": "4.8"},
-    "double": {"force": "4.12", "key": "4.13", "whippen": "4.14", "hammer": "4.15"},
-}
-RECALIBRATED = {"key": "4.9", "whippen": "4.10", "hammer": "4.11"}
-
-
-def condition_of(session_name: str, profile: str) -> str:
-    """The one of forte, piano and double that is named by the session or else by its profile; else an empty text."""
-    for text in (session_name, profile):
-        named = set(re.findall(r"[a-z]+", text.lower())) & set(CONDITIONS)
-        if len(named) == 1:
-            return named.pop()
-    return ""
-
-
-def measured_anchor(condition: str, kind: str) -> str:
-    """The thesis's figure of repeated trials; it has them for the forte only."""
-    return f"{'As' if condition == 'forte' else 'Drawn like'} thesis Fig. {MEASURED[kind]}."
-
-
-def compared_anchor(condition: str, kind: str, n_models: int) -> str:
-    """The thesis's figure of model against experiment, with two models also that of the damping calibrated anew.
-
-    For a blow that the thesis does not have, the figure is said to be drawn like the forte's. Source: M. Hirschkorn
-    (2004), Figures 3.9–3.13 (forte) and 4.1–4.15 (forte, piano, double; 4.9–4.11: piano with the damping calibrated
-    anew beside the first calibration).
-    """
-    if condition not in COMPARED:
-        return f"Drawn like thesis Fig. {COMPARED['forte'][kind]}."
-    number = COMPARED[condition][kind]
-    if condition == "piano" and n_models > 1 and kind in RECALIBRATED:
-        return f"As thesis Figs {number} and {RECALIBRATED[kind]}."
-    return f"As thesis Fig. {number}."
-
 
 MOST_CHARACTERS = 30
 
@@ -78,11 +38,6 @@ class SessionView:
         return self.first.session_name
 
     @property
-    def condition(self) -> str:
-        """Forte, piano, double, or an empty text."""
-        return condition_of(self.name, str(self.first.provenance.get("session", {}).get("profile", "")))
-
-    @property
     def names(self) -> list[str]:
         """How the models are named in figures and heads: ``model`` when there is no other; long names are cut."""
         if len(self.results) == 1:
@@ -104,13 +59,14 @@ class SessionView:
 
     @property
     def compared(self) -> list[str]:
-        """Those of them that are compared with a prediction: not the key where it drives the model."""
-        return [c for c in self.measured if (self.first.scores["channel"] == c).any()]
+        """Bodies compared with a prediction: not the key where it drives the model."""
+        return [c for c in BODIES if (self.first.scores["channel"] == c).any()]
 
-    def shown_trial(self) -> int:
-        """The trial that is drawn with its predictions: the first that every model could predict."""
-        common = [t for t in self.first.traces if all(t in r.traces for r in self.results)]
-        return common[0] if common else next(iter(self.first.traces))
+    def shown_trial(self, channel: str = "") -> int:
+        """The trial that is drawn with its predictions: of a body's trials the first that every model could predict."""
+        own = self.first.film_traces if channel in FILM_CHANNELS else self.first.traces
+        common = [t for t in own if all(t in r.traces for r in self.results)]
+        return common[0] if common else next(iter(own))
 
 
 def shown_trials(view: SessionView, most: int) -> list[int]:

@@ -92,15 +92,10 @@ DIGITS = 9  # after the point, in rad and N: far below a count
 SPREAD = ("mean_rad", "s_r_rad", "band95_rad", "difference_rad", "difference_u95_rad")
 
 
-def curve_name(prefix: str, channel: str) -> str:
-    """Name of a channel's curves without its ending."""
-    return f"curves/{prefix}{channel}"
-
-
 def curve_files(side: SideBySide) -> Iterator[tuple[str, str | bytes]]:
     """Name and content of every file of curves.
 
-    Conventions: SI and rad on the one time base; CSV and JSON hold at most `MOST_TRIALS` trials, netCDF all of them.
+    Conventions: SI and rad on the one time base; CSV holds at most `MOST_TRIALS` trials, netCDF all of them.
     """
     for name, result in zip(netcdf_names(side), side.results, strict=True):
         yield name, result.curves_netcdf()
@@ -110,12 +105,7 @@ def curve_files(side: SideBySide) -> Iterator[tuple[str, str | bytes]]:
         for channel, columns in view_curves(view).items():
             texts = {name: [_text(x) for x in np.round(values, DIGITS).tolist()] for name, values in columns.items()}
             rows = "\n".join(map(",".join, zip(*texts.values(), strict=True)))
-            name = curve_name(view.prefix, channel)
-            yield f"{name}.csv", f"{','.join(texts)}\n{rows}\n"
-            lists = ",\n".join(
-                f'"{key}": [{",".join(text or "null" for text in column)}]' for key, column in texts.items()
-            )
-            yield f"{name}.json", f"{{\n{lists}\n}}\n"
+            yield f"curves/{view.prefix}{channel}.csv", f"{','.join(texts)}\n{rows}\n"
 
 
 def view_curves(view: SessionView) -> dict[str, dict[str, Array]]:

@@ -9,9 +9,14 @@ from pkgutil import iter_modules
 from validation.tables.table import SECTIONS, Page, Table
 
 
-@cache
 def all_tables() -> dict[str, Table]:
-    """Every table by its name, in the order of the alphabet."""
+    """Every table of comparisons by its name, in the order of the alphabet."""
+    return {name: table for name, table in every_table().items() if table.of != "identification"}
+
+
+@cache
+def every_table() -> dict[str, Table]:
+    """The same with those of identifications."""
     package = import_module("validation.tables")
     names = sorted(found.name for found in iter_modules(package.__path__))
     modules = (import_module(f"validation.tables.{name}") for name in names)
@@ -22,5 +27,5 @@ def all_tables() -> dict[str, Table]:
 def pages_of(section: str) -> list[tuple[Table, Page]]:
     """What a section of a page shows, in its order."""
     assert section in SECTIONS, section
-    found = [(table, page) for table in all_tables().values() for page in table.pages if page.section == section]
+    found = [(table, page) for table in every_table().values() for page in table.pages if page.section == section]
     return sorted(found, key=lambda pair: pair[1].order)

@@ -24,7 +24,7 @@ def with_u(value: float, u: float) -> str:
         return DASH
     if not (math.isfinite(u) and u > 0):
         return number(value, 4)
-    decimals = min(max(0, 1 - math.floor(math.log10(u))), 6)
+    decimals = min(max(0, 1 - math.floor(math.log10(u))), 9)
     rounded = round(value, decimals) + 0.0  # no minus before zero
     return f"{rounded:.{decimals}f} ± {u:.{decimals}f}".replace("-", "−")
 

@@ -30,6 +30,9 @@ SHOWN = {
 """Unit of a value → unit and factor on a page; others as they are."""
 OF_ROW = "unit of the row"
 SECTIONS = {
+    "values": "Values before and after",
+    "prediction": "Fit and prediction",
+    "next": "What to record next",
     "models": "Models side by side",
     "differing": "Trials that differ",
     "trials": "Trial by trial",
@@ -39,7 +42,7 @@ SECTIONS = {
     "scores": "Scores",
     "provenance": "Provenance",
 }
-"""Sections of a page, in their order: id and title."""
+"""Sections of a page, in their order: id and title; the first three are an identification's."""
 
 Row = Mapping[str, Any]
 
@@ -139,8 +142,9 @@ class Table:
     rows: Callable[[Any], pd.DataFrame | Iterable[Row]]
     """Of a `validation.tables.comparison.Comparison`, or of several results where ``of`` says so."""
     pages: tuple[Page, ...] = ()
-    of: Literal["comparison", "report", "results"] = "comparison"
-    """What the rows are of: one comparison; the same, made where a report is written; all results together."""
+    of: Literal["comparison", "report", "results", "identification"] = "comparison"
+    """What the rows are of: one comparison; the same, made where a report is written; all results together; or an
+    identification, whose tables are on its page only."""
     of_model: bool = True
     """Whether it depends on the model."""
 
@@ -200,7 +204,7 @@ def page_table(table: Table, page: Page, results: Sequence[ValidationResult], pr
     prefix : leads its id
     """
     chosen = results if table.of_model else results[:1]
-    parts = [(r.action_name, _shown_rows(page, r.tables.get(table.name, pd.DataFrame()))) for r in chosen]
+    parts = [(r.action_name, shown_rows(page, r.tables.get(table.name, pd.DataFrame()))) for r in chosen]
     return made_table(table, page, [(name, row) for name, rows in parts for row in rows], len(chosen) > 1, prefix)
 
 
@@ -222,5 +226,5 @@ def made_table(
     )
 
 
-def _shown_rows(page: Page, frame: pd.DataFrame) -> list[dict[str, Any]]:
+def shown_rows(page: Page, frame: pd.DataFrame) -> list[dict[str, Any]]:
     return list((frame if page.where is None or frame.empty else page.where(frame)).to_dict("records"))

@@ -67,7 +67,7 @@ class Estimates:
     u_inputs: Array  # (q, V) from each input
     u_other: Array  # from inputs that ``inputs`` do not list
     ratio: Array  # |E − median of the draws| over the distance of the end of their central 95 % on its side
-    ratio_limit: float  # ratio that the largest one exceeds in 5 % of right models' sessions
+    ratio_limit: float  # ratio that the largest one exceeds in 5 % of sessions of models without error
     resolved: NDArray[np.bool_]  # whether the simultaneous test resolves this quantity
     # detectable_low, detectable_high: least error of either sign that is resolved in 80 % of sessions
     detectable_low: Array
@@ -75,7 +75,7 @@ class Estimates:
     p: float  # of the simultaneous test
     n_draws: NDArray[np.int64]  # (P,), draws on the branch that was observed in each condition
     share: Array  # (P,), of the draws on that branch
-    is_branch_resolved: bool  # whether the branch itself is what a right model hardly ever does
+    is_branch_resolved: bool  # whether the branch itself is what a model without error hardly ever does
 
     @property
     def alone(self) -> NDArray[np.bool_]:

@@ -1,7 +1,7 @@
 """The verdict on a model: its outcome, the sentence that says it, and the table of quantities that it rests on.
 
 Outcomes, in this order: *differs* (an error is resolved and its interval lies beyond the limit of relevance, or the
-motion takes a branch that a right model hardly ever takes); *differs, by less than matters*; *differs, whether by
+motion takes a branch that a model without error hardly ever takes); *differs, by less than matters*; *differs, whether by
 enough to matter cannot be told*; *agrees within* (nothing is resolved, and every 90 % interval lies inside its limit:
 two one-sided tests of 5 %, Schuirmann 1987); *cannot tell*.
 """
@@ -262,8 +262,8 @@ def sentence_of(outcome: str, table: pd.DataFrame, errors: SessionErrors, e: Est
         k = int(np.argmin(e.share))
         one, n = errors.conditions[k], len(errors.sample.common)
         parts.append(
-            f"differs: in {_of_condition(errors, one) or 'the trials'} {branch_words(one.branch)}, which a right model "
-            f"does in {_percent(e.share[k])} of {n} draws of the declared uncertainties"
+            f"differs: in {_of_condition(errors, one) or 'the trials'} {branch_words(one.branch)}, which a model without "
+            f"error does in {_percent(e.share[k])} of {n} draws of the declared uncertainties"
         )
     else:
         parts.append(outcome)
@@ -404,7 +404,7 @@ def curve_errors(verdict: Verdict, channel: int) -> tuple[Array, Array]:
 
 
 def right_rmse(verdict: Verdict, channel: int, ends_s: Array) -> Array:
-    """RMSE that a right model reaches in one trial, one value for each draw on the branch that was observed, rad."""
+    """RMSE that a model without error reaches in one trial, one value for each draw on the branch that was observed, rad."""
     errors = verdict.errors
     if errors is None:
         return np.empty(0)

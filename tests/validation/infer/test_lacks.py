@@ -16,7 +16,7 @@ from validation.infer.estimates import IDENTIFIED
 from validation.infer.fit import fit
 from validation.infer.further import Candidate, Prospect
 from validation.infer.lacks import LetIn, Supported, shows_in, supported, telling
-from validation.infer.page import _apart
+from validation.infer.sentences import most_telling
 from validation.infer.sources import IdentifyOptions, collect
 from validation.infer.unknowns import parameter_of, single_names
 
@@ -91,7 +91,7 @@ def test_the_stroke_in_which_fits_differ_most_tells_best_what_is_lacking() -> No
     ranked += [Prospect(name, {}, Candidate(name, t), 5) for name, t in (("forte", filmed), ("piano", soft))]
     found = SimpleNamespace(details=SimpleNamespace(supported=Supported(both, (), (), 7, "")))
     best = int(np.argmax(apart))
-    (said,) = _apart(found, ranked)  # type: ignore[arg-type]
+    (said,) = most_telling(found, ranked)  # type: ignore[arg-type]
     assert f"told best by 5 {('forte', 'piano')[best]}: " in said and f"by {apart[best]:.0f} times" in said
 
 

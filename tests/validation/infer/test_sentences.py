@@ -7,29 +7,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tests.validation.infer import toy
 from validation.infer import scores
 from validation.infer.further import Candidate, Prospect
 from validation.infer.identify import MOST_ASKED, of_many
-from validation.infer.page import (
-    as_sentence,
-    breakable,
-    plain_sentences,
-    prospect_words,
-    residuals_table,
-    together,
-)
 from validation.infer.scores import CEILING, NULL, EventScore, why_it_rises
+from validation.infer.sentences import as_sentence, group_by_reason, plain_sentences
 
 
 def test_a_line_becomes_a_sentence_and_names_stay_as_they_are() -> None:
     assert as_sentence("the model lacks something") == "The model lacks something."
     assert as_sentence("hammer.mass: the fit stands there.") == "hammer.mass: the fit stands there."
     assert as_sentence("3 trials fitted") == "3 trials fitted."
-
-
-def test_a_long_name_breaks_where_its_words_end() -> None:
-    assert breakable("jack.joint_friction") == "jack.<wbr>joint_<wbr>friction" and "&lt;" in breakable("<b>")
 
 
 def test_scatter_of_trials_is_about_the_mean_of_each_session(monkeypatch) -> None:
@@ -49,13 +37,13 @@ def test_scatter_of_trials_is_about_the_mean_of_each_session(monkeypatch) -> Non
 def test_what_to_record_is_said_in_words() -> None:
     stroke = Candidate("forte x 1.4", None, object())  # type: ignore[arg-type]
     more = Candidate("more of try", None)  # type: ignore[arg-type]
-    assert prospect_words(Prospect("forte x 1.4", {}, stroke, 5)) == "5 trials of forte x 1.4"
-    assert prospect_words(Prospect("more of try", {}, more, 5)) == "5 more of try"
-    assert prospect_words(Prospect("key encoder known twice as well", {})) == "key encoder known twice as well"
+    assert Prospect("forte x 1.4", {}, stroke, 5).words == "5 trials of forte x 1.4"
+    assert Prospect("more of try", {}, more, 5).words == "5 more of try"
+    assert Prospect("key encoder known twice as well", {}).words == "key encoder known twice as well"
 
 
 def test_one_reason_is_said_once() -> None:
-    assert together(["a: rig x: no arm", "b: too strong", "c: rig x: no arm"]) == [
+    assert group_by_reason(["a: rig x: no arm", "b: too strong", "c: rig x: no arm"]) == [
         "a, c: rig x: no arm",
         "b: too strong",
     ]
@@ -78,21 +66,15 @@ def test_a_fit_that_predicts_no_better_says_so(after: float, said: str) -> None:
         events={"double": {**speeds, NULL: nothing, CEILING: nothing}},
     )
     lines = plain_sentences(found)  # type: ignore[arg-type]
-    assert lines[0].startswith("1 parameter was asked of 1 trial of 1 session") and lines[1] == "Which part: none."
+    assert (
+        lines[0].startswith("No value of 1 parameter is identified from 1 trial;") and lines[2] == "Which part: none."
+    )
+    assert f"{np.degrees(after):.2f}° with the identified values" in lines[1]
     assert (
         "0.010 m/s with the identified values (where it strikes: 2 of 3 trials), 0.020 m/s with those before"
-        in lines[2]
+        in lines[1]
     )
-    assert f"The identified values predict the curve {said} than those before." in lines[2] and "null" not in lines[2]
-
-
-def test_the_page_shows_in_mrad_how_far_the_model_was_from_the_trials_before_and_after_the_fit() -> None:
-    trials = toy.made(np.zeros(3), 2, np.random.default_rng(1))
-    # above one trial and below the other: the mean difference is none, its root mean square is not
-    before, after = ([t.change_rad + s * off for t, s in zip(trials, (1, -1), strict=True)] for off in (2e-3, 5e-4))
-    table = residuals_table(trials, before, after)
-    assert table.head == ["session", "phase", "key", "whippen", "hammer"] and ", mrad: before → after" in table.caption
-    assert table.rows == [["toy 0", phase, *["2.0 → 0.50"] * 3] for phase in ("until the hammer is up", "after")]
+    assert f"The identified values predict the angle {said} than those before." in lines[1] and "null" not in lines[1]
 
 
 def test_an_rmse_that_rises_is_said_with_what_it_is_beside_the_errors_found() -> None:

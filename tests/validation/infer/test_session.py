@@ -18,9 +18,9 @@ from rig.session import Session
 from validation.errors import ValidationInputError
 from validation.infer.estimates import TOO_FEW
 from validation.infer.identify import PROVISIONAL, identify
-from validation.infer.page import as_sentence, plain_sentences
 from validation.infer.response import Case, ModelResponse
 from validation.infer.result import FITTED
+from validation.infer.sentences import as_sentence, plain_sentences
 from validation.infer.sources import IdentifyOptions, collect
 from validation.infer.unknowns import unknowns
 from validation.infer.write import write_identified, write_reading
@@ -197,18 +197,22 @@ def test_a_stroke_unlike_those_fitted_is_said_to_be_outside(written, change, sai
 
 def test_the_page_says_in_plain_sentences_what_is_known_and_what_is_not(found, written) -> None:  # type: ignore[no-untyped-def]
     page = written["page"].read_text("utf-8")
-    assert "http://" not in page and "https://" not in page and "<script" not in page
-    assert "no value is called identified" in page and as_sentence(PROVISIONAL) in html.unescape(page)
-    assert "Predicted, not fitted, example_forte, held out: hammer speed at impact off by" in page
-    assert page.index("no value is called") < page.index("Before and after the strokes") < page.index("h-provenance")
-    assert all(
-        f'id="{part}"' in page for part in ("forest", "correlations", "profiles", "residuals", "held-out", "next")
+    assert "http://" not in page and "https://" not in page
+    assert "No value of 1 parameter is identified from 2 trials" in page and as_sentence(PROVISIONAL) in html.unescape(
+        page
     )
-    assert "Nothing was held out" in " ".join(
+    assert "Held out, example_forte: hammer speed at impact off by" in page
+    assert "joint friction of the hammer (hammer.joint_friction.A)" in page
+    assert page.index("No value of 1") < page.index('id="forest"') < page.index('id="provenance"')
+    assert all(
+        f'id="{part}"' in page
+        for part in ("figure-profiles", "figure-residuals", "table-prediction-fit_scores", "provenance")
+    )
+    assert "No trial was held out" in " ".join(
         plain_sentences(replace(found, events={}, scores={FITTED: found.scores[FITTED]}))
     )
     driven = replace(found, events={})  # held out under the key's motion: curves, no events
-    assert "Predicted under the measured motion of the key" in " ".join(plain_sentences(driven))
+    assert "Held out, example_forte, under the measured motion of the key" in " ".join(plain_sentences(driven))
 
 
 def test_nothing_is_left_half_written(found, tmp_path: Path, monkeypatch) -> None:  # type: ignore[no-untyped-def]

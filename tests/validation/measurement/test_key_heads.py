@@ -67,7 +67,7 @@ def test_rotation_and_lift_are_those_of_the_specimen(recorded: tuple[rig.Session
     assert np.abs(one[:n] - rotation[:n]).max() > 4e-3  # one head reads the lift as rotation
     assert np.abs(heads.rotation_rad[:n] - rotation[:n]).max() < 2e-5
     note = heads.note(Quiet(stop=1500, start_s=0.0, end_s=0.3, onset_s=0.35))
-    assert f"lifts by up to {1e3 * lift.max():.3f} mm (u 0.001 mm)" in note
+    assert f"lifts by up to {1e3 * lift.max():.3f} mm (standard uncertainty 0.001 mm)" in note
 
 
 def test_a_correction_of_the_first_head_for_its_scale_goes_before_the_two_are_joined(recorded: Any) -> None:

@@ -48,7 +48,7 @@ def opened_side(browser, side_written):
 
 def test_the_report_opens_and_is_no_wider_than_the_page(folded):
     page = folded
-    assert page.locator("svg[data-panels]").count() == 10
+    assert page.locator("svg[data-panels]").count() == 11
     assert page.locator(".five svg").first.bounding_box()["height"] > 150
     assert "Model error" in page.locator("#verdict").inner_text()
     # by keyboard: the first stop is the way past the navigation, and details open without a mouse
@@ -71,7 +71,7 @@ PANELS = """() => [...document.querySelectorAll('svg[data-panels]')].map(svg =>
 PEAK = """() => {
   const svg = document.getElementById('figure-force-all').querySelector('svg');
   const p = JSON.parse(svg.dataset.panels)[0];
-  const path = document.querySelector(`#${p.id} g[id*="-line2d_"] > path[d*="L"][style*="stroke-width: 1.1"]`);
+  const path = document.querySelector(`#${p.id} g[id*="-line2d_"] > path[d*="L"][style*="stroke-width: 0.9"]`);
   let best = null;
   for (let s = 0; s <= 4000; s++) {
     const at = path.getPointAtLength(path.getTotalLength() * s / 4000);
@@ -130,7 +130,7 @@ def test_without_scripts_everything_is_readable_and_no_dead_control_is_shown(bro
     page = context.new_page()
     page.goto(written.files["report.html"].as_uri())
     assert not page.locator("#zoom").is_visible()
-    assert page.locator("svg[data-panels]").count() == 10
+    assert page.locator("svg[data-panels]").count() == 11
     page.locator("#scores > summary").click()
     assert page.locator("#table-scores-channels").is_visible()
     context.close()
@@ -211,7 +211,7 @@ def test_a_printed_page_is_white_and_cuts_nothing_off(opened_side):
     assert opened_side.evaluate("document.documentElement.scrollWidth") <= 703
     assert not opened_side.locator("form.zoom").first.is_visible()
     larger = """() => { const size = (e) => parseFloat(getComputedStyle(e).fontSize), text = size(document.body);
-      return [...document.querySelectorAll('p.files, .files a, .anchor')].filter((e) => size(e) > text).length; }"""
+      return [...document.querySelectorAll('p.files, .files a')].filter((e) => size(e) > text).length; }"""
     assert opened_side.evaluate(larger) == 0  # small print stays small
 
 
@@ -269,7 +269,7 @@ def test_a_long_table_is_folded_and_paper_holds_first_screen_and_methods(folded)
     folded.evaluate("dispatchEvent(new Event('afterprint'))")
 
 
-CURVE = """() => [...document.querySelectorAll('#hammer-model-trial-0 path, #hammer-model-model0-0 path')]
+CURVE = """() => [...document.querySelectorAll('#hammer-model-trial path, #hammer-model-model0 path')]
   .map(p => p.getAttribute('d'))"""
 POINTED = """([x, y]) => {
   const svg = document.querySelector('#figure-hammer-model svg'), p = JSON.parse(svg.dataset.panels)[0];
@@ -304,48 +304,13 @@ def test_another_trial_is_drawn_with_its_own_numbers_and_read_under_the_pointer(
         assert float(tip[2].split(": ")[1].split("°")[0]) == pytest.approx(predicted, abs=0.02)
 
 
-PLACE = """([key, panel, share]) => {
-  const svg = document.querySelector(`#figure-${key} svg`), one = JSON.parse(svg.dataset.pointed)[panel];
-  const p = one.panels[0];
-  svg.scrollIntoView({ block: "center" });
-  const at = new DOMPoint(p.left + share * (p.right - p.left), (p.top + p.bottom) / 2);
-  const shown = at.matrixTransform(svg.getScreenCTM());
-  return [shown.x, shown.y, p.x[0] + share * (p.x[1] - p.x[0])];
-}"""
-
-
-def tip_at(page, key, panel, share):
-    """Lines under the pointer at a place of a panel, and the place."""
-    x, y, place = page.evaluate(PLACE, [key, panel, share])
-    page.mouse.move(x, y)
-    return page.locator(".tip").inner_text().split("\n"), place
-
-
-def number(line):
-    return float(line.split(": ")[1].replace("\u2212", "-").split("°")[0].split()[0])
-
-
-def test_values_of_the_film_are_read_under_the_pointer_and_follow_the_zoom(opened, compared):
-    trial = next(iter(compared.film_traces))
-    trace = compared.film_traces[trial]
-    opened.locator("#zoom-from").fill("0.4")
-    opened.locator("#zoom-to").fill("0.6")
-    opened.keyboard.press("Enter")
-    said, _ = tip_at(opened, f"film-{trial}", 0, 0.5)
-    assert float(said[0].split()[0]) == pytest.approx(0.5, abs=2e-3)  # of the stretch that is shown
-    at = (trace["time_s"] - float(said[0].split()[0])).abs().idxmin()
-    for line, kind in ((said[1], "measured"), (said[3], "predicted")):
-        assert abs(number(line)) == pytest.approx(abs(trace.loc[at, f"jack_{kind}_rad"]) * 57.29577951, abs=1e-3)
-    assert number(said[4]) == pytest.approx(number(said[3]) - number(said[1]), abs=2e-3)
-
-
 def test_marks_follow_trial_and_zoom(opened, compared):
     letters = "() => [...document.querySelectorAll('#figure-key-model .marks text')].map(e => e.textContent).join('')"
-    assert opened.evaluate(letters) == "ABCA"  # whole window, around the impact
+    assert opened.evaluate(letters) == "ABC"
     a = next(mark.time_s for mark in compared.marks(1) if mark.label == "A")
     opened.locator("#zoom-from").fill(f"{a + 0.005:.4f}")
     opened.keyboard.press("Enter")
-    assert opened.evaluate(letters) == "BCA"
+    assert opened.evaluate(letters) == "BC"
     title = opened.locator("#figure-key-model .marks line title").all_text_contents()
     assert any(text.startswith("B: force released completely") for text in title)
 

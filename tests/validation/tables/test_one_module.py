@@ -11,7 +11,7 @@ import validation.tables
 from validation import results_schema
 from validation.report.page import render_html
 from validation.side_by_side import alone
-from validation.tables.catalogue import all_tables
+from validation.tables.catalogue import all_tables, every_table
 from validation.tables.comparison import Comparison
 from validation.tables.table import Column, Page, Table
 
@@ -34,9 +34,9 @@ def added(tmp_path, monkeypatch):
     """A folder with one more table, as if its file lay beside the others."""
     (tmp_path / "swings.py").write_text(MODULE, encoding="utf-8")
     monkeypatch.setattr(validation.tables, "__path__", [*validation.tables.__path__, str(tmp_path)])
-    all_tables.cache_clear()
+    every_table.cache_clear()
     yield all_tables()["swings"]
-    all_tables.cache_clear()
+    every_table.cache_clear()
     sys.modules.pop("validation.tables.swings", None)
 
 

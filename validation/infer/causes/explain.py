@@ -59,11 +59,11 @@ class CompatibleChange:
         when = {ALL: "", ONE: f" in trial {self.first}", TREND: ""}.get(self.profile, f" from trial {self.first} on")
         drift = f" from trial {self.first} to trial {self.last}"
         if self.cause.startswith(ADDED) and self.unit != "1":
-            return f"{self.cause} = {self.change:.3g} {self.unit} (u {self.u:.1g})"
+            return f"{self.cause} = {self.change:.3g} {self.unit} (standard uncertainty {self.u:.2g})"
         if self.unit == "1":
             places = max(2, 1 - math.floor(math.log10(max(self.u * self.change, 1e-9))))
             size = f"× {self.change:.{places}f}"
-            known = f"(u {100 * self.u:.2g} %)"
+            known = f"(standard uncertainty {100 * self.u:.2g} %)"
             if self.profile == TREND:
                 rate = 100 * (self.change ** (1 / (self.last - self.first)) - 1)
                 return f"{self.cause} drifts by {rate:+.2g} % per trial, {size}{drift} {known}".replace("-", "−")
@@ -72,7 +72,7 @@ class CompatibleChange:
             self.unit, (1.0, self.unit)
         )
         sign = "−" if self.change < 0 else "+"
-        known = f"(u {factor * self.u:.1g})"
+        known = f"(standard uncertainty {factor * self.u:.2g} {unit})"
         if self.profile == TREND:
             rate = abs(factor * self.change) / (self.last - self.first)
             return f"{self.cause} drifts by {sign}{rate:.2g} {unit} per trial{drift} {known}"

@@ -15,15 +15,21 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
 from model.files.figure_sheet import new_sheet
 from model.inside.labels import BODY_COLORS
 from validation.conventions import BODIES, FILM_CHANNELS, Array
-from validation.curves.display_signs import SIGN, TITLE, degrees
+from validation.curves.display_signs import TITLE
 from validation.curves.style import BLACK, MODEL_DASHES, decimate
-from validation.curves.table import on_base
-from validation.report.figures.layout import MOST_LINES, SHARES, quantiles
+from validation.report.figures.layout import (
+    MOST_LINES,
+    counted_trials,
+    curves_of,
+    differences_of,
+    draw_line,
+    draw_trials,
+    spread_of,
+)
 from validation.report.figures.svg import STYLE, figure_svg
 from validation.report.view import SessionView
 from validation.result import ValidationResult
@@ -63,7 +69,7 @@ def band_words(view: SessionView) -> str:
     """Half width of the 95 % band of each measured angle, in degrees, at its widest; empty where none was drawn."""
     parts = []
     for channel in BODIES:
-        reach = _spread(view.first, channel, "difference_u95")
+        reach = spread_of(view.first, channel, "difference_u95")
         if np.isfinite(reach).any():
             parts.append(f"{TITLE[channel]} {number(float(np.nanmax(reach)), 2)}°")
     return ", ".join(parts)
@@ -89,35 +95,33 @@ def _draw(top: Axes, low: Axes, view: SessionView, channel: str) -> None:
     """Angle above, difference below."""
     first = view.first
     base, color = first.base_s, BODY_COLORS[channel]
-    measured = _curves(first, channel, "measured")
-    counted = _counted(first, channel)
+    measured = curves_of(first, channel, "measured")
+    counted = counted_trials(first, channel)
     for curve in measured[:, ~counted].T[:MOST_LINES]:
-        _line(top, base, curve, color=LEFT_OUT, linewidth=0.7)
-    _lines(top, base, measured[:, counted], color)
+        draw_line(top, base, curve, MOST_COLUMNS, color=LEFT_OUT, linewidth=0.7)
+    draw_trials(top, base, measured[:, counted], color)
     for i, result in enumerate(view.results):
-        predicted, difference = _curves(result, channel, "predicted"), _difference(result, channel)
+        predicted, difference = curves_of(result, channel, "predicted"), _difference(result, channel)
         if len(predicted.T) == counted.size:
             predicted = predicted[:, counted]
         mean = _mean(predicted)
-        reach = _spread(result, channel, "difference_u95")
+        reach = spread_of(result, channel, "difference_u95")
+        style = {"color": BLACK, "linewidth": 1.0, "dashes": MODEL_DASHES[i % len(MODEL_DASHES)]}
         _band(top, base, mean, reach)
-        _line(top, base, mean, color=BLACK, linewidth=1.0, dashes=MODEL_DASHES[i % len(MODEL_DASHES)])
+        draw_line(top, base, mean, MOST_COLUMNS, **style)
         if len(view.results) == 1:
-            _lines(low, base, difference, color)
+            draw_trials(low, base, difference, color)
         _band(low, base, _mean(difference), reach)
-        _line(low, base, _mean(difference), color=BLACK, linewidth=1.0, dashes=MODEL_DASHES[i % len(MODEL_DASHES)])
+        draw_line(low, base, _mean(difference), MOST_COLUMNS, **style)
     limit = limit_of(first, channel)
     low.axhline(0.0, color="#777777", linewidth=0.6)
     for end in (-limit, limit):
         if math.isfinite(limit):
             low.axhline(end, color="#B3261E", linewidth=1.0, linestyle=(0, (1, 1.2)))
     is_measured = bool(np.isfinite(_difference(first, channel)).any())
-    if not is_measured and np.isfinite(measured).any():
-        words = "not compared"
-        low.set_yticks([])
-        low.text(0.5, 0.5, words, transform=low.transAxes, ha="center", va="center", color="#4a4a4a")
-    elif not is_measured:
+    if not is_measured:
         words = "not filmed" if channel in FILM_CHANNELS else "not measured"
+        words = "not compared" if np.isfinite(measured).any() else words
         low.set_yticks([])
         low.text(0.5, 0.5, words, transform=low.transAxes, ha="center", va="center", color="#4a4a4a")
     for axes in (top, low):
@@ -148,33 +152,9 @@ def _words(view: SessionView, channel: str) -> str:
     return f"Rotation of the {TITLE[channel]}, measured and predicted: {'; '.join(said)}{ends}."
 
 
-def _curves(result: ValidationResult, channel: str, kind: str) -> Array:
-    """Curves of all trials on the time base, (n_samples, n_trials) degrees, NaN where there is none."""
-    filmed = channel in FILM_CHANNELS and (kind == "measured" or bool(result.film_traces))
-    traces = result.film_traces if filmed else result.traces
-    name = f"{channel}_{kind}_rad"
-    columns = [on_base(result.base_s, f["time_s"].to_numpy(), degrees(channel, f[name])) for f in traces.values()]
-    return np.column_stack(columns) if columns else np.full((result.base_s.size, 1), np.nan)
-
-
 def _difference(result: ValidationResult, channel: str) -> Array:
-    """Model − trial of the trials that count, (n_samples, n_trials) degrees."""
-    traces = result.film_traces if channel in FILM_CHANNELS else result.traces
-    names = f"{channel}_predicted_rad", f"{channel}_measured_rad"
-    columns = [
-        on_base(result.base_s, f["time_s"].to_numpy(), SIGN[channel] * np.degrees(f[names[0]] - f[names[1]]).to_numpy())
-        for f, is_counted in zip(traces.values(), _counted(result, channel), strict=False)
-        if is_counted
-    ]
-    return np.column_stack(columns) if columns else np.full((result.base_s.size, 1), np.nan)
-
-
-def _counted(result: ValidationResult, channel: str) -> NDArray[np.bool_]:
-    """Whether figures of several trials count each trial, (n_trials,); one value where there is none."""
-    traces = result.film_traces if channel in FILM_CHANNELS else result.traces
-    scores = result.scores[(result.scores["channel"] == channel) & ~result.scores["pooled"].astype(bool)]
-    out = set(scores["trial"])
-    return np.array([number not in out for number in traces] or [True])
+    """Model − trial of the trials that count, (n_samples, n_counted) degrees."""
+    return differences_of(result, channel)[:, counted_trials(result, channel)]
 
 
 def left_out_trials(view: SessionView) -> list[int]:
@@ -188,30 +168,6 @@ def _mean(curves: Array) -> Array:
     mean = np.full(len(curves), np.nan)
     mean[known] = np.nanmean(curves[known], axis=1)
     return mean
-
-
-def _spread(result: ValidationResult, channel: str, name: str) -> Array:
-    column = f"{channel}_{name}_rad"
-    if column not in result.spread:
-        return np.full(result.base_s.size, np.nan)
-    return np.degrees(result.spread[column].to_numpy(dtype=float))
-
-
-def _lines(axes: Axes, time: Array, curves: Array, color: str) -> None:
-    """Every trial as a line; of many the quantiles."""
-    if curves.shape[1] <= MOST_LINES:
-        for curve in curves.T:
-            _line(axes, time, curve, color=color, linewidth=0.9, alpha=0.75)
-        return
-    at, ends = quantiles(time, curves)
-    for a, b, alpha in ((0, len(SHARES) - 1, 0.25), (1, len(SHARES) - 2, 0.4)):
-        axes.fill_between(at, ends[:, a], ends[:, b], color=color, alpha=alpha, linewidth=0)
-    axes.plot(at, ends[:, len(SHARES) // 2], color=color, linewidth=1.1)
-
-
-def _line(axes: Axes, time: Array, values: Array, **style: object) -> None:
-    t, v = decimate(time, values, columns=MOST_COLUMNS)
-    axes.plot(t, v, **style)  # type: ignore[arg-type]
 
 
 def _band(axes: Axes, time: Array, middle: Array, reach: Array) -> None:

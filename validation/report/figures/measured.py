@@ -1,9 +1,6 @@
-"""Figures of what was measured, force and rotations of all trials with repeatability; and the list of all figures.
+"""Figures of what was measured: force and rotations of all trials with repeatability; and the list of all figures.
 
-Conventions: the thesis's signs (key, hammer, jack, repetition lever: rest − angle; whippen: angle − rest),
-degrees, seconds; Okabe–Ito colours and a dash pattern per line, so that nothing depends on colour alone; at
-most two points per pixel column. A channel without data gets no figure.
-Source: thesis Figures 3.9–3.13.
+Source: thesis Figures 3.9–3.12.
 """
 
 from __future__ import annotations
@@ -17,49 +14,34 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from validation.conventions import FILM_CHANNELS, Array
+from model.inside.labels import BODY_COLORS
+from validation.conventions import Array
 from validation.curves.display_signs import TITLE, degrees, rotation_label
-from validation.curves.style import (
-    BLACK,
-    BLUE,
-    VERMILION,
-    band,
-    columns_for,
-    draw,
-    finish_axes,
-    legend,
-    line_style,
-    model_style,
-    plot_text,
-    shade_lifts,
-    shared_legend,
-)
-from validation.curves.table import force_on_base, on_base
+from validation.curves.style import BLACK, VERMILION, band, draw, finish_axes, model_style, shade_lifts
+from validation.curves.table import force_on_base
 from validation.events.definitions import EVENTS
 from validation.measurement.trial import trials_in_words
 from validation.report.figures.layout import (
+    FORCE,
     MOST_LINES,
     QUANTILES,
     WIDTH_IN,
-    Pointed,
     ReportFigure,
-    draw_quantiles,
+    curves_of,
+    draw_trials,
     finish,
     left_out_intervals,
     lift_text,
-    quantiles,
-    window,
+    spread_of,
 )
-from validation.report.figures.overlays import (
-    force_of_one_trial,
-    model_against_trial,
-)
+from validation.report.figures.overlays import compared_figures
 from validation.report.figures.svg import STYLE
-from validation.report.view import SessionView, measured_anchor
-from validation.result import ValidationResult
+from validation.report.view import SessionView
 
 FEWEST = 6
 MOVING_RANGE = 2.66
+COLUMNS = 300
+THESIS = {"key": "3.10", "whippen": "3.11", "hammer": "3.12"}
 CHARTS = ("hammer_speed", "check_height", "key_release")
 
 
@@ -96,27 +78,13 @@ def control_charts(view: SessionView) -> ReportFigure | None:
         "Control charts over the trial number. Line: mean; dashed: mean ± 2.66 times the mean difference of "
         f"neighbouring trials. {said}"
     )
-    anchor = "Not in the thesis: did the bench change during the session?"
-    pointed = [
-        Pointed((axes,), trials.astype(float), ("trial {}", 0), _lines(title, values))
-        for axes, (title, trials, values) in zip(panels, charts, strict=True)
-    ]
-    return finish(view, figure, "control", anchor, caption, said, pointed=pointed)
+    return finish(view, figure, "control", caption, said, between=0.45)
 
 
 def _limits(values: Array) -> tuple[float, float]:
     """Mean, and how far from it the limits are; NaN below `FEWEST` values."""
     reach = MOVING_RANGE * float(np.mean(np.abs(np.diff(values)))) if values.size >= FEWEST else float("nan")
     return float(np.mean(values)), reach
-
-
-def _lines(title: str, values: Array) -> tuple[tuple[str, str, int, Array], ...]:
-    """What is said of each trial of a chart."""
-    name, _, unit = title.rstrip(")").partition(" (")
-    unit = unit if unit == "°" else f" {unit}".rstrip()
-    mean, reach = _limits(values)
-    every = np.ones(values.size)
-    return ((name, unit, 3, values), ("mean", unit, 3, mean * every), ("limits: mean ±", unit, 3, reach * every))
 
 
 def _of_event(events: pd.DataFrame, name: str) -> tuple[Array, Array]:
@@ -129,62 +97,17 @@ def _chart(axes: Axes, trials: Array, values: Array) -> list[int]:
     """Draw one chart; the trials beyond its limits."""
     mean, reach = _limits(values)
     axes.set_xlim(float(np.min(trials)) - 0.5, float(np.max(trials)) + 0.5)
-    axes.axhline(mean, color=BLUE, linewidth=0.9)
+    axes.axhline(mean, color=FORCE, linewidth=0.9)
     beyond = np.zeros(values.size, dtype=bool)
     if np.isfinite(reach):
         beyond = np.abs(values - mean) > reach
         for limit in (mean - reach, mean + reach):
-            axes.axhline(limit, color=BLUE, linewidth=0.8, dashes=(4, 2))
+            axes.axhline(limit, color=FORCE, linewidth=0.8, dashes=(4, 2))
     size = 4.0 if values.size <= 60 else 2.0
     axes.plot(trials, values, color=BLACK, linewidth=0.6, marker="o", markersize=size)
     axes.plot(trials[beyond], values[beyond], linestyle="none", marker="s", markersize=size + 3, color=VERMILION)
     axes.grid(True, color="#DDDDDD", linewidth=0.6)
     return [int(t) for t in trials[beyond]]
-
-
-def film_rotations(view: SessionView) -> list[ReportFigure]:
-    """Jack and repetition lever of every filmed trial with band, predictions and residuals (thesis 3.13)."""
-    figures = []
-    for trial, frame in view.first.film_traces.items():
-        f = window(view.first, frame)
-        time = f["time_s"].to_numpy()
-        figure = Figure(figsize=(WIDTH_IN, 4.2))
-        grid = figure.subplots(2, 2, sharex=True, height_ratios=(2.4, 1))
-        notes, pointed = [], []
-        for j, channel in enumerate(FILM_CHANNELS):
-            measured = degrees(channel, f[f"{channel}_measured_rad"])
-            reach = 2 * np.degrees(f[f"{channel}_u_rad"].to_numpy())
-            top, low = grid[0, j], grid[1, j]
-            band(top, time, measured - reach, measured + reach, "film ± 2u")
-            draw(top, time, measured, "film", color=BLACK, linewidth=0.9)
-            band(low, time, -reach, reach)
-            lines = [("film", "°", 3, measured), ("2u", "°", 3, reach)]
-            for i, (name, result) in enumerate(zip(view.names, view.results, strict=True)):
-                if trial not in result.film_traces:
-                    continue
-                own = window(result, result.film_traces[trial])
-                model = degrees(channel, own[f"{channel}_predicted_rad"])
-                style = model_style(i)
-                draw(top, own["time_s"].to_numpy(), model, plot_text(name), **style)
-                difference = model - degrees(channel, own[f"{channel}_measured_rad"])
-                draw(low, own["time_s"].to_numpy(), difference, **{**style, "linewidth": 0.9})
-                if model.size == time.size:
-                    lines += [(name, "°", 3, model), (f"{name} − film", "°", 3, difference)]
-            pointed.append(Pointed((top, low), time, ("{} s", 4), tuple(lines)))
-            top.set_title(TITLE[channel], fontsize=9)
-            finish_axes(top, rotation_label(channel), bottom=False)
-            finish_axes(low, "model − film (°)")
-            lost = int(np.isnan(measured).sum())
-            median = float(np.nanmedian(reach)) / 2 if np.isfinite(reach).any() else float("nan")
-            notes.append(f"{TITLE[channel]}: u = {median:.3f}° (median), {lost} of {measured.size} frames lost")
-        legend_lines = shared_legend(figure, [grid[0, 0]])
-        caption = (
-            f"Rotation of jack and repetition lever relative to the whippen, tracked on the film of "
-            f"trial {trial}; below: model minus film, with the film's ± 2u about zero. " + "; ".join(notes) + "."
-        )
-        anchor = measured_anchor(view.condition, "film")
-        figures.append(finish(view, figure, f"film-{trial}", anchor, caption, caption, legend_lines, pointed))
-    return figures
 
 
 def force_from_motion(view: SessionView, i: int) -> ReportFigure:
@@ -199,10 +122,10 @@ def force_from_motion(view: SessionView, i: int) -> ReportFigure:
     figure = Figure(figsize=(WIDTH_IN, 3.6))
     grid = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
     band(grid[0], time, predicted - reach, predicted + reach)
-    draw(grid[0], time, measured, f"measured, trial {int(row['trial'])}", color=BLACK, linewidth=1.1)
+    draw(grid[0], time, measured, f"measured, trial {int(row['trial'])}", color=FORCE, linewidth=1.1)
     draw(grid[0], time, predicted, "from the key's motion", **model_style(i))
     finish_axes(grid[0], "force (N)", bottom=False)
-    draw(grid[1], time, predicted - measured, color=BLUE, linewidth=0.9)
+    draw(grid[1], time, predicted - measured, color=BLACK, linewidth=0.9)
     finish_axes(grid[1], "difference (N)")
     grid[0].legend(fontsize=8)
     name = "the model" if len(view.results) == 1 else view.names[i]
@@ -213,99 +136,63 @@ def force_from_motion(view: SessionView, i: int) -> ReportFigure:
         f"{100 * row['left_out_share']:.1f} % of the window left out (key may lift)."
     )
     text = f"Measured peak {row['peak_measured_n']:.1f} N, predicted {row['peak_predicted_n']:.1f} N."
-    anchor = "Not in the thesis: the model driven the other way round."
-    lines = (
-        ("measured", " N", 2, measured),
-        ("from the key's motion", " N", 2, predicted),
-        ("difference", " N", 2, predicted - measured),
-        ("95 % interval ±", " N", 2, np.where(use, reach, np.nan)),
-    )
-    pointed = [Pointed((grid[0], grid[1]), time, ("{} s", 4), lines)]
     key = "force-motion" if i == 0 else f"force-motion-{i + 1}"
-    return finish(view, figure, key, anchor, caption, text, pointed=pointed)
+    return finish(view, figure, key, caption, text)
 
 
 def force_of_all_trials(view: SessionView) -> ReportFigure:
     """Corrected force of every trial (thesis 3.9)."""
     result = view.first
+    curves = np.column_stack([force_on_base(result.base_s, frame) for frame in result.traces.values()])
     figure = Figure(figsize=(WIDTH_IN, 3.0))
     axes = figure.subplots()
-    peak = 0.0
-    several = len(result.traces) > MOST_LINES
-    if several:
-        base = result.base_s
-        curves = np.column_stack([force_on_base(base, frame) for frame in result.traces.values()])
-        peak = float(np.nanmax(curves))
-        draw_quantiles(axes, quantiles(base, curves))
-    for i, (number, frame) in enumerate(result.traces.items() if not several else ()):
-        f = window(result, frame)
-        at, force = f["force_time_s"].to_numpy(), f["force_n"].to_numpy()
-        peak = max(peak, float(force.max(initial=0.0)))
-        draw(axes, at, force, f"trial {number}", columns=columns_for(len(result.traces)), **line_style(i))
+    draw_trials(axes, result.base_s, curves, FORCE, COLUMNS)
     finish_axes(axes, "force (N)")
-    n = len(result.traces)
-    legend(axes, 3 if several else n)
-    caption = f"Measured force of all {n} trials, corrected for offset, hum and channel delay, never smoothed"
-    caption += f": {QUANTILES}." if several else "."
-    text = f"{n} curves of force over time; the largest force is {peak:.1f} N."
-    made = finish(view, figure, "force-all", measured_anchor(view.condition, "force"), caption, text)
+    caption = f"Measured force of all {curves.shape[1]} trials, corrected for offset, hum and delay, never smoothed"
+    text = f"{curves.shape[1]} curves of force over time; the largest force is {np.nanmax(curves):.1f} N."
+    made = finish(view, figure, "force-all", f"{caption}{_quantiles(curves)} As thesis 3.9.", text)
     return replace(made, channel="force", shows="all")
 
 
+def _quantiles(curves: Array) -> str:
+    """How all trials are drawn, at the end of a caption."""
+    return f": {QUANTILES}." if curves.shape[1] > MOST_LINES else "."
+
+
 def rotation_of_all_trials(view: SessionView, channel: str) -> ReportFigure:
-    """One encoder channel of every trial, with s_r(t) below (thesis 3.10–3.12)."""
-    result = view.first
+    """One measured body of every trial, with s_r(t) below (thesis 3.10–3.12)."""
+    result, color = view.first, BODY_COLORS[channel]
+    base, curves = result.base_s, curves_of(result, channel, "measured")
     figure = Figure(figsize=(WIDTH_IN, 3.4))
     top, low = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
-    several = len(result.traces) > MOST_LINES
-    if several:
-        draw_quantiles(top, quantiles(result.base_s, on_columns(result, channel)))
-    for i, (trial, frame) in enumerate(result.traces.items() if not several else ()):
-        f = window(result, frame)
-        at, rotation = f["time_s"].to_numpy(), degrees(channel, f[f"{channel}_measured_rad"])
-        draw(top, at, rotation, f"trial {trial}", columns=columns_for(len(result.traces)), **line_style(i))
-    base = result.base_s
-    s_r = np.degrees(result.spread[f"{channel}_s_r_rad"].to_numpy())
-    known = bool(np.isfinite(s_r).any())
+    draw_trials(top, base, curves, color, COLUMNS)
+    s_r, reach = spread_of(result, channel, "s_r"), spread_of(result, channel, "band95")
+    known, banded = bool(np.isfinite(s_r).any()), bool(np.isfinite(reach).any())
     mean = degrees(channel, result.spread[f"{channel}_mean_rad"])
-    reach = np.degrees(result.spread[f"{channel}_band95_rad"].to_numpy())
     lifts = left_out_intervals(result, channel)
-    banded = bool(np.isfinite(reach).any())
     band(top, base, mean - reach, mean + reach, "mean, 95 % band")
     shade_lifts(top, lifts, list(result.traces))
     if known:
-        draw(low, base, s_r, color=BLACK, linewidth=1.0)
+        draw(low, base, s_r, color=color, linewidth=1.0)
     finish_axes(top, rotation_label(channel), bottom=False)
     finish_axes(low, "$s_r$ (°)")
     low.set_ylim(bottom=0)
-    legend(top, 3 if several else len(result.traces))
     text = f"sᵣ(t) is at most {np.nanmax(s_r):.3f}°." if known else "Repeatability is not known with one trial."
-    caption = f"Rotation of the {TITLE[channel]} in all {len(result.traces)} trials"
-    caption += f": {QUANTILES}; below: repeatability sᵣ(t)." if several else "; below: repeatability sᵣ(t)."
+    caption = f"Rotation of the {TITLE[channel]} in all {len(result.traces)} trials; below: repeatability sᵣ(t)"
+    caption += _quantiles(curves)
     if banded:
         caption += f" Shaded: simultaneous 95 % band of the mean, at most ±{np.nanmax(reach):.3f}°; it knows "
         caption += "scatter in value and in time, but not what one blow in thirty does."
-    caption += lift_text(lifts)
-    made = finish(view, figure, f"{channel}-all", measured_anchor(view.condition, channel), caption, text)
+    made = finish(view, figure, f"{channel}-all", f"{caption}{lift_text(lifts)} As thesis {THESIS[channel]}.", text)
     return replace(made, channel=channel, shows="all")
 
 
-def on_columns(result: ValidationResult, channel: str) -> Array:
-    """Measured rotation of every trial on the time base, (n_samples, n_trials) degrees."""
-    base, name = result.base_s, f"{channel}_measured_rad"
-    columns = [on_base(base, f["time_s"].to_numpy(), degrees(channel, f[name])) for f in result.traces.values()]
-    return np.column_stack(columns)
-
-
 def all_figures(view: SessionView) -> dict[str, list[ReportFigure]]:
-    """Figures of a session in two groups: ``comparison`` (thesis 4.1–4.15, 3.13) and ``repeatability`` (3.9–3.12)."""
+    """Figures of a session by section: ``trials`` (thesis 4.1–4.15, 3.13) and ``repeatability`` (3.9–3.12)."""
     with rc_context(STYLE):
-        comparison = [force_of_one_trial(view)] if view.has_force else []
-        comparison += [model_against_trial(view, channel) for channel in view.compared]
-        comparison += film_rotations(view)
-        comparison += [force_from_motion(view, i) for i, r in enumerate(view.results) if r.motion_trace is not None]
+        trials = compared_figures(view)
+        trials += [force_from_motion(view, i) for i, r in enumerate(view.results) if r.motion_trace is not None]
         repeatability = [force_of_all_trials(view)] if view.has_force else []
         repeatability += [rotation_of_all_trials(view, channel) for channel in view.measured]
         charts = control_charts(view)
-        repeatability += [] if charts is None else [charts]
-        return {"repeatability": repeatability, "comparison": comparison}
+        return {"trials": trials, "repeatability": repeatability + ([] if charts is None else [charts])}

@@ -18,7 +18,6 @@ from matplotlib import rc_context
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-TIME_PANEL = "time"
 STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "pianorig",
@@ -29,21 +28,18 @@ STYLE: dict[Any, Any] = {
 }
 
 
-def panels(figure: Figure, key: str, start_s: float, end_s: float) -> tuple[str, str]:
-    """Places and limits of the panels with a time axis, as JSON in the units of the SVG, for the page's scripts.
+def panels(figure: Figure, key: str, start_s: float, end_s: float) -> str:
+    """Places and limits of the panels that show the whole window, as JSON in the units of the SVG, for the scripts.
 
-    First those that show the whole window and zoom together, then those around one moment, which are labelled
-    `TIME_PANEL`. Known once the figure has been drawn: its layout is decided then.
+    Known once the figure has been drawn: its layout is decided then.
     """
     width, height = (72 * float(v) for v in figure.get_size_inches())
-    whole: list[dict[str, object]] = []
-    parts: list[dict[str, object]] = []
+    found: list[dict[str, object]] = []
     for i, axes in enumerate(figure.axes, start=1):
-        is_whole = bool(np.allclose(axes.get_xlim(), (start_s, end_s), rtol=0, atol=1e-9))
-        if not is_whole and axes.get_label() != TIME_PANEL:
+        if not np.allclose(axes.get_xlim(), (start_s, end_s), rtol=0, atol=1e-9):
             continue
         box = axes.get_position()
-        (whole if is_whole else parts).append(
+        found.append(
             {
                 "id": f"{key}-axes_{i}",
                 "left": round(width * box.x0, 3),
@@ -55,7 +51,7 @@ def panels(figure: Figure, key: str, start_s: float, end_s: float) -> tuple[str,
                 "y": [round(float(v), 6) for v in axes.get_ylim()],
             }
         )
-    return json.dumps(whole, separators=(",", ":")), json.dumps(parts, separators=(",", ":"))
+    return json.dumps(found, separators=(",", ":"))
 
 
 def _shortened(path: str) -> str:
@@ -68,8 +64,7 @@ def figure_svg(
 ) -> str:
     """SVG text of a figure for a page: role img, title and description, unique ids, no addresses.
 
-    Where ``window_s`` is given, scripts may zoom: panels that show it are named in the attribute ``data-panels``,
-    others over time in ``data-parts``.
+    Where ``window_s`` is given, scripts may zoom: panels that show it are named in the attribute ``data-panels``.
     """
     with rc_context(STYLE):
         FigureCanvasSVG(figure)
@@ -91,8 +86,7 @@ def figure_svg(
     head = re.sub(r'\s(width|height)="[^"]*"', "", head)
     zoomed = ""
     if window_s is not None:
-        whole, parts = (html.escape(text) for text in panels(figure, key, *window_s))
-        zoomed = f' data-panels="{whole}" data-parts="{parts}"'
+        zoomed = f' data-panels="{html.escape(panels(figure, key, *window_s))}"'
     label = (
         f'{head} role="img"{zoomed} aria-labelledby="{key}-title {key}-desc">'
         f'<title id="{key}-title">{html.escape(title)}</title>'

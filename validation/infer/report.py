@@ -1,0 +1,189 @@
+"""The page of an identification, of the same parts as the report: sentences, forest, tables, figures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from validation.conventions import Array
+from validation.curves.style import BLUE, VERMILION
+from validation.infer.estimates import IDENTIFIED
+from validation.infer.further import Prospect
+from validation.infer.identifiability import CANNOT_TELL
+from validation.infer.observations import CHANNEL_NAMES, ObservedTrial
+from validation.infer.result import Identification
+from validation.infer.scatter import factors
+from validation.infer.sentences import as_sentence, group_by_reason, plain_sentences
+from validation.infer.unknowns import Parameter
+from validation.part_names import name_parts, part_name
+from validation.report.figures.layout import WIDTH_IN, ReportFigure
+from validation.report.figures.svg import STYLE, figure_svg
+from validation.report.overview import Forest, make_forest
+from validation.report.shell import fill_page, flatten_provenance
+from validation.tables.catalogue import every_table
+from validation.tables.table import SECTIONS, PageTable, made_table, shown_rows
+
+PRIOR_REACH = 1.96
+
+
+def z_of(parameter: Parameter, prior: float, value: float) -> float:
+    """A value in prior standard uncertainties from the prior's."""
+    if not parameter.factor:
+        return (value - prior) / parameter.u
+    return math.log(max(value / prior, 1e-9)) / parameter.u
+
+
+def forest(found: Identification) -> Forest:
+    """Values before and after, one scale for all rows: prior standard uncertainties."""
+    rows = []
+    (table,) = _tables(found, "estimates", found)
+    for cells, p, e in zip(table.rows, found.details.problem.unknowns.asked, found.estimates, strict=True):
+        low, high = (z_of(p, e.prior, end) for end in (e.low, e.high))
+        rows.append((cells, e.z, low, high, PRIOR_REACH, e.verdict == IDENTIFIED))
+    note = (
+        "Line: 95 % interval after the strokes; red dots: before; one scale for all rows, in standard uncertainties "
+        "before. Filled square: identified. Uncertainty left: of that before. Left out: uncertainty, of that before, "
+        "by leaving out one trial, or one kind of stroke, after the other."
+    )
+    return make_forest(table.caption, (table.head[0], "smaller · before · larger", *table.head[1:]), rows, note)
+
+
+def residual_rms(trials: Sequence[ObservedTrial], curves: Sequence[Array]) -> dict[int, tuple[Array, Array]]:
+    """Session -> times of its first trial (m,) and RMS difference of its trials (m, c), rad, 0 where lost."""
+    found = {}
+    for session in sorted({t.session for t in trials}):
+        own = [(t, c) for t, c in zip(trials, curves, strict=True) if t.session == session]
+        apart = np.array([t.change_rad - c for t, c in own])
+        square = np.nansum(apart**2, axis=0) / np.maximum(np.isfinite(apart).sum(axis=0), 1)
+        found[session] = own[0][0].time_s, np.sqrt(square)
+    return found
+
+
+BEFORE, AFTER = VERMILION, BLUE
+ROW_IN = 2.1
+ACROSS = 4
+PROFILES = (
+    "Profiles: how much twice the negative logarithm of the posterior rises when one parameter is held and all else is "
+    "fitted again. Dashed: level of the 95 % interval; shaded: the interval. A flat curve: the strokes do not tell. "
+    "Below zero: a better fit than the one reported was found on the way."
+)
+RESIDUALS = (
+    "Residuals of the fitted trials: root mean square of model − trial over time. What stays after the fit is noise, "
+    "scatter, or what the model lacks."
+)
+
+
+def residual_figure(
+    trials: Sequence[ObservedTrial], before: Sequence[Array], after: Sequence[Array]
+) -> list[ReportFigure]:
+    """Root mean square difference of each session and channel over the phases of the stroke."""
+    one, two = residual_rms(trials, before), residual_rms(trials, after)
+    with rc_context(STYLE):
+        figure = Figure(figsize=(WIDTH_IN, ROW_IN * len(one) + 0.5), layout="constrained")
+        shown = sorted({c for t in trials for c in t.channels})
+        grid = figure.subplots(len(one), len(shown), squeeze=False)
+        for row, session in zip(grid, one, strict=True):
+            first = next(t for t in trials if t.session == session)
+            label = first.label.rpartition(", trial")[0]
+            for axes, channel in zip(row, shown, strict=True):
+                axes.set_title(f"{CHANNEL_NAMES[channel]}, {label}", fontsize=9)
+                if channel not in first.channels:
+                    axes.set_axis_off()
+                    continue
+                time, c = one[session][0], first.channels.index(channel)
+                axes.plot(time, np.degrees(one[session][1][:, c]), color=BEFORE, lw=1.1, ls="--", label="before")
+                axes.plot(time, np.degrees(two[session][1][:, c]), color=AFTER, lw=1.3, label="after the fit")
+                axes.set_yscale("log")
+                axes.grid(alpha=0.25)
+                axes.set_xlabel("time (s)")
+            row[0].set_ylabel("RMS (°)")
+        next(axes for axes in grid[0] if axes.lines).legend(fontsize=8, frameon=False)
+        return [_figure(figure, "residuals", RESIDUALS)]
+
+
+def _figure(figure: Figure, key: str, caption: str) -> ReportFigure:
+    title, _, rest = caption.partition(": ")
+    return ReportFigure(key, caption, figure_svg(figure, key, title, rest))
+
+
+def profile_figure(found: Identification) -> list[ReportFigure]:
+    """How the fit worsens when one parameter is held elsewhere; empty where no profile was made."""
+    profiles = found.details.profiles
+    if not profiles:
+        return []
+    level = dict(zip((e.name for e in found.estimates), factors(found.details.fitted) ** 2, strict=False))
+    rows = math.ceil(len(profiles) / ACROSS)
+    with rc_context(STYLE):
+        figure = Figure(figsize=(WIDTH_IN, ROW_IN * rows + 0.3), layout="constrained")
+        grid = figure.subplots(rows, ACROSS, squeeze=False).ravel()
+        for axes, p in zip(grid, profiles, strict=False):
+            axes.plot(p.z, p.rise, color=AFTER, lw=1.2, marker="o", ms=3)
+            axes.axhline(level[p.name], color=BEFORE, lw=0.9, ls="--")
+            axes.axvspan(p.low, p.high, color=AFTER, alpha=0.12, lw=0)
+            axes.set_ylim(min(0.0, float(np.min(p.rise))) - 0.5, 3.0 * level[p.name])
+            axes.set_title(part_name(p.name, found.action), fontsize=8)
+            axes.grid(alpha=0.25)
+        for axes in grid[len(profiles) :]:
+            axes.set_visible(False)
+        for axes in grid[::ACROSS]:
+            axes.set_ylabel("rise")
+        figure.supxlabel("standard uncertainties from the value before", fontsize=9)
+        return [_figure(figure, "profiles", PROFILES)]
+
+
+def _tables(found: Identification, name: str, of: object) -> list[PageTable]:
+    """A table as the page shows it; empty where it has no rows."""
+    table = every_table()[name]
+    (page,) = table.pages
+    made = made_table(table, page, [("", row) for row in shown_rows(page, table.make(of))])
+    return [] if made is None else [made]
+
+
+def render_identification(found: Identification, ranked: Sequence[Prospect] = (), refused: Sequence[str] = ()) -> str:
+    """The page of an identification, without outside addresses.
+
+    Parameters
+    ----------
+    found : Identification
+    ranked : what could be recorded next; empty where it was not asked for
+    refused : what was not considered for it, and why
+
+    Returns
+    -------
+    str
+        HTML.
+
+    Examples
+    --------
+    >>> import validation
+    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], profiles=())
+    >>> "hammer.joint_friction" in validation.render_identification(found)
+    True
+    """
+    problem, fitted = found.details.problem, found.details.fitted
+    before = problem.response.curves([np.zeros(len(problem.unknowns.moved))])[0] or fitted.curves
+    # what the strokes cannot tell stands among the sentences
+    warnings = [as_sentence(line) for line in found.warnings if not line.startswith(CANNOT_TELL)]
+    lead, *sentences = (name_parts(text, found.action) for text in plain_sentences(found, ranked))
+    drawn = profile_figure(found), residual_figure(problem.trials, before, fitted.curves)
+    return fill_page(
+        "identification.html.j2",
+        found=found,
+        lead=lead,
+        sentences=sentences,
+        warnings=[name_parts(text, found.action) for text in warnings],
+        forest=forest(found),
+        figures=dict(zip(("values", "prediction"), drawn, strict=True)),
+        tables={
+            "values": _tables(found, "correlations", found),
+            "prediction": _tables(found, "fit_scores", found),
+            "next": _tables(found, "prospects", ranked),
+        },
+        titles=SECTIONS,
+        refused=group_by_reason(refused),
+        provenance=flatten_provenance(found.provenance),
+    )
