@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pandas as pd
 
+from validation.numbers import with_u
 from validation.result import ValidationResult
 from validation.tables.catalogue import all_tables
-from validation.tables.numbers import with_u
 
 
 @dataclass(frozen=True, repr=False)

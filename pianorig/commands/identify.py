@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager, nullcontext
@@ -21,6 +22,7 @@ from pianorig.console.output import table_lines, tell, wrap_text
 from pianorig.console.overrides import load_model, read_settings
 from pianorig.console.progress import say
 from pianorig.errors import CommandInputError
+from validation.numbers import number, with_u
 from validation.report.files import check_target
 
 if TYPE_CHECKING:
@@ -166,16 +168,16 @@ ESTIMATE_HEAD = ("parameter", "value ± uncertainty", "95 % interval", "verdict"
 
 def _cells(e: Any) -> tuple[str, ...]:
     unit = "" if e.unit == "1" else f" {e.unit}"
-    return e.name, f"{e.value:.4g} ± {e.u:.2g}{unit}", f"{e.low:.4g} to {e.high:.4g}", e.verdict
+    return e.name, with_u(e.value, e.u) + unit, f"{e.low:.4g} to {e.high:.4g}", e.verdict
 
 
 def _scores(name: str, scores: dict[str, Any]) -> str:
     parts = []
     for what, by_channel in scores.items():
         if by_channel is not None:
-            values = ", ".join(f"{channel} {1e3 * v:.2g}" for channel, v in by_channel.items())
+            values = ", ".join(f"{channel} {number(math.degrees(v), 2)}" for channel, v in by_channel.items())
             parts.append(f"{what} {values}")
-    return f"RMSE, mrad, {name}: {'; '.join(parts)}"
+    return f"RMSE (°), {name}: {'; '.join(parts)}"
 
 
 def _as_plain(found: Any) -> dict[str, Any]:

@@ -29,6 +29,7 @@ from validation.findings.finding import (
 )
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.trial import MeasuredTrial
+from validation.numbers import with_named_u
 from validation.prediction.predict_session import PredictedAngles
 
 STANDS_STILL = 0.01  # of the predicted range
@@ -251,9 +252,8 @@ def _describe_travel(
 
 
 def _format_mean(values: Mapping[int, float]) -> str:
-    u = uncertainty_of_mean(values.values())
-    mean = f"{np.mean(list(values.values())):.3f}"
-    return f"{mean} (standard uncertainty {u:.2g})" if np.isfinite(u) else mean
+    mean, u = float(np.mean(list(values.values()))), uncertainty_of_mean(values.values())
+    return with_named_u(mean, u) if np.isfinite(u) else f"{mean:.3f}"
 
 
 END_S = 0.05

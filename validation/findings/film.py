@@ -76,9 +76,9 @@ def find_clock_drift(m: MeasuredTrial, film: FilmAngles, whippen_rad: Array) -> 
     frame = float(np.median(np.diff(film.time_s)))
     text = (
         f"trial {m.number}: film: between the strokes down and up its times {'fall' if by < 0 else 'run'} "
-        f"{1e3 * abs(by):.2f} ms {'behind' if by < 0 else 'ahead of'} the whippen's encoder (standard uncertainty {1e3 * u:.3f} ms, limit "
-        f"{1e3 * limit:.2f} ms): {100 * abs(by) / (centre[1] - centre[0]):.2f} % of the time between, or "
-        f"{abs(by) / frame:.0f} frames"
+        f"{1e3 * abs(by):.2f} ms {'behind' if by < 0 else 'ahead of'} the whippen's encoder (standard "
+        f"uncertainty {1e3 * u:.3f} ms, limit {1e3 * limit:.2f} ms): "
+        f"{100 * abs(by) / (centre[1] - centre[0]):.2f} % of the time between, or {abs(by) / frame:.0f} frames"
     )
     return [SessionFinding("film time drift", m.number, "film", by, limit, text)]
 

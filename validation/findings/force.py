@@ -347,6 +347,7 @@ def find_force_drift(m: MeasuredTrial) -> list[SessionFinding]:
     text = (
         f"trial {m.number}: force: at rest after the stroke it reads {away:+.2f} N against before (limit {limit:.2f} "
         f"N), "
-        f"{away / (after_s - before_s):+.2f} N/s on average, {slope:+.2f} N/s before the stroke (standard uncertainty {u:.2g} N)"
+        f"{away / (after_s - before_s):+.2f} N/s on average, {slope:+.2f} N/s before the stroke (standard "
+        f"uncertainty {u:.2g} N)"
     )
     return [SessionFinding("force return", m.number, "force", away, limit, text)]

@@ -18,6 +18,7 @@ from validation.events.definitions import Event
 from validation.findings.finding import SessionFinding, make_finding, name_trials, register_kinds, uncertainty_of_mean
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.trial import MeasuredTrial
+from validation.numbers import with_named_u
 from validation.prediction.predict_session import PredictedAngles
 
 LET_OFF_M = 0.6e-3
@@ -106,4 +107,4 @@ def find_let_off_and_check(
 def _format_size(values: Mapping[int, float], u_each: float) -> str:
     """Mean size with its u: what each trial's is known to is common to them, their scatter is not."""
     u = math.hypot(u_each, float(np.nan_to_num(uncertainty_of_mean(values.values()))))
-    return f"{1e3 * abs(float(np.mean(list(values.values())))):.1f} mm (standard uncertainty {1e3 * u:.2g} mm)"
+    return with_named_u(1e3 * abs(float(np.mean(list(values.values())))), 1e3 * u, "mm")

@@ -232,7 +232,8 @@ def _of_fit(best: Fitted, end: End, fits: Sequence[Fitted], sources: Sources) ->
         said.insert(0, f"{end}; these values are the best so far, their intervals too narrow; give a larger --budget")
     if end.kind == BIFURCATION:
         said.append(
-            f"{end}: there a third of a standard uncertainty turns the motion by more than twice the noise; what follows was left out"
+            f"{end}: there a third of a standard uncertainty turns the motion by more than twice the noise; what "
+            "follows was left out"
         )
     share = lacking(best)
     if share > LACKING:

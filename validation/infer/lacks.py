@@ -64,7 +64,8 @@ class LetIn:
         j = self.problem.unknowns.moved.index(p)
         value, u = p.physical(action, self.fitted.z[j]), float(np.sqrt(self.fitted.covariance[j, j])) * p.u
         unit = p.unit(action)
-        return f"{p.name} = {value:.3g}{'' if unit == '1' else ' ' + unit} (standard uncertainty {abs(value) * u if p.factor else u:.1g})"
+        u = abs(value) * u if p.factor else u
+        return f"{p.name} = {value:.3g}{'' if unit == '1' else ' ' + unit} (standard uncertainty {u:.2g})"
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ from validation.infer.further import Prospect
 from validation.infer.lacks import telling
 from validation.infer.result import FITTED, Identification
 from validation.infer.scores import CEILING, NULL, EventScore, event_words
+from validation.numbers import number, with_u
 from validation.part_names import part_name
-from validation.tables.numbers import number, with_u
 
 SPEED = "hammer_speed"
 EVEN = 0.05  # of a ratio of two scores: closer than that is as good

@@ -26,7 +26,7 @@ from validation.findings.find_faults import SessionFindings, find_faults
 from validation.findings.finding import CHANGED_CONDITION, select_sound_trials
 from validation.infer.causes.explain import Explained, explain_difference
 from validation.infer.hypotheses import STEP
-from validation.measurement.measure_session import measure_session, representative
+from validation.measurement.measure_session import OTHER_CONDITION, measure_session, representative
 from validation.measurement.trial import MeasuredTrial
 from validation.options import ComparisonOptions
 from validation.part_names import name_parts
@@ -183,7 +183,8 @@ def _warnings(predicted: PredictedSession, findings: SessionFindings) -> Iterato
         notes = (*m.notes, *predicted.predictions[m.number].notes)
         yield from (f"trial {m.number}: {text}" for text in notes)
     named = {number for f in findings.faults for number in f.numbers}
-    yield from (f"trial {n} is not used: {reason}" for n, reason in predicted.refused.items() if n not in named)
+    told = {n: reason for n, reason in predicted.refused.items() if n not in named}
+    yield from (f"trial {n} is not used: {r}" for n, r in told.items() if not r.startswith(OTHER_CONDITION))
 
 
 def _explain(

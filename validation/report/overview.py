@@ -7,8 +7,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from validation.numbers import DASH, number
 from validation.result import AGREES, ValidationResult
-from validation.tables.numbers import DASH, number
 from validation.verdict.quantities import INDEX, QUANTITIES
 from validation.verdict.verdict import format_interval, most_important, reading_of, shown_interval, title_of
 

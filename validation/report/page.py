@@ -19,6 +19,7 @@ from validation.curves.table import force_on_base, on_base
 from validation.events.definitions import EVENTS
 from validation.events.key_lift import EXCESS_M
 from validation.measurement.trial import trials_in_words
+from validation.numbers import number
 from validation.report.figures.five_angles import band_words, five_angles, left_out_trials, limit_of
 from validation.report.figures.layout import MOST_LINES, traces_of
 from validation.report.figures.measured import all_figures
@@ -29,7 +30,6 @@ from validation.report.view import SessionView, netcdf_names
 from validation.result import ValidationResult
 from validation.side_by_side import SideBySide
 from validation.tables.catalogue import pages_of
-from validation.tables.numbers import number
 from validation.tables.table import SECTIONS, PageTable, made_table, page_table
 
 GLOSSARY: tuple[tuple[str, str], ...] = (

@@ -14,6 +14,7 @@ import pandas as pd
 
 from validation.conventions import CHANNEL_GROUPS, Array, rms
 from validation.findings.finding import LeftOut, describe_left_out, select_counted
+from validation.numbers import DASH, between, degrees, number
 from validation.prediction.joint_draws import CHANNELS
 from validation.scores.curve_scores import compute_pair_rmse
 from validation.scores.traces import SessionTraces
@@ -21,7 +22,6 @@ from validation.statistics.bands import FEWEST_FOR_BAND, repeatability_band
 from validation.statistics.repeatability import curve_repeatability, interpolate_to_base
 from validation.statistics.skill import CALLED
 from validation.tables.comparison import Comparison
-from validation.tables.numbers import DASH, between, degrees, number
 from validation.tables.table import CHANNEL, Column, Page, Row, Table
 from validation.verdict.estimate import quantile_by_rank
 from validation.verdict.verdict import Verdict, curve_errors, right_rmse, undecided_verdict

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from validation.numbers import with_u
 from validation.tables.comparison import Comparison
-from validation.tables.numbers import with_u
 from validation.tables.table import Column, Page, Row, Table
 
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
+from validation.numbers import between, number, with_u
 from validation.part_names import part_name
-from validation.tables.numbers import between, number, with_u
 from validation.tables.table import Column, Page, Row, Table
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pandas as pd
 
+from validation.numbers import between, number
 from validation.statistics.repeatability import event_repeatability
 from validation.tables.comparison import Comparison
 from validation.tables.events import event_label
-from validation.tables.numbers import between, number
 from validation.tables.table import OF_ROW, SHOWN, UNIT, Column, Page, Row, Table
 
 

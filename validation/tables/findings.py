@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
+from validation.numbers import DASH
 from validation.tables.comparison import Comparison
-from validation.tables.numbers import DASH
 from validation.tables.table import Column, Page, Table
 
 COLUMNS = (

@@ -9,7 +9,7 @@ from typing import Any
 from validation.conventions import BODIES
 from validation.curves.display_signs import TITLE
 from validation.events.definitions import EVENTS
-from validation.tables.numbers import DASH, number
+from validation.numbers import DASH, number
 from validation.tables.table import OF_ROW, SHOWN, UNIT, Column, Page, Row, Table
 
 SETS = {"before": "before", "identified": "identified", "null model": "null", "scatter of trials": "scatter"}

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from validation.numbers import DASH, between, number
 from validation.scores.curve_scores import SCORES
 from validation.statistics.model_comparison import compare_pairs
-from validation.tables.numbers import DASH, between, number
 from validation.tables.table import CHANNEL, OF_ROW, UNIT, Column, Page, Row, Table
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 
 import pandas as pd
 
+from validation.numbers import DASH, number
 from validation.tables.comparison import Comparison
-from validation.tables.numbers import DASH, number
 from validation.tables.table import UNIT, Column, Page, Row, Table
 from validation.verdict.quantities import INDEX, QUANTITIES
 from validation.verdict.verdict import detectable_words, format_interval, reading_of, shown_interval, title_of

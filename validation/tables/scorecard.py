@@ -9,11 +9,11 @@ import pandas as pd
 
 from validation.conventions import CHANNEL_GROUPS
 from validation.findings.finding import LeftOut, select_counted
+from validation.numbers import DASH, between, degrees, number
 from validation.scores.curve_scores import SCORES, pool_score
 from validation.scores.perfect_model import Ceiling
 from validation.scores.traces import SessionTraces
 from validation.tables.comparison import Comparison
-from validation.tables.numbers import DASH, between, degrees, number
 from validation.tables.table import CHANNEL, OF_ROW, UNIT, Column, Page, Row, Table
 
 

@@ -9,9 +9,9 @@ import pandas as pd
 
 from validation.curves.display_signs import SIGN
 from validation.findings.finding import LeftOut
+from validation.numbers import degrees
 from validation.tables.channels import summary
 from validation.tables.comparison import Comparison
-from validation.tables.numbers import degrees
 from validation.tables.table import CHANNEL, TRIAL, Column, Page, Row, Table
 
 

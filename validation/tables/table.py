@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import pandas as pd
 
-from validation.tables.numbers import DASH, number, with_u
+from validation.numbers import DASH, number, with_u
 
 if TYPE_CHECKING:
     from validation.result import ValidationResult

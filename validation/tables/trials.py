@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import pandas as pd
 
 from validation.measurement.trial import MeasuredTrial
+from validation.numbers import DASH, number
 from validation.tables.comparison import Comparison
-from validation.tables.numbers import DASH, number
 from validation.tables.table import TRIAL, Column, Page, Row, Table
 
 

@@ -84,6 +84,7 @@ class Condition:
 
     trials: tuple[int, ...]
     branch: int
+    known: int  # bits of the branch that the drawn trial's encoders tell
     travel: Mapping[str, float]  # range of each channel in the window, rad, mean over trials
     values: Array  # (Q,) events, mean over trials, NaN for angles
     representative: int  # number of the trial drawn
@@ -95,7 +96,8 @@ class SessionErrors:
 
     sample: ErrorSample
     conditions: tuple[Condition, ...]
-    other_branch: Mapping[int, int]  # numbers of the trials on another branch than their condition's, with their branch
+    # numbers of the trials on another branch than their condition's, with their branch and its known bits
+    other_branch: Mapping[int, tuple[int, int]]
     failed: int  # draws that could not be run
     # time_s, curves: (n,) and (N, n, 5) errors of the first representative over time, rad; of those that could be run
     time_s: Array
@@ -220,7 +222,7 @@ def _condition(group: Sequence[MeasuredTrial], drawn: MeasuredTrial, found: Mapp
     travels = {name: [t for n in numbers if (t := found[n].travel.get(name)) is not None] for name in CHANNELS}
     travel = {name: float(np.mean(t)) for name, t in travels.items() if t}
     values = _means(np.array([found[n].values for n in numbers]))[0]
-    return Condition(numbers, found[drawn.number].branch, travel, values, drawn.number)
+    return Condition(numbers, found[drawn.number].branch, found[drawn.number].known, travel, values, drawn.number)
 
 
 def _block_diagonal(blocks: Sequence[Array]) -> Array:
@@ -234,10 +236,10 @@ def _block_diagonal(blocks: Sequence[Array]) -> Array:
 
 def _majorities(
     usable: Sequence[MeasuredTrial], found: Mapping[int, TrialErrors], conditions: Sequence[Collection[int]]
-) -> tuple[list[list[MeasuredTrial]], dict[int, int]]:
+) -> tuple[list[list[MeasuredTrial]], dict[int, tuple[int, int]]]:
     """Trials of each condition on the branch that most of them take, and the branch of the others by number."""
     groups: list[list[MeasuredTrial]] = []
-    other: dict[int, int] = {}
+    other: dict[int, tuple[int, int]] = {}
     for numbers in conditions or [[m.number for m in usable]]:
         members = [m for m in usable if m.number in numbers]
         if not members:
@@ -247,7 +249,7 @@ def _majorities(
         most = Counter(every).most_common(1)[0][0]
         same = {m.number: found[m.number].branch == most & found[m.number].known for m in members}
         groups.append([m for m in members if same[m.number]])
-        other |= {m.number: found[m.number].branch for m in members if not same[m.number]}
+        other |= {m.number: (found[m.number].branch, found[m.number].known) for m in members if not same[m.number]}
     return groups, other
 
 

@@ -167,7 +167,8 @@ def branch_mask(bodies: Collection[str]) -> int:
     return sum(1 << i for i, name in enumerate(BRANCH) if set(EVENTS[name].bodies) <= set(bodies))
 
 
-def branch_words(branch: int) -> str:
-    """A branch in words; what cannot happen without a strike is left out."""
-    said = [words[0] if branch >> i & 1 else words[1] for i, words in enumerate(BRANCH.values())]
-    return ", ".join([said[0], said[3]] if not branch & 1 else said)
+def branch_words(branch: int, known: int = -1) -> str:
+    """A branch in words: of the bits that are ``known``, and without a strike not of what follows it."""
+    bits = [i for i in range(len(BRANCH)) if known >> i & 1 and (i in (0, 3) or branch & 1)]
+    said = [words[0] if branch >> i & 1 else words[1] for i, words in enumerate(BRANCH.values()) if i in bits]
+    return ", ".join(said) or "no event is known"

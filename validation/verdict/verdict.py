@@ -1,15 +1,15 @@
 """The verdict on a model: its outcome, the sentence that says it, and the table of quantities that it rests on.
 
 Outcomes, in this order: *differs* (an error is resolved and its interval lies beyond the limit of relevance, or the
-motion takes a branch that a model without error hardly ever takes); *differs, by less than matters*; *differs, whether by
-enough to matter cannot be told*; *agrees within* (nothing is resolved, and every 90 % interval lies inside its limit:
-two one-sided tests of 5 %, Schuirmann 1987); *cannot tell*.
+motion takes a branch that a model without error hardly ever takes); *differs, by less than matters*; *differs,
+whether by enough to matter cannot be told*; *agrees within* (nothing is resolved, and every 90 % interval lies inside
+its limit: two one-sided tests of 5 %, Schuirmann 1987); *cannot tell*.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 from typing import Any
@@ -40,6 +40,8 @@ FEWEST_DRAWS = 99
 SELDOM = 0.05  # share of the draws on the observed branch, below which the first line says so
 MOST_FAILED = 0.2  # of the draws: beyond, those that could be run are a selection
 MOST_NAMED = 3
+UNTESTED = 10.0  # limits of relevance: where only a larger error would be shown, a session does not test a quantity
+NOT_TESTED = "not tested"
 COLUMNS = [
     "quantity", "title", "trials", "channel", "phase", "unit", "primary", "travel", "n_trials", "difference",
     "plain_low", "plain_high", "low", "high", "low_90", "high_90", "limit", "ratio", "ratio_limit", "resolved",
@@ -103,7 +105,7 @@ def _facts(errors: SessionErrors, e: Estimates) -> dict[str, Any]:
         "draws": int(len(sample.common)),
         "failed_draws": errors.failed,
         "draws_on_branch": int(e.n_draws.min()),
-        "branch": "; ".join(dict.fromkeys(branch_words(one.branch) for one in errors.conditions)),
+        "branch": "; ".join(dict.fromkeys(branch_words(one.branch, one.known) for one in errors.conditions)),
         "branch_share": float(e.share.min()),
         "trials": list(errors.trials),
         "trials_on_other_branch": sorted(errors.other_branch),
@@ -246,30 +248,39 @@ def reading_of(row: Any) -> str:
         return "alone"
     if is_within_limit(row):
         return "within its limit"
-    return "not resolved"
+    return NOT_TESTED if is_untested(row) else "not resolved"
+
+
+def is_untested(row: Any) -> bool:
+    """Whether only an error beyond `UNTESTED` limits of relevance would be shown."""
+    return bool(row.primary and max(-row.detectable_low, row.detectable_high) > UNTESTED * row.limit)
 
 
 def sentence_of(outcome: str, table: pd.DataFrame, errors: SessionErrors, e: Estimates) -> str:
     """The outcome with what it rests on: the errors that matter most, and what was not tested."""
     ordered = most_important(table)
+    untested = [row for row in ordered.itertuples() if reading_of(row) == NOT_TESTED]
+    ordered = ordered[[reading_of(row) != NOT_TESTED for row in ordered.itertuples()]]
     named = list(ordered.itertuples())
     parts = []
     if outcome == AGREES:
         parts.append(f"agrees within {_largest_ends(ordered)}")
     elif outcome == CANNOT_TELL:
-        parts.append(f"cannot tell{_why_not(ordered)}")
+        parts.append(f"cannot tell{_why_not(ordered, untested)}")
     elif e.is_branch_resolved:
         k = int(np.argmin(e.share))
         one, n = errors.conditions[k], len(errors.sample.common)
         parts.append(
-            f"differs: in {_of_condition(errors, one) or 'the trials'} {branch_words(one.branch)}, which a model without "
-            f"error does in {_percent(e.share[k])} of {n} draws of the declared uncertainties"
+            f"differs: in {_of_condition(errors, one) or 'the trials'} {branch_words(one.branch, one.known)}, which a "
+            f"model without error does in {_percent(e.share[k])} of {n} draws of the declared uncertainties"
         )
     else:
         parts.append(outcome)
     shown = [row for row in named if row.resolved] if outcome not in (AGREES, CANNOT_TELL) else named
     if shown:
         parts.append(f"Model error (95 % interval): {'; '.join(map(quantity_words, shown[:MOST_NAMED]))}")
+    if untested and (outcome != CANNOT_TELL or len(ordered)):
+        parts.append(_untested_words(untested))
     parts += _reservations(table, errors, e)
     return ". ".join(parts) + "."
 
@@ -290,11 +301,23 @@ def _largest_ends(ordered: pd.DataFrame) -> str:
     return ", ".join(words)
 
 
-def _why_not(ordered: pd.DataFrame) -> str:
+def _untested_words(rows: Sequence[Any]) -> str:
+    """What these trials do not test, with the least error that they would show."""
+    parts = []
+    for row in rows:
+        q = QUANTITIES[INDEX[str(row.quantity)]]
+        unit = q.unit_shown if q.unit_shown == "°" else f" {q.unit_shown}"
+        parts.append(f"{title_of(row)} ({detectable_words(row)}{unit})")
+    return f"Not tested, since only so large an error would be shown: {', '.join(parts)}"
+
+
+def _why_not(ordered: pd.DataFrame, untested: Sequence[Any]) -> str:
     """What could be shown, which input makes it so much, what would halve it, and what agrees all the same."""
     inside = is_within_limit(ordered)
     if inside.all():
-        return ": no quantity of the claim has an interval"
+        if not len(ordered):
+            return f". {_untested_words(untested)}" if untested else ": no quantity of the claim has an interval"
+        return f". All that is tested agrees within {_largest_ends(ordered)}"
     far = ordered[["detectable_low", "detectable_high"]].abs().max(axis=1) / ordered["limit"]
     row = next(ordered[~inside].assign(far=far).sort_values("far").iloc[::-1].itertuples())
     q = QUANTITIES[INDEX[str(row.quantity)]]
@@ -304,8 +327,8 @@ def _why_not(ordered: pd.DataFrame) -> str:
         f"(limit {q.factor * row.limit:.2g}{unit}); most of it comes from {row.main_input}, and {halving(row)}"
     )
     if inside.any():
-        share = f"{int(inside.sum())} of {len(ordered)}"
-        text += f". {share} primary quantities agree within {_largest_ends(ordered[inside])}"
+        share = f"{int(inside.sum())} of {len(ordered)} primary quantities agree{'s' if inside.sum() == 1 else ''}"
+        text += f". {share} within {_largest_ends(ordered[inside])}"
     return text
 
 
@@ -345,7 +368,7 @@ def halving(row: Any) -> str:
             return f"{math.ceil(row.n_trials * factor**2)} trials instead of {row.n_trials} would halve it"
         return f"{words[most]} divided by {factor:.2g} would halve it"
     second = max((name for name in squares if name != most), key=lambda name: squares[name])
-    return f"only less of both {words[most]} and {words[second]} would halve it"
+    return f"to halve it, both {words[most]} and {words[second]} must shrink"
 
 
 def _reservations(table: pd.DataFrame, errors: SessionErrors, e: Estimates) -> list[str]:
@@ -371,14 +394,14 @@ def _reservations(table: pd.DataFrame, errors: SessionErrors, e: Estimates) -> l
             where = "the model does not reach it" if is_reached else "no trial reaches it"
             said.append(f"Let-off{f' in {name}' if name else ''} is not tested: {where}")
         if e.n_draws[k] < FEWEST_DRAWS or (e.share[k] < SELDOM and not e.is_branch_resolved):
-            what = f"what {name or 'the trials'} do ({branch_words(one.branch)})"
+            what = f"what {name or 'the trials'} do ({branch_words(one.branch, one.known)})"
             said.append(f"Only {e.n_draws[k]} of {n} draws do {what}")
     pairs = "; ".join(trials_in_words(one.trials) for one in errors.conditions if len(one.trials) == 2)
     if pairs:
         said.append(f"Of two trials ({pairs}) the scatter is hardly known, which makes the intervals wide")
     if errors.other_branch:
         numbers = trials_in_words(sorted(errors.other_branch))
-        words = branch_words(next(iter(errors.other_branch.values())))
+        words = branch_words(*next(iter(errors.other_branch.values())))
         said.append(f"Not in these figures: {numbers}, in which {words}")
     return said
 
@@ -404,7 +427,7 @@ def curve_errors(verdict: Verdict, channel: int) -> tuple[Array, Array]:
 
 
 def right_rmse(verdict: Verdict, channel: int, ends_s: Array) -> Array:
-    """RMSE that a model without error reaches in one trial, one value for each draw on the branch that was observed, rad."""
+    """RMSE that a model without error reaches in one trial, one value a draw on the branch that was observed, rad."""
     errors = verdict.errors
     if errors is None:
         return np.empty(0)

@@ -121,7 +121,7 @@ def test_everything_that_was_asked_for_is_written_and_said(
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 80
     said = " ".join(" ".join(lines).split())
-    assert WARNING in said and "no value is called identified" in said and "None of its parts" not in said
+    assert WARNING in said and "No value of 1 parameter is identified" in said and "None of its parts" not in said
     assert "0.90 key encoder known twice as well" in said and "not considered: forte x 1.4, double: too strong" in said
     assert "plan: none is written: no profile could be predicted within the limits" in said  # and all else is kept
     assert {"identified.toml", "identified.html"} == {p.name for p in tmp_path.iterdir()}

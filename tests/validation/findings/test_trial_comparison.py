@@ -168,7 +168,7 @@ def test_let_off_and_check_are_said_of_exactly_the_trials_that_have_them():
     for d in (-2e-3, 1e-3):
         (found,) = find_let_off_and_check(differences({n: d + 5e-5 * n for n in none}), differences(none))
         assert (found.kind, found.channel) == ("let-off", "let_off")
-        assert found.value == pytest.approx(d, abs=2e-4) and "mm (standard uncertainty 0.1 mm)" in found.text
+        assert found.value == pytest.approx(d, abs=2e-4) and "mm (standard uncertainty 0.11 mm)" in found.text
     small = differences(dict.fromkeys(none, 4e-4)), differences(dict.fromkeys(none, 1.5e-3))
     assert find_let_off_and_check(*small) == []
     both = differences({1: 3e-3, 2: -3e-3, 3: 3e-3, 4: -2e-3, 5: 0.0, 6: 4e-3})

@@ -15,8 +15,8 @@ from rig import Session
 from tests.validation.prediction.test_trial_prediction import SIMPLE
 from validation import InputError, validate_sessions
 from validation import compare_many as compare_sessions
+from validation.numbers import degrees
 from validation.pipeline.compare_sessions import distinct, distinct_models, same_recordings
-from validation.tables.numbers import degrees
 
 QUICK = {"keep_predictions": False, **SIMPLE}
 

@@ -20,6 +20,7 @@ from validation.conventions import BODIES
 from validation.curves.display_signs import degrees, rotation_label
 from validation.curves.style import decimate
 from validation.events.definitions import EVENTS
+from validation.numbers import number, with_u
 from validation.report.figures.measured import rotation_of_all_trials
 from validation.report.figures.overlays import model_against_trial
 from validation.report.figures.svg import STYLE
@@ -28,7 +29,6 @@ from validation.report.overview import forest, verdict_parts
 from validation.report.page import cannot_claim, render_html, section_tables
 from validation.report.view import SessionView
 from validation.side_by_side import alone
-from validation.tables.numbers import number, with_u
 
 
 @pytest.fixture(scope="module")
@@ -323,11 +323,12 @@ def test_every_table_gives_a_quantity_the_same_interval(compared):
     interval, reading = table.head.index("model error, 95 %"), table.head.index("reading")
     rows = {row[0]: row for row in table.rows}
     drawn = forest([compared])
-    assert {row["quantity"] for row in drawn} >= {"let-off (mm)", "check height (mm)", "hammer speed at impact (m/s)"}
-    for row in drawn:
-        assert row["difference"] == rows[row["quantity"]][interval]
-        assert row["reading"] in (rows[row["quantity"]][reading], "for information")
-        assert row["low"] <= row["at"] <= row["high"]
+    assert drawn is not None
+    assert {row.cells[0] for row in drawn.rows} >= {"let-off (mm)", "check height (mm)", "hammer speed at impact (m/s)"}
+    for row in drawn.rows:
+        assert row.cells[1] == rows[row.cells[0]][interval]
+        assert row.cells[3] in (rows[row.cells[0]][reading], "for information")
+        assert row.low <= row.at <= row.high
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ from validation.verdict.quantities import (
     phase_masks,
     relevance_limits,
 )
-from validation.verdict.verdict import decide, detectable_words, format_interval, halving, undecided_verdict
+from validation.verdict.verdict import decide, detectable_words, format_interval, halving, reading_of, undecided_verdict
 
 
 def table(**rows: tuple[float, float, bool]) -> pd.DataFrame:
@@ -75,7 +75,7 @@ def row(force: float, sensors: float, parameters: float, scatter: float, n: int 
 def test_what_would_halve_an_error_that_can_be_shown() -> None:
     assert halving(row(2.0, 0.0, 0.0, 0.0)) == "the uncertainty of the force divided by 2 would halve it"
     assert halving(row(0.0, 0.0, 0.0, 2.0)) == "16 trials instead of 4 would halve it"
-    assert "only less of both" in halving(row(2.0, 0.0, 1.9, 0.0))
+    assert halving(row(2.0, 0.0, 1.9, 0.0)).startswith("to halve it, both")
 
 
 @pytest.mark.parametrize(
@@ -89,6 +89,17 @@ def test_what_would_halve_an_error_that_can_be_shown() -> None:
 def test_an_error_that_would_be_shown_is_given_for_both_signs_where_they_differ(quantity, low, high, words) -> None:  # type: ignore[no-untyped-def]
     row = SimpleNamespace(quantity=quantity, detectable_low=low, detectable_high=high)
     assert detectable_words(row) == words
+
+
+def test_a_quantity_of_which_only_a_huge_error_would_be_shown_is_not_tested() -> None:
+    one = SimpleNamespace(primary=True, resolved=False, alone=False, limit=0.5e-3, low=-9e-3, high=9e-3)
+    one.low_90, one.high_90 = -8e-3, 8e-3
+    one.detectable_low, one.detectable_high = -4e-3, 4.9e-3
+    assert reading_of(one) == "not resolved"
+    one.detectable_high = 5.1e-3  # more than ten limits
+    assert reading_of(one) == "not tested"
+    one.resolved = True
+    assert reading_of(one) == "differs, whether by enough to matter cannot be told"
 
 
 @pytest.mark.parametrize(
@@ -153,6 +164,9 @@ def test_branches_are_told_in_words_and_by_usable_encoders_only() -> None:
     caught = branch_of(events(string_impact=0.1, check_height=0.01, key_bottom=0.09))
     assert branch_words(caught) == "the hammer strikes, it strikes once, it is caught, the key is down"
     assert branch_words(branch_of(events())) == "the hammer does not strike, the key does not come down"
+    # a sensor of the hammer alone says nothing of the key
+    assert branch_words(caught, branch_mask(["hammer"])) == "the hammer strikes, it strikes once, it is caught"
+    assert branch_words(0, 0) == "no event is known"
     assert caught & branch_mask(["key", "whippen"]) == branch_of(events(key_bottom=0.09))
 
 

@@ -21,6 +21,7 @@ from model.inside.labels import BODY_COLORS
 from validation.conventions import BODIES, FILM_CHANNELS, Array
 from validation.curves.display_signs import TITLE
 from validation.curves.style import BLACK, MODEL_DASHES, decimate
+from validation.numbers import number
 from validation.report.figures.layout import (
     MOST_LINES,
     counted_trials,
@@ -33,7 +34,6 @@ from validation.report.figures.layout import (
 from validation.report.figures.svg import STYLE, figure_svg
 from validation.report.view import SessionView
 from validation.result import ValidationResult
-from validation.tables.numbers import number
 
 SIZE_IN = (2.62, 3.0)  # a fifth of a screen of 1400 px, a third of a printed page
 MOST_COLUMNS = 160

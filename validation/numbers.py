@@ -18,6 +18,13 @@ def number(value: object, digits: int = 3) -> str:
     return f"{value:.{min(decimals, 9)}f}".replace("-", "−")
 
 
+def with_named_u(value: float, u: float, unit: str = "") -> str:
+    """As `with_u`, and the uncertainty is called by its name: ``1.82 mm (standard uncertainty 0.11 mm)``."""
+    size, _, uncertainty = with_u(value, u).partition(" ± ")
+    unit = f" {unit}" if unit else ""
+    return f"{size}{unit} (standard uncertainty {uncertainty}{unit})" if uncertainty else f"{size}{unit}"
+
+
 def with_u(value: float, u: float) -> str:
     """A value rounded to two digits of its uncertainty, or four significant digits when none is known."""
     if not math.isfinite(value):
