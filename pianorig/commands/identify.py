@@ -275,7 +275,7 @@ def reading_lines(
     # start-up: --help needs none of it
     from validation.infer.sentences import group_by_reason, plain_sentences
 
-    said = plain_sentences(found, ranked)
+    said = [*plain_sentences(found, ranked), *found.details.explained]
     if not ranked:
         return said
     lines = [*said, "to record next (u of each parameter after, over u now, as predicted):"]

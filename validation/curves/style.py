@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from validation.conventions import Array
 
 COLUMNS = 380
+GREY = "#808080"
 BAND_COLUMNS = 140  # the edges of a band are smooth
 
 
@@ -136,7 +137,7 @@ def band(
         return
     t, a = decimate(time, low, columns=BAND_COLUMNS, keep="min")
     _, b = decimate(time, high, columns=BAND_COLUMNS, keep="max")
-    axes.fill_between(t, a, b, color=SKY, alpha=alpha, linewidth=0, label=label, gid=gid)
+    axes.fill_between(t, a, b, color=GREY, alpha=alpha, linewidth=0, label=label, gid=gid)
 
 
 def shade_lifts(axes: Axes, marked: pd.DataFrame, trials: list[int], label: str = "left out: key may lift") -> None:

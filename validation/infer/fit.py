@@ -373,7 +373,10 @@ def _conclude(
         missed = f"after {steps} steps the model is not where {problem.trials[worst].label} was"
         end = End(OUT_OF_BUDGET, f"{missed} (squared error {at.costs[worst]:.2g} of the noise's)")
     elif left[most] >= WITHIN:
-        end = End(OUT_OF_BUDGET, f"after {steps} steps {asked[most].name} would still move by {left[most]:.1f} u")
+        end = End(
+            OUT_OF_BUDGET,
+            f"after {steps} steps {asked[most].name} would still move by {left[most]:.1f} standard uncertainties",
+        )
     elif bifurcations:
         end = End(BIFURCATION, "; ".join(bifurcation_words(problem, bifurcations)))
     else:

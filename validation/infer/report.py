@@ -17,13 +17,14 @@ from validation.infer.identifiability import CANNOT_TELL
 from validation.infer.observations import CHANNEL_NAMES, ObservedTrial
 from validation.infer.result import Identification
 from validation.infer.scatter import factors
-from validation.infer.sentences import as_sentence, group_by_reason, plain_sentences
+from validation.infer.sentences import group_by_reason, plain_sentences
 from validation.infer.unknowns import Parameter
 from validation.part_names import name_parts, part_name
 from validation.report.figures.layout import WIDTH_IN, ReportFigure
 from validation.report.figures.svg import STYLE, figure_svg
 from validation.report.overview import Forest, make_forest
 from validation.report.shell import fill_page, flatten_provenance
+from validation.report.view import as_sentence
 from validation.tables.catalogue import every_table
 from validation.tables.table import SECTIONS, PageTable, made_table, shown_rows
 
@@ -40,14 +41,13 @@ def z_of(parameter: Parameter, prior: float, value: float) -> float:
 def forest(found: Identification) -> Forest:
     """Values before and after, one scale for all rows: prior standard uncertainties."""
     rows = []
-    (table,) = _tables(found, "estimates", found)
+    table = _tables(found, "estimates", found)[0]
     for cells, p, e in zip(table.rows, found.details.problem.unknowns.asked, found.estimates, strict=True):
         low, high = (z_of(p, e.prior, end) for end in (e.low, e.high))
         rows.append((cells, e.z, low, high, PRIOR_REACH, e.verdict == IDENTIFIED))
     note = (
         "Line: 95 % interval after the strokes; red dots: before; one scale for all rows, in standard uncertainties "
-        "before. Filled square: identified. Uncertainty left: of that before. Left out: uncertainty, of that before, "
-        "by leaving out one trial, or one kind of stroke, after the other."
+        "before. Filled square: identified."
     )
     return make_forest(table.caption, (table.head[0], "smaller · before · larger", *table.head[1:]), rows, note)
 
@@ -136,11 +136,11 @@ def profile_figure(found: Identification) -> list[ReportFigure]:
 
 
 def _tables(found: Identification, name: str, of: object) -> list[PageTable]:
-    """A table as the page shows it; empty where it has no rows."""
+    """A table as the page shows it; pages without rows are left out."""
     table = every_table()[name]
-    (page,) = table.pages
-    made = made_table(table, page, [("", row) for row in shown_rows(page, table.make(of))])
-    return [] if made is None else [made]
+    made = table.make(of)
+    shown = (made_table(table, page, [("", row) for row in shown_rows(page, made)]) for page in table.pages)
+    return [one for one in shown if one is not None]
 
 
 def render_identification(found: Identification, ranked: Sequence[Prospect] = (), refused: Sequence[str] = ()) -> str:
@@ -179,11 +179,12 @@ def render_identification(found: Identification, ranked: Sequence[Prospect] = ()
         forest=forest(found),
         figures=dict(zip(("values", "prediction"), drawn, strict=True)),
         tables={
-            "values": _tables(found, "correlations", found),
+            "values": [*_tables(found, "estimates", found)[1:], *_tables(found, "correlations", found)],
             "prediction": _tables(found, "fit_scores", found),
             "next": _tables(found, "prospects", ranked),
         },
         titles=SECTIONS,
+        explained=[name_parts(text, found.action) for text in found.details.explained],
         refused=group_by_reason(refused),
         provenance=flatten_provenance(found.provenance),
     )

@@ -76,7 +76,7 @@ def why_it_rises(before: Mapping[str, float], found: Mapping[str, float], whole:
     """
     lines = []
     for channel in (c for c in found if found[c] > RISES * before[c]):
-        from_, to, beside = (f"{1e3 * by[channel]:.2g}" for by in (before, found, whole))
+        from_, to, beside = (f"{np.degrees(by[channel]):.2g}°" for by in (before, found, whole))
         why = "values and errors belong together"
         if whole[channel] > RISES * before[channel]:
             why = (
@@ -84,8 +84,8 @@ def why_it_rises(before: Mapping[str, float], found: Mapping[str, float], whole:
                 "for others; look at the residuals before the values are used"
             )
         lines.append(
-            f"the {channel}'s RMSE rises from {from_} to {to} mrad by the identified values alone; with the errors of "
-            f"what drives the strokes, found beside them, it is {beside} mrad: {why}"
+            f"the {channel}'s RMSE rises from {from_} to {to} by the identified values alone; with the errors of "
+            f"what drives the strokes, found beside them, it is {beside}: {why}"
         )
     return lines
 

@@ -32,15 +32,15 @@ def plain_sentences(found: Identification, ranked: Sequence[Prospect] = ()) -> l
         f"These strokes cannot tell the size of {d.words}: {100 * d.left:.0f} % of its uncertainty before is left."
         for d in found.undetermined
     ][:3]
-    said += [*_held_out(found), *found.details.explained]
-    return said + (_next(found, ranked) if ranked else [])
+    return said + _held_out(found) + (_next(found, ranked) if ranked else [])
 
 
 def _what_was_found(found: Identification) -> str:
     n, trials = len(found.estimates), _count(len(found.details.problem.trials), "trial")
     known = [e for e in found.estimates if e.verdict == IDENTIFIED]
     if not known:
-        return f"No value of {_count(n, 'parameter')} is identified from {trials}; the table says why."
+        why = dict.fromkeys(e.verdict.partition(": ")[2] or e.verdict for e in found.estimates)
+        return f"No value of {_count(n, 'parameter')} is identified from {trials}: {'; '.join(why)}."
     named = "; ".join(
         f"{part_name(e.name, found.action)} {with_u(e.value, e.u)}{'' if e.unit == '1' else ' ' + e.unit}"
         for e in known
@@ -119,13 +119,6 @@ def most_telling(found: Identification, ranked: Sequence[Prospect]) -> list[str]
         f"What is lacking is told best by {strokes[k][0].words}: the fits that explain these strokes alike differ "
         f"there by {apart[k]:.0f} times the sensors' noise.",
     ]
-
-
-def as_sentence(line: str) -> str:
-    """A line with a full stop, and with a capital where it does not begin with a name or a number."""
-    first = line.split(" ")[0]
-    head = line[0].upper() if first.isalpha() else line[0]
-    return f"{head}{line[1:]}{'' if line.endswith('.') else '.'}"
 
 
 def group_by_reason(refused: Sequence[str]) -> list[str]:

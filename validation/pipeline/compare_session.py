@@ -131,7 +131,8 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
         if (findings.left_out, findings.conditions) != (before.left_out, before.conditions):
             found = usable_errors(predicted, scored.traces, events, tested, findings.left_out)
             verdict = _verdict(predicted, found, findings, tested, chosen)
-    changes = [asdict(change) for change in explained.changes]
+    findings, verdict = name_all_parts(findings, verdict, action)
+    changes = [asdict(change) | {"part": name_parts(change.cause, action)} for change in explained.changes]
     rivals = compare_rivals(predicted, scored, tested, findings.left_out)
     made = Comparison(predicted, events, scored, findings, verdict, rivals, tested, chosen, changes)
     tables = made.tables
@@ -140,9 +141,8 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
     name = session.info.name or session.path.name
     if explained.sentence:
         finer = verdict.outcome in (AGREES, CANNOT_TELL) and not explained.nothing
-        warnings.append(explained.sentence + (FINER if finer else ""))
+        warnings.append(name_parts(explained.sentence, action) + (FINER if finer else ""))
     advice = tuple(name_parts(text, action) for text in what_to_do(findings.faults, explained, rivals, verdict.outcome))
-    verdict = replace(verdict, sentence=name_parts(verdict.sentence, action))
     head, *rest = verdict_lines(name, action.name, tables, verdict, findings.faults, rivals.nearer, by_key)
     judgement = dict(verdict.facts)
     return ValidationResult(
@@ -171,6 +171,18 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
         sentence=verdict.sentence,
         advice=advice,
     )
+
+
+def name_all_parts(
+    findings: SessionFindings, verdict: Verdict, action: model.Action
+) -> tuple[SessionFindings, Verdict]:
+    """What is said to a reader, with the names of parts in place of parameter paths."""
+    faults = tuple(replace(fault, text=name_parts(fault.text, action)) for fault in findings.faults)
+    inputs = [name_parts(text, action) for text in verdict.quantities["main_input"]]
+    named = replace(
+        verdict, sentence=name_parts(verdict.sentence, action), quantities=verdict.quantities.assign(main_input=inputs)
+    )
+    return replace(findings, faults=faults), named
 
 
 def _warnings(predicted: PredictedSession, findings: SessionFindings) -> Iterator[str]:

@@ -23,10 +23,10 @@ from validation.numbers import number
 from validation.report.figures.five_angles import band_words, five_angles, left_out_trials, limit_of
 from validation.report.figures.layout import MOST_LINES, traces_of
 from validation.report.figures.measured import all_figures
-from validation.report.figures.overlays import limit_of_trial, trial_words
+from validation.report.figures.overlays import NOTE, limit_of_trial, trial_words
 from validation.report.overview import forest, verdict_parts
 from validation.report.shell import fill_page, flatten_provenance
-from validation.report.view import SessionView, netcdf_names
+from validation.report.view import SessionView, as_sentence, netcdf_names
 from validation.result import ValidationResult
 from validation.side_by_side import SideBySide
 from validation.tables.catalogue import pages_of
@@ -138,6 +138,9 @@ def _packed(curves: dict[str, Any]) -> dict[str, Any]:
 DASH_WORDS = ("dashed", "dotted", "dash-dotted", "long dashes", "short dashes and dots")
 
 
+ELSEWHERE = ("What to do: ", "Plain difference", "Alone", "RMSE: ", "ISO 18571", "Skill, ", "Nearest: ")
+
+
 def session_section(view: SessionView) -> dict[str, Any]:
     """Everything the page shows of one session, by the names that the template knows.
 
@@ -164,8 +167,8 @@ def session_section(view: SessionView) -> dict[str, Any]:
 
 
 def _lines_left(result: ValidationResult) -> list[str]:
-    """Lines of the verdict that do not stand on the first screen."""
-    return [line for line in result.verdict_lines[1:] if not line.startswith("What to do: ")]
+    """Lines of the verdict that stand neither on the first screen nor in the tables of the scores."""
+    return [line for line in result.verdict_lines[1:] if not line.startswith(ELSEWHERE)]
 
 
 def angles_caption(view: SessionView) -> str:
@@ -219,7 +222,7 @@ def _warnings(view: SessionView) -> list[str]:
         shown = set(r.findings["text"])
         for text in r.warnings:
             if text not in shown:
-                said.setdefault(text, []).append(r.action_name)
+                said.setdefault(as_sentence(text), []).append(r.action_name)
     every = len(view.results)
     return [text if len(names) == every else f"{', '.join(names)}: {text}" for text, names in said.items()]
 
@@ -254,6 +257,7 @@ def render_html(side: SideBySide, *, animation: bool = False) -> str:
         driven=_driven_words(side),
         glossary=GLOSSARY,
         gists=GISTS,
+        figures_note=NOTE,
         netcdf=netcdf_names(side),
         animation=ANIMATION if animation else "",
         compared=compared_tables(side),

@@ -20,6 +20,13 @@ def shortened(name: str) -> str:
     return name if len(name) <= MOST_CHARACTERS else f"{name[:half]}…{name[-half + 1 :]}"
 
 
+def as_sentence(line: str) -> str:
+    """A line with a full stop, and with a capital where it does not begin with a name or a number."""
+    first = line.split(" ")[0]
+    head = line[0].upper() if first.isalpha() else line[0]
+    return f"{head}{line[1:]}{'' if line.endswith('.') else '.'}"
+
+
 @dataclass(frozen=True)
 class SessionView:
     """Results of one session; ``prefix`` leads every id of its part of the page."""

@@ -37,6 +37,7 @@ TABLE = Table(
         Page(
             "values",
             f"Parameters whose errors go together (correlation beyond ±{SHOWN:g})",
+            order=2,
             where=lambda table: table[table["correlation"].abs() > SHOWN],
         ),
     ),

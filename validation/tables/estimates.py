@@ -12,7 +12,7 @@ from validation.tables.table import Column, Page, Row, Table
 
 
 def _unit(row: Row) -> str:
-    return "" if row["unit"] == "1" else f" {row['unit']}"
+    return "" if row["unit"] == "1" else f" {row['unit'].replace('*', ' ')}"
 
 
 def _prior(row: Row) -> str:
@@ -26,7 +26,9 @@ def _value(row: Row, value: str = "value", u: str = "u") -> str:
 
 
 def _verdict(row: Row) -> str:
-    return row["verdict"] + ("" if row["interval"] == "two-sided" else f"; without the prior {row['interval']}")
+    return row["verdict"].partition(":")[0] + (
+        "" if row["interval"] == "two-sided" else f"; without the prior {row['interval']}"
+    )
 
 
 COLUMNS = (
@@ -69,6 +71,14 @@ TABLE = Table(
     "parameter that was asked for",
     COLUMNS,
     rows,
-    (Page("values", "Prior and what is known after the strokes, 95 % intervals"),),
+    (
+        Page("values", "Values before and after the strokes", columns=("part", "prior", "value", "low", "verdict")),
+        Page(
+            "values",
+            "Uncertainty after the strokes, and by leaving some out, of that before",
+            columns=("part", "z_u", "u_jackknife", "u_strokes"),
+            order=1,
+        ),
+    ),
     of="identification",
 )

@@ -9,7 +9,7 @@ from validation.tables.table import TRIAL, Column, Page, Table
 
 COLUMNS = (
     TRIAL,
-    Column("channel", "", "Channel", str),
+    Column("channel", "", "Channel", str, head="channel"),
     Column("rmse_rad", "rad", "RMSE of the model", head="model"),
     Column("null_rmse_rad", "rad", "RMSE of the null model", head="null model"),
     Column("unfitted_rmse_rad", "rad", "RMSE with the values before the identification", head="unfitted values"),

@@ -8,7 +8,7 @@ from validation.result import OUTCOMES
 from validation.tables.catalogue import all_tables
 
 SCHEMA = "piano-action-rig results"
-SCHEMA_VERSION = 7
+SCHEMA_VERSION = 8
 
 Field = dict[str, Any]
 

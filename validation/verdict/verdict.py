@@ -323,7 +323,7 @@ def _why_not(ordered: pd.DataFrame, untested: Sequence[Any]) -> str:
     q = QUANTITIES[INDEX[str(row.quantity)]]
     unit = q.unit_shown if q.unit_shown == "°" else f" {q.unit_shown}"
     text = (
-        f": in {title_of(row)} an error of {detectable_words(row)}{unit} would be shown in 80 % of sessions "
+        f": an error of {detectable_words(row)}{unit} in {title_of(row)} would be shown in 80 % of sessions "
         f"(limit {q.factor * row.limit:.2g}{unit}); most of it comes from {row.main_input}, and {halving(row)}"
     )
     if inside.any():

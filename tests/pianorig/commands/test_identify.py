@@ -140,7 +140,7 @@ def test_ctrl_c_tells_and_writes_the_best_so_far(
     monkeypatch.setattr("validation.infer.write.render_identification", lambda *given: "a page")
     assert run("identify", "session", "--parameters", "friction") == 130
     told = capsys.readouterr()
-    assert f"end: {end}." in " ".join(told.out.split()) and "0.014 ± " in told.out
+    assert f"end: {end}." in " ".join(told.out.split()) and "0.01400 ± " in told.out
     assert "the best so far is in identified.toml" in told.err
     assert (tmp_path / "identified.toml").is_file()
 

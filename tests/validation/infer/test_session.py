@@ -20,13 +20,13 @@ from validation.infer.estimates import TOO_FEW
 from validation.infer.identify import PROVISIONAL, identify
 from validation.infer.response import Case, ModelResponse
 from validation.infer.result import FITTED
-from validation.infer.sentences import as_sentence, plain_sentences
+from validation.infer.sentences import plain_sentences
 from validation.infer.sources import IdentifyOptions, collect
 from validation.infer.unknowns import unknowns
 from validation.infer.write import write_identified, write_reading
 from validation.prediction.posterior import altered, posterior_of
 from validation.report.figures.overlays import trial_words
-from validation.report.view import SessionView
+from validation.report.view import SessionView, as_sentence
 from validation.statistics.skill import CALLED, RIVALS
 
 QUICK = {"budget": False, "explain": False, "keep_predictions": False}

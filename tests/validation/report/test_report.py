@@ -125,7 +125,7 @@ def test_text_from_a_session_is_escaped(lonely):
 def test_results_json_has_no_nan_and_the_same_numbers(compared, written):
     text = written.files["results.json"].read_text(encoding="utf-8")
     content = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} in results.json"))
-    assert (content["schema"], content["schema_version"]) == ("piano-action-rig results", 7)
+    assert (content["schema"], content["schema_version"]) == ("piano-action-rig results", 8)
     assert content["results"][0]["verdict_lines"] == compared.verdict_lines
     assert (content["results"][0]["outcome"], content["results"][0]["sentence"]) == (
         compared.outcome,
@@ -289,8 +289,8 @@ def test_overlays_show_bands_and_the_lifts_that_are_left_out(compared):
 
     shaded, without = drawn("key", marked), drawn("key", marked[:0])
     assert "1 interval, 10.0 ms in all" in shaded.caption
-    assert "repeatability limit" in shaded.caption
-    assert "95 % interval of the mean difference at each instant, at most ±" in shaded.caption
+    assert "repeatability limit at most 0." in shaded.caption
+    assert "95 % interval of the mean difference at most ±0." in shaded.caption
     assert "left out: key may lift" in shaded.svg
     assert "left out" not in without.svg
     assert drawn("hammer", marked).svg == drawn("hammer", marked[:0]).svg

@@ -21,6 +21,7 @@ from validation.curves.style import BLACK, VERMILION, band, draw, finish_axes, m
 from validation.curves.table import force_on_base
 from validation.events.definitions import EVENTS
 from validation.measurement.trial import trials_in_words
+from validation.numbers import number
 from validation.report.figures.layout import (
     FORCE,
     MOST_LINES,
@@ -181,8 +182,7 @@ def rotation_of_all_trials(view: SessionView, channel: str) -> ReportFigure:
     caption = f"Rotation of the {TITLE[channel]} in all {len(result.traces)} trials; below: repeatability sᵣ(t)"
     caption += _quantiles(curves)
     if banded:
-        caption += f" Shaded: simultaneous 95 % band of the mean, at most ±{np.nanmax(reach):.3f}°; it knows "
-        caption += "scatter in value and in time, but not what one blow in thirty does."
+        caption += f" Grey: simultaneous 95 % band of the mean, at most ±{number(float(np.nanmax(reach)), 2)}°."
     made = finish(view, figure, f"{channel}-all", f"{caption}{lift_text(lifts)} As thesis {THESIS[channel]}.", text)
     return replace(made, channel=channel, shows="all")
 

@@ -27,9 +27,9 @@ from validation.curves.style import (
     shade_lifts,
     shared_legend,
 )
+from validation.numbers import number
 from validation.report.figures.layout import (
     FORCE,
-    MOST_LINES,
     QUANTILES,
     WIDTH_IN,
     ReportFigure,
@@ -46,8 +46,12 @@ from validation.report.figures.layout import (
 from validation.report.view import SessionView
 from validation.result import ValidationResult
 
-MARKS_SAID = (
-    " Solid lines A, B, C: positions of the thesis (key at its bottom; force released; key back); dotted: events."
+NOTE = (
+    "One trial, in the colour of its body, and the predictions, dashed and black; below: model − trial of every trial, "
+    f"of many the {QUANTILES}, the drawn trial in black. Solid lines A, B, C: positions of the thesis (key at its "
+    "bottom; force released; key back); dotted: events. Grey above: repeatability limit, which two trials differ by "
+    "less than in 95 % of cases at each instant; below: 95 % interval of the mean difference, which by chance leaves zero at one "
+    "instant in twenty."
 )
 
 THESIS = {
@@ -72,7 +76,7 @@ def force_of_one_trial(view: SessionView) -> ReportFigure:
     finish_axes(axes, "force (N)")
     draw_marks(axes, result.marks(trial))
     lines = shared_legend(figure, [axes])
-    caption = "Force as recorded, and as it drives the model, corrected (offset, hum, delay)." + MARKS_SAID
+    caption = "Force as recorded, and as it drives the model, corrected (offset, hum, delay)."
     top = int(np.nanargmax(force))
     text = f"The largest force is {force[top]:.1f} N at {at[top]:.4f} s."
     made = finish(view, figure, "force-one", f"{caption} As thesis {THESIS['force']}.", text, lines)
@@ -112,20 +116,9 @@ def model_against_trial(view: SessionView, channel: str) -> ReportFigure:
         if n > 1:
             axes.set_title(plot_text(f"{name} − trial"), fontsize=9, loc="left")
     _same_scale(panels)
-    several = len(traces_of(result, channel)) > MOST_LINES
-    caption = f"Rotation of the {TITLE[channel]}, one trial and model{'s' if n > 1 else ''}; below: model minus trial, "
-    caption += QUANTILES + " of all trials" if several else "every trial"
-    caption += ", the drawn trial in black." + MARKS_SAID
-    if about:
-        caption += (
-            " Shaded above: repeatability limit about this trial, which two trials differ by less than in 95 % "
-            f"of cases at each instant, at most {about:.2g}°."
-        )
-    if reached > 0.0:
-        caption += (
-            f" Shaded below: 95 % interval of the mean difference at each instant, at most ±{reached:.2g}°; by chance "
-            "it leaves zero at one instant in twenty."
-        )
+    caption = f"Rotation of the {TITLE[channel]}"
+    caption += f"; repeatability limit at most {number(about, 2)}°" if about else ""
+    caption += f"; 95 % interval of the mean difference at most ±{number(reached, 2)}°." if reached else "."
     text = trial_words(view, channel, trial)
     legend_lines = shared_legend(figure, [top, *panels])
     made = finish(
