@@ -9,9 +9,10 @@ from typing import Annotated
 import typer
 
 import vision
-from pianorig.console.column_file import check_writable
-from pianorig.console.options import AsJson
-from pianorig.console.output import tell
+from pianorig import workflows
+from pianorig.console.column_file import FIGURE_ENDINGS, check_writable
+from pianorig.console.options import AsJson, Figure
+from pianorig.console.output import file_lines, tell
 from pianorig.errors import CommandInputError
 
 
@@ -22,6 +23,7 @@ def command(
     pitch_mm: Annotated[float, typer.Option("--pitch-mm", help="Distance of neighbouring points, mm.")],
     target: Annotated[str, typer.Option("--target", help="checkerboard or dots.")] = "checkerboard",
     every: Annotated[int, typer.Option("--every", help="Use every N-th frame.")] = 1,
+    figure: Figure = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure the camera's tilt, distortion and scale.
@@ -31,6 +33,7 @@ def command(
     Example:  pianorig calibrate camera target.mraw --target checkerboard --grid 9x6 --pitch-mm 5 --out camera.toml
     """
     check_writable(out, ".toml")
+    check_writable(figure, *FIGURE_ENDINGS)
     columns, cross, rows = grid.lower().partition("x")
     if not (cross and columns.isdecimal() and rows.isdecimal()):
         raise CommandInputError(f"--grid {grid}: allowed COLUMNSxROWS, for example 9x6")
@@ -66,4 +69,7 @@ def command(
         covered = f"{100 * found.coverage:.0f} %"
         lines.append(f"  only {covered} of the picture was covered; use a larger target, or move it about")
     parameters = {"scale_px_per_m": camera.scale_px_per_m, "parameters": [a, b, p, q, k]}
-    tell(as_json, {"out": out, **parameters, **facts}, lines)
+    projection = camera.nominal(camera.width, camera.height)
+    if figure is not None and projection is not None:
+        workflows.draw_distortion(projection, figure)
+    tell(as_json, {"out": out, "figure": figure, **parameters, **facts}, (*lines, *file_lines([figure])))

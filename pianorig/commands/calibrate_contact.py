@@ -13,8 +13,9 @@ import typer
 import model
 import rig
 from pianorig import workflows
-from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Backend, Rig
-from pianorig.console.output import tell
+from pianorig.console.column_file import FIGURE_ENDINGS, check_writable
+from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Backend, Figure, Rig
+from pianorig.console.output import file_lines, tell
 from pianorig.console.terminal import type_answer
 from pianorig.errors import CommandInputError
 
@@ -31,6 +32,7 @@ def command(
     action: Action = DEFAULT_ACTION,
     rig_name: Rig = "virtual",
     backend: Backend = "sim://",
+    figure: Figure = None,
     as_json: AsJson = False,
 ) -> None:
     """Calibrate the friction of a contact.
@@ -39,6 +41,7 @@ def command(
 
     Example:  pianorig calibrate contact --contact contact04 --load 0.1 --radius 0.012 --out my_pair.toml
     """
+    check_writable(figure, *FIGURE_ENDINGS)
     order = PadOrder(contact, load, u_load, radius, u_radius, body, swings)
     facts = calibrate_contact(order, rig_name, backend, out, action, type_answer)
     lines = (
@@ -46,7 +49,13 @@ def command(
         f"{facts['slip_up_to_m_per_s']:.2g} m/s; half swings {', '.join(map(str, facts['half_swings']))}",
         f"{out}: the action with {contact}.friction.A; readings in {facts['record']}",
     )
-    tell(as_json, facts, lines)
+    if figure is not None:
+        bare = sum(facts["shares_without"]) / len(facts["shares_without"])
+        arm = facts["weight_moment_nm"] / (load * radius)
+        each = [(share - bare) * arm for share in facts["shares_with"]]
+        words = (f"friction of {contact}, each swing with the pad", "swing", "coefficient of friction")
+        workflows.draw_deviations(range(1, len(each) + 1), each, words, figure)
+    tell(as_json, facts | {"figure": figure}, (*lines, *file_lines([figure])))
 
 
 KINETIC = 10.0

@@ -9,9 +9,10 @@ import typer
 
 import model
 from model.parameters.effects import effect_defaults
-from pianorig.console.column_file import check_writable
-from pianorig.console.options import AsJson
-from pianorig.console.output import tell
+from pianorig import workflows
+from pianorig.console.column_file import FIGURE_ENDINGS, check_writable
+from pianorig.console.options import AsJson, Figure
+from pianorig.console.output import file_lines, tell
 from pianorig.console.overrides import read_measured
 from pianorig.errors import CommandInputError
 from rig.atomic_write import write_text
@@ -43,6 +44,7 @@ def command(
         float, typer.Option("--u-delay", help="Standard uncertainty of the time from command to force, s.")
     ] = 1e-5,
     out: Annotated[Path | None, typer.Option("--out", help="Scene with the drive as found, .toml.")] = None,
+    figure: Figure = None,
     as_json: AsJson = False,
 ) -> None:
     """Identify the motor's drive from a log of the bench.
@@ -53,6 +55,7 @@ def command(
     Example:  pianorig calibrate drive drive_log.csv --known torque_constant=0.6+-0.006 --out my_drive.toml
     """
     check_writable(out, ".toml")
+    check_writable(figure, *FIGURE_ENDINGS)
     options = _options(mode, length, known or [], (u_force, u_current, u_delay))
     found = model.drive.identify_drive(model.drive.read_drive_log(log), options)
     lines = found.lines()
@@ -66,7 +69,9 @@ def command(
         "not_determined": {e.name: e.why for e in items if not e.is_determined},
         "rms_nm": found.rms_nm,
     }
-    tell(as_json, facts, lines)
+    if figure is not None:
+        workflows.draw_uncertainties(items, figure)
+    tell(as_json, facts | {"figure": figure}, (*lines, *file_lines([figure])))
 
 
 def _options(mode: str, length: str, known: list[str], u: tuple[float, float, float]) -> model.drive.DriveOptions:

@@ -12,8 +12,9 @@ import typer
 
 import rig
 from pianorig import workflows
-from pianorig.console.options import AsJson, Backend, Operator, Rig
-from pianorig.console.output import tell
+from pianorig.console.column_file import FIGURE_ENDINGS, check_writable
+from pianorig.console.options import AsJson, Backend, Figure, Operator, Rig
+from pianorig.console.output import file_lines, tell
 from pianorig.console.terminal import type_answer
 from pianorig.errors import CommandInputError
 from rig.atomic_write import sha256_of_bytes, write_text
@@ -33,6 +34,7 @@ def command(
     rig_name: Rig = "virtual",
     backend: Backend = "sim://",
     operator: Operator = "unknown",
+    figure: Figure = None,
     as_json: AsJson = False,
 ) -> None:
     """Calibrate the load cell: weights, shunt or zero.
@@ -43,6 +45,9 @@ def command(
     """
     if [weights is not None, shunt, null].count(True) != 1:
         raise CommandInputError("calibrate force: give one of --weights, --shunt and --null")
+    check_writable(figure, *FIGURE_ENDINGS)
+    if figure is not None and weights is None:
+        raise CommandInputError("--figure: draws what weights left over; give --weights")
     if u_mass < 0 or (gravity is not None and not 9.7 < gravity < 9.9):
         raise CommandInputError(f"--u-mass {u_mass:g}, --gravity {gravity}: allowed from 0, and 9.7 to 9.9")
     try:
@@ -52,7 +57,13 @@ def command(
     kind = "weights" if weights is not None else "shunt" if shunt else "null"
     order = CalibrationOrder(kind, masses, u_mass, gravity, operator)
     facts = calibrate_force(rig_name, backend, out, order, type_answer)
-    tell(as_json, facts, (f"{key:<24} {value}" for key, value in facts.items()))
+    if figure is not None:
+        hung = [mass * facts["gravity_m_per_s2"] for mass in facts["masses_kg"]]
+        force = [(reading - facts["zero"]) / facts["slope_per_n"] for reading in facts["readings"]]
+        away = [1e3 * (read - is_) for read, is_ in zip(force, hung, strict=True)]
+        workflows.draw_deviations(hung, away, ("load cell: readings off the line", "weight, N", "off, mN"), figure)
+    lines = (f"{key:<24} {value}" for key, value in facts.items())
+    tell(as_json, facts | {"figure": figure}, (*lines, *file_lines([figure])))
 
 
 @dataclass(frozen=True)

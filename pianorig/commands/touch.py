@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -10,9 +11,10 @@ import typer
 import model
 from pianorig.console.column_file import FIGURE_ENDINGS, check_writable, write_rows
 from pianorig.console.options import AsJson, Scale, Scene, Settings, complete_file
-from pianorig.console.output import file_lines, tell
+from pianorig.console.output import file_lines, table_lines, tell, wrapped
 from pianorig.console.overrides import load_changed, name_with_scene
 from pianorig.console.progress import working
+from validation.numbers import number, with_u
 
 
 def command(
@@ -54,21 +56,32 @@ def command(
         ]
         write_rows(curve, points)
     rows = [f.rows() for f in feels]
-    width = max(12, *(len(name) for name in names))
-    lines = [f"{'':<26}" + "".join(f"  {name:>{width}}" for name in names)]
-    for words in rows[0]:
-        values = [row[words] for row in rows]
-        lines.append(f"{words:<26}" + "".join(f"  {_number(v, words):>{width}}" for v in values))
+    lines = table_lines(("±: standard uncertainty", *names), _cells(feels, rows))
     for f in feels:
         loaded = [remark for remark in f.remarks if remark not in f.weights.remarks]
-        lines += [f"{f.name}: {remark}" for remark in (*f.weights.remarks, *loaded[:1])]
+        lines += [line for remark in (*f.weights.remarks, *loaded[:1]) for line in wrapped(f"{f.name}: {remark}")]
         if len(loaded) > 1:
-            lines.append(f"{f.name}: the check presses it at {len(loaded) - 1} larger forces, too; --json lists them")
+            more = f"the check presses it at {len(loaded) - 1} larger forces, too; --json lists them"
+            lines += wrapped(f"{f.name}: {more}")
     plain = [{"action": f.name} | row | {"remarks": list(f.remarks)} for f, row in zip(feels, rows, strict=True)]
     facts = {"actions": plain, "figure": figure, "curve": curve}
     tell(as_json, facts, [*lines, *file_lines([figure, curve])])
 
 
-def _number(value: float, row: str) -> str:
-    """Three digits, none below a milligram, where rounding lies; of newtons none below 10 uN."""
-    return "-" if value != value else f"{round(value, 3 if row.endswith(', g') else 5) + 0.0:.3g}"
+def _cells(feels: Sequence[model.touch.Feel], rows: Sequence[Mapping[str, float]]) -> list[list[str]]:
+    """Rows of the table: weights in grams with their standard uncertainty, all else as `model.touch.Feel.rows`."""
+    weights = [f.weights.rows() for f in feels]
+    table = []
+    for words in rows[0]:
+        name, _, unit = words.rpartition(", ")
+        if name not in weights[0] and not name.startswith("u of "):
+            table.append([f"{name} ({unit})", *(_number(row[words]) for row in rows)])
+        elif unit == "g":
+            grams = [1e3 / f.gravity for f in feels]
+            pairs = ((g * w[name][0], g * w[name][1]) for g, w in zip(grams, weights, strict=True))
+            table.append([f"{name} (g)", *(with_u(round(value, 4), u).replace("–", "-") for value, u in pairs)])
+    return table
+
+
+def _number(value: float, digits: int = 3) -> str:
+    return "-" if value != value else number(round(value, 5) + 0.0, digits)

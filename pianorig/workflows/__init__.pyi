@@ -13,8 +13,10 @@ from .examples import write_examples as write_examples
 from .figures import blow_events as blow_events
 from .figures import draw_checks as draw_checks
 from .figures import draw_deviations as draw_deviations
+from .figures import draw_distortion as draw_distortion
 from .figures import draw_session as draw_session
 from .figures import draw_targets as draw_targets
+from .figures import draw_uncertainties as draw_uncertainties
 from .force_input import DrivingForce as DrivingForce
 from .force_input import read_driving_force as read_driving_force
 from .foreign_file import is_recording as is_recording

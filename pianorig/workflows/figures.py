@@ -15,6 +15,7 @@ from model.inside.labels import BODY_COLORS
 if TYPE_CHECKING:
     import model
     import rig
+    import vision
 
 MOST_POINTS = 4000
 GOOD, BAD = "#00785A", "#B3261E"
@@ -98,6 +99,35 @@ def draw_deviations(
         axes.axhline(0.0, color="#777777", linewidth=0.8)
         axes.set(title=title, xlabel=along, ylabel=up)
         axes.grid(alpha=0.3)
+
+
+def draw_uncertainties(estimates: Sequence[Any], path: Path) -> None:
+    """Draw how well each number of a drive is known, a row each: its relative standard uncertainty, or that none is."""
+    with new_sheet(path, 8.0, 1.1 + 0.26 * len(estimates)) as figure:
+        axes = figure.subplots()
+        known = [(i, abs(e.u / e.value)) for i, e in enumerate(estimates) if e.is_determined and e.value]
+        for i, share in known:
+            axes.plot([100 * share], [i], "o", color=BODY_COLORS["whippen"])
+        for i, e in enumerate(estimates):
+            if not e.is_determined:
+                axes.text(0.02, i, "not determined", transform=axes.get_yaxis_transform(), va="center", color=BAD)
+        axes.set_yticks(range(len(estimates)), [f"{e.name.replace('_', ' ')} ({e.unit})" for e in estimates])
+        axes.set(xscale="log", xlabel="relative standard uncertainty, %", ylim=(len(estimates) - 0.5, -0.5))
+        axes.grid(alpha=0.3)
+
+
+def draw_distortion(projection: vision.Projection, path: Path) -> None:
+    """Draw how far points of the plane are displaced in the picture: arrows ten times as long."""
+    x, y = np.meshgrid(np.linspace(0, projection.width - 1, 13), np.linspace(0, projection.height - 1, 9))
+    flat = np.stack([x.ravel(), y.ravel()], axis=1)
+    away = projection.to_picture(flat) - flat
+    with new_sheet(path, 7.0, 1.0 + 6.0 * projection.height / projection.width) as figure:
+        axes = figure.subplots()
+        axes.quiver(*flat.T, *(10 * away.T), angles="xy", scale_units="xy", scale=1, color=BODY_COLORS["whippen"])
+        largest = float(np.hypot(*away.T).max())
+        axes.set_title(f"displacement in the picture, ten times: {largest:.2f} px at most", loc="left")
+        axes.set(xlabel="x (px)", ylabel="y (px)", aspect="equal")
+        axes.invert_yaxis()
 
 
 def blow_events(action: model.Action, solution: model.Solution, force: np.ndarray) -> dict[str, float]:

@@ -255,12 +255,21 @@ def test_values_change_and_everything_else_stays() -> None:
 
 def test_the_command_writes_a_rig_file_that_records(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "cal.toml"
-    assert run("calibrate", "force", "--weights", "0.5,1", "--gravity", "9.81", "--operator", "ana", "--out", out) == 0
+    figure = tmp_path / "cal.svg"
+    arguments = ("--gravity", "9.81", "--operator", "ana", "--out", out, "--figure", figure)
+    assert run("calibrate", "force", "--weights", "0.5,1", *arguments) == 0
+    assert "weight, N" in figure.read_text("utf-8")
     record = tomllib.loads((tmp_path / "cal.weights.toml").read_text())
     assert record["operator"] == "ana" and record["found"]["gain_against_rig_file"] == pytest.approx(1.002, abs=2e-3)
     assert run("record", "--rig", out, "--profile", "piano", "--trials", "1", "--out", tmp_path / "s") == 0
     capsys.readouterr()
-    for wrong in (("--shunt", "--null"), (), ("--weights", "a,b"), ("--null", "--gravity", "3")):
+    for wrong in (
+        ("--shunt", "--null"),
+        (),
+        ("--weights", "a,b"),
+        ("--null", "--gravity", "3"),
+        ("--null", "--figure", "a.svg"),
+    ):
         assert run("calibrate", "force", *wrong, "--out", tmp_path / "b.toml") == 2
     assert run("calibrate", "force", "--null", "--out", out) == 2
     assert "exists already" in capsys.readouterr().err

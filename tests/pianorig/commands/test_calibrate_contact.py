@@ -20,8 +20,22 @@ PAD = ("--load", 0.1, "--u-load", 0.0005, "--radius", 0.012, "--u-radius", 2e-5,
 
 def test_the_action_written_has_the_friction_of_the_specimens_pair(tmp_path: Path, capsys: Any) -> None:
     out = tmp_path / "pair.toml"
-    assert run("calibrate", "contact", "--contact", "contact04", *PAD, "--out", out) == 0
+    assert (
+        run(
+            "calibrate",
+            "contact",
+            "--contact",
+            "contact04",
+            *PAD,
+            "--out",
+            out,
+            "--figure",
+            figure := tmp_path / "pair.svg",
+        )
+        == 0
+    )
     assert "contact04: friction 0.36" in capsys.readouterr().out
+    assert "coefficient of friction" in figure.read_text("utf-8")
     found = model.load_action(out).quantities["contact04.friction.A"]
     assert abs(found.value - 0.36) < 3 * found.u < 0.05 * 0.36  # bench.toml
     record = tomllib.loads((tmp_path / "pair.pad.toml").read_text("utf-8"))

@@ -35,8 +35,10 @@ def test_a_log_gives_the_drive_back(tmp_path: Path, capsys: pytest.CaptureFixtur
     together = drive["motor_drive.resistance"] + drive["motor_drive.loop_gain"]
     assert together == pytest.approx(facts["determined"]["resistance_and_loop_gain"]["value"])
     assert model.build_scene(drive, choice).wound
-    assert run("calibrate", "drive", log) == 0
+    assert run("calibrate", "drive", log, "--figure", figure := tmp_path / "drive.svg") == 0
     words = capsys.readouterr().out
+    drawn = figure.read_text("utf-8")
+    assert drawn.count("not determined") == words.count("not determined: ") and words.endswith(f"{figure}\n")
     assert "torque_constant" in words and "not determined: " in words
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -188,7 +189,10 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], refused: Ca
     assert facts["scale_px_per_m"] == pytest.approx(4400.0, rel=2e-3) and facts["views"] == 2
     assert facts["effect_on_angles_rad"] > facts["u_after_correction_rad"] > 0
     assert load_calibration(out).width == WIDTH
-    assert run(*base, "--grid", "9x7") == 0
+    assert run(*base, "--grid", "9x7", "--figure", str(figure := tmp_path / "camera.svg")) == 0
     assert "mdeg without correction" in capsys.readouterr().out
+    corners = np.array([[0, 0], [WIDTH - 1, 0], [0, HEIGHT - 1], [WIDTH - 1, HEIGHT - 1]], dtype=float)
+    largest = float(np.hypot(*(lens.to_picture(corners) - corners).T).max())
+    assert float(re.search(r"ten times: ([\d.]+) px", figure.read_text())[1]) == pytest.approx(largest, rel=0.1)
     for grid, words in (("9", "COLUMNSxROWS"), ("10x7", "no checkerboard of 10 x 7"), ("2x7", "3 to 200")):
         refused(words, *base, "--grid", grid)

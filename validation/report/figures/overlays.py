@@ -50,8 +50,8 @@ NOTE = (
     "One trial, in the colour of its body, and the predictions, dashed and black; below: model − trial of every trial, "
     f"of many the {QUANTILES}, the drawn trial in black. Solid lines A, B, C: positions of the thesis (key at its "
     "bottom; force released; key back); dotted: events. Grey above: repeatability limit, which two trials differ by "
-    "less than in 95 % of cases at each instant; below: 95 % interval of the mean difference, which by chance leaves zero at one "
-    "instant in twenty."
+    "less than in 95 % of cases at each instant; below: 95 % interval of the mean difference, which by chance leaves "
+    "zero at one instant in twenty."
 )
 
 THESIS = {
