@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from validation.numbers import DASH, number
 from validation.result import AGREES, ValidationResult
 from validation.verdict.quantities import INDEX, QUANTITIES
-from validation.verdict.verdict import format_interval, most_important, reading_of, shown_interval, title_of
+from validation.verdict.verdict import NOT_TESTED, format_interval, most_important, reading_of, shown_interval, title_of
 
 WIDTH, EDGE = 240.0, 8.0
 EVENTS_SHOWN = ("let_off_distance", "hammer_speed", "string_impact", "check_height", "drop", "key_release")
@@ -103,7 +103,7 @@ def forest(results: Sequence[ValidationResult]) -> Forest | None:
     for name in EVENTS_SHOWN:
         for result in results:
             for row in result.quantities.itertuples():
-                if row.quantity != name or not math.isfinite(row.low):
+                if row.quantity != name or not math.isfinite(row.low) or reading_of(row) == NOT_TESTED:
                     continue
                 q, known = QUANTITIES[INDEX[name]], math.isfinite(row.limit)
                 cells = [
@@ -126,6 +126,8 @@ def quantity_rows(result: ValidationResult) -> list[tuple[str, str, str, str]]:
         return []
     rows = []
     for row in most_important(result.quantities).itertuples():
+        if reading_of(row) == NOT_TESTED:
+            continue
         q = QUANTITIES[INDEX[str(row.quantity)]]
         limit = f"± {number(q.factor * row.limit, 2)}"
         error = format_interval(*shown_interval(row), "")

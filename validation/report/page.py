@@ -141,7 +141,7 @@ DASH_WORDS = ("dashed", "dotted", "dash-dotted", "long dashes", "short dashes an
 ELSEWHERE = ("What to do: ", "Plain difference", "Alone", "RMSE: ", "ISO 18571", "Skill, ", "Nearest: ")
 
 
-def session_section(view: SessionView) -> dict[str, Any]:
+def session_section(view: SessionView, is_first: bool = True) -> dict[str, Any]:
     """Everything the page shows of one session, by the names that the template knows.
 
     Tables that depend on the model are made for each, their caption names it; ids lead with the session's prefix.
@@ -155,7 +155,7 @@ def session_section(view: SessionView) -> dict[str, Any]:
         impact_s=_impact_s(first),
         curves=page_data(view),
         angles=five_angles(view),
-        caption=angles_caption(view),
+        caption=angles_caption(view, is_first),
         forest=forest(view.results),
         verdicts=[_lines_left(r) for r in view.results],
         warnings=_warnings(view),
@@ -171,8 +171,8 @@ def _lines_left(result: ValidationResult) -> list[str]:
     return [line for line in result.verdict_lines[1:] if not line.startswith(ELSEWHERE)]
 
 
-def angles_caption(view: SessionView) -> str:
-    """What the first figure shows, with the width of its band and the limits as numbers."""
+def angles_caption(view: SessionView, is_first: bool = True) -> str:
+    """The numbers of the five angles; of the first session also what is drawn, which holds for all."""
     n = len(view.first.traces)
     trials = "the trial" if n == 1 else f"all {n} trials"
     if n > MOST_LINES:
@@ -182,17 +182,22 @@ def angles_caption(view: SessionView) -> str:
     else:
         predicted = "black: " + ", ".join(map(" ".join, zip(view.names, DASH_WORDS, strict=False))) + "; means"
         drawn = "means"
-    text = f"Rotation since rest, measured in {trials} (colour of the body) and predicted ({predicted}). Below: "
-    text += f"model − trial, {drawn}."
+    text = f"Measured in {trials}."
+    if is_first:
+        text = f"Rotation since rest, measured in {trials} (colour of the body) and predicted ({predicted}). Below: "
+        text += (
+            f"model − trial, {drawn}; grey: 95 % interval of the mean difference at each instant; red dots: limit of "
+        )
+        text += "relevance."
     left_out = left_out_trials(view)
     if left_out:
         text += f" Light grey: curves left out of means and differences ({trials_in_words(left_out)})."
     band = band_words(view)
     if band:
-        text += f" Grey: 95 % interval of the mean difference at each instant; half its width at its widest: {band}."
+        text += f" Half width of the interval at its widest: {band}."
     limits = [(TITLE[c], limit_of(view.first, c)) for c in BODIES]
     known = ", ".join(f"{name} {number(limit, 2)}°" for name, limit in limits if math.isfinite(limit))
-    return text + (f" Red dots: limit of relevance, ± {known}." if known else "")
+    return text + (f" Limit: ± {known}." if known else "")
 
 
 def section_tables(view: SessionView, section: str) -> list[PageTable]:
@@ -244,15 +249,18 @@ def render_html(side: SideBySide, *, animation: bool = False) -> str:
     """
     several = len(side.sessions) > 1
     sections = [
-        session_section(SessionView(tuple(results), f"s{i}-" if several else ""))
+        session_section(SessionView(tuple(results), f"s{i}-" if several else ""), i == 1)
         for i, results in enumerate(side.sessions.values(), start=1)
     ]
+    shared = [text for text in sections[0]["warnings"] if several and all(text in s["warnings"] for s in sections)]
+    for section in sections:
+        section["warnings"] = [text for text in section["warnings"] if text not in shared]
     return fill_page(
         "report.html.j2",
         side=side,
         sections=sections,
         parts=[verdict_parts(result) for result in side.results],
-        lines=[*(f"Not compared: {text}" for text in side.refused), *side.notes],
+        lines=[*(f"Not compared: {text}" for text in side.refused), *side.notes, *shared],
         said=side.compared_lines,
         driven=_driven_words(side),
         glossary=GLOSSARY,

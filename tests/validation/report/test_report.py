@@ -308,7 +308,7 @@ def test_a_single_trial_is_judged_but_has_no_band_of_its_own(lonely):
         every, model = rotation_of_all_trials(view, "key"), model_against_trial(view, "key")
     assert "FillBetweenPolyCollection" not in every.svg
     assert "Shaded above" not in model.caption and "Shaded" not in every.caption
-    assert "Shaded below" in model.caption and result.judgement["trials"] == [1]
+    assert "95 % interval of the mean difference" in model.caption and result.judgement["trials"] == [1]
 
 
 def test_an_animation_beside_the_page_is_linked_and_otherwise_said_how_to_make(compared, tmp_path, without_figures):

@@ -42,10 +42,10 @@ FONT_PT = 9.5
 LEFT_OUT = "#A0A0A0"
 
 
-def five_angles(view: SessionView) -> list[tuple[str, str]]:
-    """One picture a body: its name, and its SVG."""
+def five_angles(view: SessionView) -> list[tuple[str, str, bool]]:
+    """One picture a body: its name, its SVG, and whether it was measured."""
     with rc_context({**STYLE, "font.size": FONT_PT}):
-        return [(TITLE[channel], _picture(view, channel)) for channel in BODIES]
+        return [(TITLE[c], _picture(view, c), c in view.compared or c in view.measured) for c in BODIES]
 
 
 def draw_angles(results: Sequence[ValidationResult], path: str | Path) -> None:
@@ -96,7 +96,7 @@ def _draw(top: Axes, low: Axes, view: SessionView, channel: str) -> None:
     first = view.first
     base, color = first.base_s, BODY_COLORS[channel]
     measured = curves_of(first, channel, "measured")
-    counted = counted_trials(first, channel)
+    counted, is_compared = counted_trials(first, channel), channel in view.compared
     for curve in measured[:, ~counted].T[:MOST_LINES]:
         draw_line(top, base, curve, MOST_COLUMNS, color=LEFT_OUT, linewidth=0.7)
     draw_trials(top, base, measured[:, counted], color)
@@ -109,6 +109,8 @@ def _draw(top: Axes, low: Axes, view: SessionView, channel: str) -> None:
         style = {"color": BLACK, "linewidth": 1.0, "dashes": MODEL_DASHES[i % len(MODEL_DASHES)]}
         _band(top, base, mean, reach)
         draw_line(top, base, mean, MOST_COLUMNS, **style)
+        if not is_compared:
+            continue
         if len(view.results) == 1:
             draw_trials(low, base, difference, color)
         _band(low, base, _mean(difference), reach)
@@ -118,17 +120,18 @@ def _draw(top: Axes, low: Axes, view: SessionView, channel: str) -> None:
     for end in (-limit, limit):
         if math.isfinite(limit):
             low.axhline(end, color="#B3261E", linewidth=1.0, linestyle=(0, (1, 1.2)))
-    is_measured = bool(np.isfinite(_difference(first, channel)).any())
-    if not is_measured:
+    is_compared = is_compared and bool(counted.any())
+    if not is_compared:
         words = "not filmed" if channel in FILM_CHANNELS else "not measured"
-        words = "not compared" if np.isfinite(measured).any() else words
+        if np.isfinite(measured).any():
+            words = "drives the model" if counted.any() else "left out"
         low.set_yticks([])
         low.text(0.5, 0.5, words, transform=low.transAxes, ha="center", va="center", color="#4a4a4a")
     for axes in (top, low):
         axes.grid(True, color="#E4E4E4", linewidth=0.5)
         axes.set_xlim(float(base[0]), float(base[-1]))
         _hold(axes)
-        if axes is top or is_measured:
+        if axes is top or is_compared:
             axes.yaxis.set_major_locator(MaxNLocator(4))
         axes.xaxis.set_major_locator(MaxNLocator(4))
         axes.tick_params(length=2.5, pad=2)
