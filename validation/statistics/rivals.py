@@ -120,9 +120,7 @@ def compare_rivals(
     counts = [pair not in without for pair in zip(table["trial"], table["channel"], strict=True)]
     domain += describe_nearest(table[counts])
     fitted = "the strokes it was fitted to" if posterior is not None and posterior.black_boxes else "the other trials"
-    return Rivals(
-        table, skill, places, tuple(domain), describe_skills(skill, fitted), describe_nearer_rivals(table, without)
-    )
+    return Rivals(table, skill, places, tuple(domain), describe_skills(skill, fitted), describe_nearer_rivals(skill))
 
 
 def _fit_black_boxes(

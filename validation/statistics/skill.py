@@ -7,7 +7,7 @@ Its 95 % interval is Student's t of the paired differences of the logarithms; it
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,6 @@ from scipy.special import stdtrit
 
 from validation.conventions import Array
 from validation.measurement.trial import trials_in_words
-from validation.statistics.sign_flip_test import LEVEL, joint_sign_flip
 
 RIVALS = ("null", "unfitted", "polynomial", "fir", "fir_lags")
 FEWEST = 4
@@ -85,31 +84,18 @@ def describe_skills(skill: Mapping[str, Skill], fitted: str) -> tuple[str, ...]:
     return (f"Skill, 1 − RMSE over that of the best rival ({rivals}): {', '.join(of)}.",)
 
 
-def describe_nearer_rivals(errors: pd.DataFrame, without: Collection[tuple[int, str]] = ()) -> str:
-    """What the headline says of rivals; empty where the model is nearer in every channel.
-
-    Conventions: RMSE in rad, paired by trial; a channel is named where a rival's pooled RMSE is the smaller one, the
-    best with its figures. A claim at 5 % needs the sign flips of all channels together
-    (`validation.statistics.sign_flip_test.joint_sign_flip`), which six trials allow.
-    """
-    counts = errors[[pair not in without for pair in zip(errors["trial"], errors["channel"], strict=True)]]
+def describe_nearer_rivals(skill: Mapping[str, Skill]) -> str:
+    """What the headline says of the rivals that are nearer; empty where the model is nearer in every channel."""
     parts = []
-    for channel, part in counts.groupby("channel", sort=False):
-        found = []
-        for rival in RIVALS:
-            pairs = part[["rmse_rad", f"{rival}_rmse_rad"]].dropna().to_numpy(dtype=float)
-            if len(pairs):
-                model, other = np.degrees(np.sqrt(np.mean(pairs**2, axis=0)))
-                closer = int((pairs[:, 1] < pairs[:, 0]).sum())
-                found += [(other, model, closer, len(pairs), rival)] if other < model else []
-        if not found:
+    for channel, one in skill.items():
+        if one.skill >= 0.0:
             continue
-        other, model, closer, n, rival = min(found)
-        shown = f"{'' if _is_significant(counts, rival, str(channel)) else 'not '}shown at 5 %"
-        also = [CALLED[name] for *_, name in sorted(found)[1:]]
+        strokes = f"{one.strokes} stroke{'s' if one.strokes > 1 else ''}"
+        known = f"95 % interval {1 - one.high:.2g} to {1 - one.low:.2g}, {strokes}"
+        times = f"{1 - one.skill:.2g} times as large"
         parts.append(
-            f"{channel} {CALLED[rival]} (RMSE {other:.2g}° against {model:.2g}°, in {closer} of {n} trials; {shown})"
-            + (f", also {' and '.join(also)}" if also else "")
+            f"{channel} {CALLED[one.rival]} (the model's error is {times}; "
+            f"{known if np.isfinite(one.low) else f'of {strokes} no interval'})"
         )
     return f"Nearer than the model: in {'; in '.join(parts)}." if parts else ""
 
@@ -124,16 +110,3 @@ def describe_nearest(errors: pd.DataFrame) -> list[str]:
         named = [f"{CALLED.get(name, f'the {name}')} ({trials_in_words(of)})" for name, of in by_name.items()]
         parts.append(f"{channel} {', '.join(named)}")
     return [f"Nearest: {'; '.join(parts)}."] if parts else []
-
-
-def _is_significant(counts: pd.DataFrame, rival: str, channel: str) -> bool:
-    """Whether that a rival is nearer in a channel is shown at 5 %, all channels taken together."""
-    names = ["rmse_rad", f"{rival}_rmse_rad"]
-    known = counts.dropna(subset=names)
-    wide = known.pivot_table(index="trial", columns="channel", values=names)
-    wide = wide.dropna() if len(wide.dropna()) else wide
-    difference = wide[names[1]] - wide[names[0]]
-    if not difference.notna().all(axis=None):
-        return False
-    p = joint_sign_flip(difference.to_numpy(dtype=float))
-    return bool(p[list(difference.columns).index(channel)] <= LEVEL)

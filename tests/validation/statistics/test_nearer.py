@@ -1,41 +1,41 @@
-"""What the headline says where a rival is nearer than the model."""
+"""What the headline says where a rival is nearer than the model: what the advice rests on, too."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
-import pandas as pd
 
-from validation.statistics.skill import RIVALS, describe_nearer_rivals
-
-
-def errors(model: dict[str, np.ndarray], **rivals: dict[str, np.ndarray]) -> pd.DataFrame:
-    rows = []
-    for channel, own in model.items():
-        for t, rmse in enumerate(own):
-            row = {f"{name}_rmse_rad": rivals[name][channel][t] if name in rivals else np.nan for name in RIVALS}
-            rows.append({"trial": t + 1, "channel": channel, "rmse_rad": rmse, **row})
-    return pd.DataFrame(rows)
+from validation.pipeline import advice
+from validation.statistics.skill import compute_skill, describe_nearer_rivals
 
 
-def test_a_rival_that_wins_is_named_with_both_numbers() -> None:
-    hammer, key = np.radians([3.6] * 5), np.radians([0.1] * 5)
-    null = {"key": 2 * key, "hammer": np.radians([2.9] * 5)}
-    said = "Nearer than the model: in hammer the null model (RMSE 2.9° against 3.6°, in 5 of 5 trials; not shown "
-    assert describe_nearer_rivals(errors({"key": key, "hammer": hammer}, null=null)) == said + "at 5 %)."
-    both = describe_nearer_rivals(
-        errors({"key": key, "hammer": hammer}, null=null, fir={"key": key * 3, "hammer": 0.5 * hammer})
+def test_a_rival_that_wins_is_named_with_how_much_larger_the_model_s_error_is() -> None:
+    model = np.radians([3.6, 3.4, 3.8, 3.5, 3.7])
+    found = compute_skill(model, {"null": 0.5 * model * np.array([1.0, 1.1, 0.9, 1.0, 1.0]), "fir": 2.0 * model})
+    assert found is not None and found.rival == "null"
+    said = describe_nearer_rivals({"hammer": found})
+    assert said.startswith(
+        "Nearer than the model: in hammer the null model (the model's error is 2 times as large; 95 % "
     )
-    assert "in hammer the FIR filter (RMSE 1.8°" in both and both.endswith("not shown at 5 %), also the null model.")
-    assert describe_nearer_rivals(errors({"key": key}, null={"key": 2 * key})) == ""
+    assert said.endswith(f"interval {1 - found.high:.2g} to {1 - found.low:.2g}, 5 strokes).")
+    assert 1 < 1 - found.high < 2 < 1 - found.low
 
 
-def test_eight_trials_may_show_it() -> None:
-    model = np.linspace(0.02, 0.03, 8)
-    said = describe_nearer_rivals(
-        errors({"hammer": model, "key": model}, null={"hammer": 0.9 * model, "key": 1.1 * model})
-    )
-    assert "in 8 of 8 trials; shown at 5 %" in said and "key" not in said
-    none = describe_nearer_rivals(
-        errors({"hammer": model}, null={"hammer": 0.9 * model}), {(t, "hammer") for t in range(1, 9)}
-    )
-    assert none == ""
+def test_headline_and_advice_rest_on_one_interval() -> None:
+    model = np.array([1.0, 1.1, 0.9, 1.0])
+    sure = compute_skill(model, {"null": 0.8 * model * np.array([1.0, 1.01, 0.99, 1.0])})
+    doubtful = compute_skill(model, {"null": model * np.array([0.4, 1.3, 0.5, 1.2])})
+    assert sure is not None and doubtful is not None
+    said = describe_nearer_rivals({"key": sure, "hammer": doubtful})
+    assert "in key the null model" in said and "in hammer the null model" in said
+    assert 1 - sure.high > 1 > 1 - doubtful.high  # the interval of the second holds 1
+    assert len(advice.nearer({"key": sure})) == 1 and advice.nearer({"hammer": doubtful}) == []
+
+
+def test_few_strokes_have_no_interval_and_a_model_that_is_nearer_is_not_named() -> None:
+    few = compute_skill(np.array([1.0, 1.0]), {"null": np.array([0.5, 0.5])})
+    better = compute_skill(np.array([1.0, 1.0]), {"null": np.array([2.0, 2.0])})
+    assert few is not None and better is not None and math.isnan(few.low)
+    assert describe_nearer_rivals({"key": few, "hammer": better}).endswith("large; of 2 strokes no interval).")
+    assert describe_nearer_rivals({"hammer": better}) == ""
