@@ -28,7 +28,7 @@ def found(kind: str, trial: float = math.nan, channel: str = "hammer", value: fl
 
 def change(number: int, cause: str, unit: str = "1") -> CompatibleChange:
     """A change of a set that all trials share."""
-    return CompatibleChange(number, 1, cause, 1.05, 0.01, unit, 0.0, 0.1)
+    return CompatibleChange(number, 1, cause, 1.05, 0.01, unit, 0.0, 0.1, 0.05)
 
 
 def test_every_finding_but_a_lifting_key_has_its_sentence_and_no_other_has() -> None:
