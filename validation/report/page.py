@@ -311,9 +311,12 @@ def cannot_claim(side: SideBySide) -> list[str]:
         "Hammer height and key dip at rest are taken from the model's rest position; how well the bench agrees with it "
         "is part of the stated uncertainty of events, not measured here.",
     ]
+    named: dict[str, list[str]] = {}
     for results in side.sessions.values():
-        where = f"{results[0].session_name}: " if len(side.sessions) > 1 else ""
-        limits += [where + text for text in _limits_of(results[0])]
+        for text in _limits_of(results[0]):
+            named.setdefault(text, []).append(results[0].session_name)
+    every = len(side.sessions)
+    limits += [text if len(names) == every else f"{'; '.join(names)}: {text}" for text, names in named.items()]
     if len(side.models) > 1:
         limits.append(
             "The model that is closer is closer to these trials of this action. A model may be closer for a wrong "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import asdict
 from typing import Any
 
@@ -16,7 +17,8 @@ COLUMNS = (
     Column("channel", "", "Channel or parameter; may be empty", str, head="channel"),
     Column("value", "", "What was found, in the unit the text gives"),
     Column("limit", "", "Limit of the rule, same unit"),
-    Column("text", "", "The fault in words, and what to do", str, head="what was seen"),
+    Column("text", "", "The fault in words, and what to do", str, head="what was seen",
+           text=lambda row: re.sub(r"^trial \d+: ", "", row["text"])),
 )  # fmt: skip
 
 
