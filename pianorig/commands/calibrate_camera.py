@@ -71,5 +71,5 @@ def command(
     parameters = {"scale_px_per_m": camera.scale_px_per_m, "parameters": [a, b, p, q, k]}
     projection = camera.nominal(camera.width, camera.height)
     if figure is not None and projection is not None:
-        workflows.draw_distortion(projection, figure)
+        workflows.draw_distortion(projection.to_picture, (camera.width, camera.height), figure)
     tell(as_json, {"out": out, "figure": figure, **parameters, **facts}, (*lines, *file_lines([figure])))

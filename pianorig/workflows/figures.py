@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,6 @@ from model.inside.labels import BODY_COLORS
 if TYPE_CHECKING:
     import model
     import rig
-    import vision
 
 MOST_POINTS = 4000
 GOOD, BAD = "#00785A", "#B3261E"
@@ -116,12 +115,16 @@ def draw_uncertainties(estimates: Sequence[Any], path: Path) -> None:
         axes.grid(alpha=0.3)
 
 
-def draw_distortion(projection: vision.Projection, path: Path) -> None:
-    """Draw how far points of the plane are displaced in the picture: arrows ten times as long."""
-    x, y = np.meshgrid(np.linspace(0, projection.width - 1, 13), np.linspace(0, projection.height - 1, 9))
+def draw_distortion(to_picture: Callable[[Any], Any], size_px: tuple[int, int], path: Path) -> None:
+    """Draw how far points of the plane are displaced in the picture: arrows ten times as long.
+
+    ``to_picture``: where points (n, 2) of the plane appear; ``size_px``: width and height of the picture.
+    """
+    width, height = size_px
+    x, y = np.meshgrid(np.linspace(0, width - 1, 13), np.linspace(0, height - 1, 9))
     flat = np.stack([x.ravel(), y.ravel()], axis=1)
-    away = projection.to_picture(flat) - flat
-    with new_sheet(path, 7.0, 1.0 + 6.0 * projection.height / projection.width) as figure:
+    away = np.asarray(to_picture(flat)) - flat
+    with new_sheet(path, 7.0, 1.0 + 6.0 * height / width) as figure:
         axes = figure.subplots()
         axes.quiver(*flat.T, *(10 * away.T), angles="xy", scale_units="xy", scale=1, color=BODY_COLORS["whippen"])
         largest = float(np.hypot(*away.T).max())
