@@ -11,7 +11,7 @@ import typer
 import model
 from pianorig.console.column_file import FIGURE_ENDINGS, check_writable, write_rows
 from pianorig.console.options import AsJson, Scale, Scene, Settings, complete_file
-from pianorig.console.output import file_lines, table_lines, tell, wrapped
+from pianorig.console.output import file_lines, table_lines, tell, wrap_text
 from pianorig.console.overrides import load_changed, name_with_scene
 from pianorig.console.progress import working
 from validation.numbers import number, with_u
@@ -59,10 +59,10 @@ def command(
     lines = table_lines(("±: standard uncertainty", *names), _cells(feels, rows))
     for f in feels:
         loaded = [remark for remark in f.remarks if remark not in f.weights.remarks]
-        lines += [line for remark in (*f.weights.remarks, *loaded[:1]) for line in wrapped(f"{f.name}: {remark}")]
+        lines += [line for remark in (*f.weights.remarks, *loaded[:1]) for line in wrap_text(f"{f.name}: {remark}")]
         if len(loaded) > 1:
             more = f"the check presses it at {len(loaded) - 1} larger forces, too; --json lists them"
-            lines += wrapped(f"{f.name}: {more}")
+            lines += wrap_text(f"{f.name}: {more}")
     plain = [{"action": f.name} | row | {"remarks": list(f.remarks)} for f, row in zip(feels, rows, strict=True)]
     facts = {"actions": plain, "figure": figure, "curve": curve}
     tell(as_json, facts, [*lines, *file_lines([figure, curve])])
