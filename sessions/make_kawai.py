@@ -290,7 +290,7 @@ def identified(session: Session, trials: Sequence[MeasuredTrial], best: tuple[Ar
         before={path: float(ACTION[path]) for one in FREE for path in one.paths},
         strokes={label: describe_stroke(m) for label, m in zip(seals, seen, strict=True)},
         samples={label: list(m.samples) for label, m in zip(seals, seen, strict=True)},
-        black_boxes={kind: box.plain() for kind, box in fit_black_boxes([make_example(m) for m in seen]).items()},
+        black_boxes={kind: box.to_plain_values() for kind, box in fit_black_boxes([make_example(m) for m in seen]).items()},
     )
     said = (
         "the misfit has many local minima; the set lets the action's geometry answer like that piano and measures no "

@@ -64,7 +64,7 @@ class ComparisonOptions:
     paired: bool = False
 
     @classmethod
-    def of(cls, keywords: CompareOptions) -> ComparisonOptions:
+    def from_keywords(cls, keywords: CompareOptions) -> ComparisonOptions:
         """The record of the keywords of a public function."""
         values: dict[str, Any] = dict(keywords)
         if "suspect" in values:

@@ -169,7 +169,7 @@ class ValidationResult:
         --------
         >>> hammer = result.to_frame().query("channel == 'hammer'")  # doctest: +SKIP
         """
-        chosen = None if trials is None else [self._checked(trial) for trial in trials]
+        chosen = None if trials is None else [self._require_compared(trial) for trial in trials]
         if table == "curves":
             frame = curve_table(self.base_s, self.traces, self.film_traces, chosen)
         elif table in self.tables:
@@ -212,7 +212,7 @@ class ValidationResult:
 
     def marks(self, trial: int) -> list[Mark]:
         """Moments of a trial: the thesis's positions A, B and C, and its events, in the order of time."""
-        frame, events = self.traces[self._checked(trial)], self.events
+        frame, events = self.traces[self._require_compared(trial)], self.events
         inside = frame[self.window.mask(frame["time_s"].to_numpy())]
         return trial_marks(inside, events[(events["trial"] == trial) & (events["source"] == "trial")])
 
@@ -253,7 +253,7 @@ class ValidationResult:
             panels,
             self.base_s,
             channel,
-            self.traces[self._checked(trial)],
+            self.traces[self._require_compared(trial)],
             self.film_traces.get(trial),
             band_rad=reach if reach is not None and np.isfinite(reach).any() else None,
             marks=self.marks(trial),
@@ -262,7 +262,7 @@ class ValidationResult:
         )
         return panels[0]
 
-    def _checked(self, trial: int) -> int:
+    def _require_compared(self, trial: int) -> int:
         if trial not in self.traces:
             raise ValidationInputError(f"trial {trial}: not compared; allowed {', '.join(map(str, self.traces))}")
         return trial

@@ -90,14 +90,14 @@ class SideBySide:
                 named.insert(0, "session", result.session_name)
                 named.insert(1, "model", result.action_name)
                 joined.setdefault(name, []).append(named)
-        return {name: _below(parts) for name, parts in joined.items()} | self.compared
+        return {name: _stack_tables(parts) for name, parts in joined.items()} | self.compared
 
     def with_files(self, files: dict[str, Path]) -> SideBySide:
         """A copy that names the files it was written to."""
         return replace(self, files=files, results=tuple(r.with_files(files) for r in self.results))
 
 
-def _below(parts: list[pd.DataFrame]) -> pd.DataFrame:
+def _stack_tables(parts: list[pd.DataFrame]) -> pd.DataFrame:
     """Tables below each other; those without rows only lend their columns."""
     filled = [part for part in parts if len(part)]
     return pd.concat(filled, ignore_index=True) if filled else parts[0]
@@ -109,7 +109,7 @@ def headline(result: ValidationResult) -> str:
     return result.verdict_lines[0] + (f" Findings: {kinds}; see its warnings." if kinds else "")
 
 
-def alone(result: ValidationResult) -> SideBySide:
+def present_alone(result: ValidationResult) -> SideBySide:
     return SideBySide((result,), (), files=result.files)
 
 

@@ -61,7 +61,7 @@ def command(
     demo = run_demo(target, trials=trials, profile=profile, quiet=as_json)
     # start-up: 1 s of pandas
     from validation.report.figures.five_angles import draw_angles
-    from validation.side_by_side import alone
+    from validation.side_by_side import present_alone
 
     report, picture = demo.result.files["report.html"], demo.session.path / "angles.png"
     draw_angles([demo.result], picture)
@@ -71,7 +71,7 @@ def command(
         "",
         *figure_lines(demo.figures),
         "",
-        *workflows.comparison_lines(alone(demo.result)),
+        *workflows.comparison_lines(present_alone(demo.result)),
         "",
         "next:",
         *(f"  {line}\n      {what}" for line, what in next_commands(demo.session.path)),

@@ -21,7 +21,7 @@ from validation.conventions import BODIES, FILM_CHANNELS, Array
 from validation.errors import ValidationInputError
 
 
-def on_base(base_s: Array, time_s: Array, values: Array) -> Array:
+def interpolate_to_base_times(base_s: Array, time_s: Array, values: Array) -> Array:
     """Values at other times, (n_base,); NaN outside the record.
 
     Sample times that agree to 1 ns are taken as they are; others are interpolated by straight lines.
@@ -55,24 +55,24 @@ def trial_curves(base_s: Array, encoder: pd.DataFrame, film: pd.DataFrame | None
             name = f"{channel}_{value}"
             columns[value] = nothing
             if frame is not None and name in frame:
-                columns[value] = on_base(base_s, frame["time_s"].to_numpy(), frame[name].to_numpy())
+                columns[value] = interpolate_to_base_times(base_s, frame["time_s"].to_numpy(), frame[name].to_numpy())
         if film is None and channel in FILM_CHANNELS:  # predicted all the same
             predicted = encoder[f"{channel}_predicted_rad"].to_numpy()
-            columns["predicted_rad"] = on_base(base_s, encoder["time_s"].to_numpy(), predicted)
+            columns["predicted_rad"] = interpolate_to_base_times(base_s, encoder["time_s"].to_numpy(), predicted)
         out[channel] = columns
     return out
 
 
 def force_on_base(base_s: Array, encoder: pd.DataFrame) -> Array:
     """Corrected force of one trial on the base, N."""
-    return on_base(base_s, encoder["force_time_s"].to_numpy(), encoder["force_n"].to_numpy())
+    return interpolate_to_base_times(base_s, encoder["force_time_s"].to_numpy(), encoder["force_n"].to_numpy())
 
 
 def left_out_on_base(base_s: Array, encoder: pd.DataFrame, channel: str) -> Array:
     flag = f"{channel}_marked"
     if flag not in encoder:
         return np.zeros(base_s.size)
-    return on_base(base_s, encoder["time_s"].to_numpy(), encoder[flag].to_numpy(dtype=float))
+    return interpolate_to_base_times(base_s, encoder["time_s"].to_numpy(), encoder[flag].to_numpy(dtype=float))
 
 
 def curve_table(

@@ -315,7 +315,7 @@ class _Path:
     covariance: Array
     good: bool
 
-    def left(self, age: Array, way: Array) -> Array:
+    def residuals(self, age: Array, way: Array) -> Array:
         return way - (self.value[0] + self.value[1] * age + self.value[2] * age**2 / 2)
 
     def u(self, i: int) -> float:
@@ -426,7 +426,7 @@ def _find_undisturbed(stretch: Stretch, sigma: float, slowing: float) -> tuple[f
         path = _path(age, way, sigma, slowing)
         if not path.good:
             break
-        longest, last = float(length), (age, path.left(age, way))
+        longest, last = float(length), (age, path.residuals(age, way))
     if last is not None and longest >= CLEAN_FLIGHT_S - 1e-9 and has_vibration(*last, sigma):
         return WINDOW_S, False
     return max(longest - STEP_S, WINDOW_S), longest >= CLEAN_FLIGHT_S - 1e-9
@@ -731,13 +731,13 @@ def let_off(motion: Motion, strike: Strike | None, read: LevelReading = read_lev
     age = contact - motion.time_s
     near = (age > 0) & (age < FREE_FOR_S)
 
-    def behind_path(speed: float) -> Array:
+    def lag_of_path(speed: float) -> Array:
         path = speed * age + DECELERATION_M_PER_S2 * age**2 / 2
         return np.where(near, motion.hammer_way_m - path, np.nan)
 
     # the deceleration of the path is part of the definition; the speed is not, and tilts it
     speed, u_speed = strike.arrival.speed, strike.arrival.u_speed
-    behind = behind_path(speed)
+    behind = lag_of_path(speed)
     # a jack pushes the hammer from one side of its path; one that is off on the other side vibrates about it, unless it
     # is as near as a string that is lower than the geometry says
     in_flight = (age < SWINGS_S) & (speed * age > NEAR_MISS_M)
@@ -747,7 +747,7 @@ def let_off(motion: Motion, strike: Strike | None, read: LevelReading = read_lev
     value, u = read(lambda level: find_last_fall(motion.time_s, -behind, level), level, motion.u_height_m)
     if value is None:
         return make_absent_event("let_off", "hammer is in free flight for longer than 50 ms, or never")
-    _, u_tilt = read(lambda v: find_last_fall(motion.time_s, -behind_path(v), level), speed, u_speed)
+    _, u_tilt = read(lambda v: find_last_fall(motion.time_s, -lag_of_path(v), level), speed, u_speed)
     event = _make_bent_crossing("let_off", value, math.hypot(u, u_tilt), motion.time_s, behind)
     if not vibrates:
         return event

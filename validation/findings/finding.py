@@ -76,13 +76,13 @@ def register_kinds(
     What is to be done names no trial and no channel: `validation.findings.unusable` names them all.
     """
 
-    def entered(check: Check) -> Check:
+    def enter_kinds(check: Check) -> Check:
         KINDS.update({kind: Kind(spoils, mend) for kind, mend in kinds.items()})
         if among is not None:
             among.append(check)
         return check
 
-    return entered
+    return enter_kinds
 
 
 def make_finding(kind: str, channel: str, by_trial: Mapping[int, float], limit: float, text: str) -> SessionFinding:

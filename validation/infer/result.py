@@ -170,7 +170,7 @@ def joint_posterior(
         before={path: float(problem.action[path]) for path in sorted(made.moved)},
         strokes=strokes,
         samples=samples | {label: list(found) for label, found in sources.samples.items()},
-        black_boxes={kind: box.plain() for kind, box in boxes.items()},
+        black_boxes={kind: box.to_plain_values() for kind, box in boxes.items()},
     )
 
 

@@ -133,11 +133,11 @@ def measure_session(
 
 
 def _sharing_times(m: MeasuredTrial, other: MeasuredTrial) -> MeasuredTrial:
-    def shared(mine: Array, theirs: Array) -> Array:
+    def pick_shared(mine: Array, theirs: Array) -> Array:
         return theirs if np.array_equal(mine, theirs) else mine
 
-    time = shared(m.time_s, other.time_s)
-    force = replace(m.force, time_s=shared(m.force.time_s, other.force.time_s))
+    time = pick_shared(m.time_s, other.time_s)
+    force = replace(m.force, time_s=pick_shared(m.force.time_s, other.force.time_s))
     return replace(m, time_s=time, force=force)
 
 

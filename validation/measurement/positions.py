@@ -154,7 +154,7 @@ def _measure(data: TrialData, name: str, body: str) -> DisplacementReading:
     values = reading.copy()
     values[:, k] -= hum
     position = replace(data, channel_values=values).position(name, zero)
-    value = smoothed(position.displacement_m, position.u_noise_m, NOISE_M[body])
+    value = smooth_to_noise(position.displacement_m, position.u_noise_m, NOISE_M[body])
     value = value - float(np.median(value[:quiet]))
     slope = np.abs(ruler_curve(info.ruler, name).slope(values[:, k] - zero))
     return DisplacementReading(position, value, quiet, float(np.max(u_reading * slope)))
@@ -181,7 +181,7 @@ def _rest(data: TrialData, reading: Array, info: ChannelInfo, period_s: float) -
     return int(np.count_nonzero(time_s < min(float(at[back][-1]) - period_s, QUIET_S)))
 
 
-def smoothed(value: Array, u_noise: Array, wanted: float) -> Array:
+def smooth_to_noise(value: Array, u_noise: Array, wanted: float) -> Array:
     """Averages over as many neighbours (Gaussian weights) as bring the noise to ``wanted``, one where it is there."""
     neighbours = np.clip((u_noise / wanted) ** 2, 1.0, MOST_NEIGHBOURS)
     width = neighbours / (2.0 * np.sqrt(np.pi))  # standard deviation, in samples, of Gaussian weights worth so many

@@ -49,9 +49,9 @@ def what_to_do(
     said = [f"Record again or reject (pianorig annotate): {unusable}."] if unusable else []
     said += mend(findings)
     if not any(f.kind in SPOIL for f in findings):
-        said += about_the_causes(explained)
+        said += advise_on_causes(explained)
         held = rivals.places[~rivals.places["fitted"].astype(bool)]
-        said += beyond(dict(zip(held["trial"], held["why_outside"], strict=True)))
+        said += advise_on_domain(dict(zip(held["trial"], held["why_outside"], strict=True)))
         said += nearer(rivals.skill)
     if not said and outcome == AGREES:
         said = [NOTHING]
@@ -64,7 +64,7 @@ def mend(findings: Sequence[SessionFinding]) -> list[str]:
     return list(dict.fromkeys(words for kind, words in MEND.items() if kind in kinds))
 
 
-def about_the_causes(explained: Explained) -> list[str]:
+def advise_on_causes(explained: Explained) -> list[str]:
     """What to measure, by the sets that explain what all trials share."""
     sets: dict[int, list[CompatibleChange]] = {}
     for change in (c for c in explained.changes if c.profile == ALL):
@@ -86,7 +86,7 @@ def about_the_causes(explained: Explained) -> list[str]:
     return [f"Measure {named}, which {explains}."]
 
 
-def beyond(outside: Mapping[int, str]) -> list[str]:
+def advise_on_domain(outside: Mapping[int, str]) -> list[str]:
     """What to record before strokes are trusted that lie outside of what was fitted.
 
     Parameters

@@ -86,7 +86,7 @@ def compare(
     from validation.options import ComparisonOptions
     from validation.pipeline.compare_session import compare_by, load_model
 
-    chosen = ComparisonOptions.of(options)
+    chosen = ComparisonOptions.from_keywords(options)
     return compare_by(open_session(session), load_model(action), chosen)
 
 
@@ -129,7 +129,7 @@ def compare_many(
     from validation.options import ComparisonOptions
     from validation.pipeline.compare_sessions import compare_every
 
-    return compare_every(sessions, actions, ComparisonOptions.of(options))
+    return compare_every(sessions, actions, ComparisonOptions.from_keywords(options))
 
 
 def validate_sessions(
@@ -174,7 +174,7 @@ def validate_sessions(
     from validation.options import CompareOptions, ComparisonOptions
     from validation.report.files import check_folder
 
-    chosen = ComparisonOptions.of(options)
+    chosen = ComparisonOptions.from_keywords(options)
     folder = report_folder([s.path if isinstance(s, Session) else s for s in sessions], out)
     check_folder(folder)  # before any work is done
     side = compare_many(sessions, actions, **CompareOptions({"further": True, **options}))

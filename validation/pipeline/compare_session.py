@@ -204,7 +204,7 @@ def _explain(
 ) -> Explained:
     """The causes of what the model and the sound trials of one kind differ by."""
     chosen.say("which causes explain the difference")
-    every, apart = (of_one_kind(predicted.trials, findings, but) for but in (ODD, ""))
+    every, apart = (select_one_kind(predicted.trials, findings, but) for but in (ODD, ""))
     explained = explain_difference(tested, every, chosen.effects)
     if len(apart) < len(every) and not explained.findings:  # odd trials count only where what they differ by is found
         explained = explain_difference(tested, apart, chosen.effects)
@@ -261,7 +261,7 @@ def with_causes(findings: SessionFindings, explained: Explained, numbers: Sequen
     return replace(findings, faults=(*kept, *explained.findings), conditions=conditions)
 
 
-def of_one_kind(trials: Sequence[MeasuredTrial], findings: SessionFindings, but: str = "") -> list[MeasuredTrial]:
+def select_one_kind(trials: Sequence[MeasuredTrial], findings: SessionFindings, but: str = "") -> list[MeasuredTrial]:
     """Trials without faults, but one kind of them; of two kinds of stroke those of the median trial's kind."""
     sound = select_sound_trials(trials, findings.faults, but)
     if not sound or not findings.kinds:

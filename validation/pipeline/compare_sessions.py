@@ -25,7 +25,7 @@ from validation.result import ValidationResult
 from validation.side_by_side import SideBySide
 
 
-def by_condition(opened: Sequence[Session], condition: str | None) -> list[tuple[Session, str | None]]:
+def pair_with_conditions(opened: Sequence[Session], condition: str | None) -> list[tuple[Session, str | None]]:
     """Each session with the condition to compare, one of several conditions once for each; under distinct names."""
     parts: list[tuple[Session, str | None]] = []
     names = []
@@ -108,7 +108,7 @@ def compare_every(
     results: list[ValidationResult] = []
     failures: list[Exception] = [error for _, error in refused]
     lines = [text for text, _ in refused]
-    for session, condition in by_condition(opened, chosen.condition):
+    for session, condition in pair_with_conditions(opened, chosen.condition):
         label = session.info.name
         for action in models:
             if len(opened) > 1 or len(models) > 1:

@@ -17,7 +17,7 @@ from validation.events.definitions import EVENTS
 from validation.findings.finding import SessionFinding, summary_line
 from validation.findings.unusable import list_unusable_data, name_unusable
 from validation.measurement.trial import MeasuredTrial, trials_in_words
-from validation.prediction.posterior import altered, posterior_of
+from validation.prediction.posterior import list_alterations, posterior_of
 from validation.verdict.verdict import MOST_NAMED, Verdict, most_important, quantity_words
 
 
@@ -34,7 +34,7 @@ def prediction_lines(action: model.Action, trials: Sequence[MeasuredTrial]) -> l
         return []
     fitted = fitted_trials(action, trials)
     n = len(posterior.trials)
-    doubts = altered(action)
+    doubts = list_alterations(action)
     if not fitted:
         none = f"none of these trials is among the {n} that the values of {action.name} were fitted to (by hash)"
         if doubts:
@@ -56,7 +56,7 @@ def identified_warnings(action: model.Action) -> list[str]:
         return []
     said = [f"{action.name} was identified: {line}" for line in action.identification.get("warnings", [])]
     changed = "; the band still holds its joint uncertainty, about the values now"
-    return said + [f"{action.name}: {line}{changed}" for line in altered(action)]
+    return said + [f"{action.name}: {line}{changed}" for line in list_alterations(action)]
 
 
 def verdict_lines(
@@ -90,13 +90,17 @@ def verdict_lines(
         head += f" {differing} kind{'s' if differing > 1 else ''} of event happen in one but not in the other."
     left_out = name_unusable(list_unusable_data(findings))
     lines = [text for text in (head, summary_line(findings), left_out and f"Left out: {left_out}.") if text]
-    lines += _plain(verdict.quantities) + _alone(verdict.quantities) + _made_of(verdict.facts)
+    lines += (
+        _plain_difference_lines(verdict.quantities)
+        + _excluded_alone_lines(verdict.quantities)
+        + _made_of(verdict.facts)
+    )
     if len(scored):
         lines.append("RMSE: " + "; ".join(f"{row['channel']} {_score(row)}" for _, row in scored.iterrows()) + ".")
-    return lines + _beside_ceiling(scored) + _events(events)
+    return lines + _score_lines(scored) + _events(events)
 
 
-def _plain(quantities: pd.DataFrame) -> list[str]:
+def _plain_difference_lines(quantities: pd.DataFrame) -> list[str]:
     """The plain differences of the primary quantities that matter most, with measurement and repeatability only."""
     known = most_important(quantities)[:MOST_NAMED]
     if not len(known):
@@ -105,7 +109,7 @@ def _plain(quantities: pd.DataFrame) -> list[str]:
     return [f"Plain difference (95 %, measurement and repeatability only): {'; '.join(parts)}."]
 
 
-def _alone(quantities: pd.DataFrame) -> list[str]:
+def _excluded_alone_lines(quantities: pd.DataFrame) -> list[str]:
     """Quantities whose individual interval alone excludes an error of zero."""
     alone = quantities[quantities["alone"].astype(bool)]
     if not len(alone):
@@ -140,7 +144,7 @@ def _score(row: Any) -> str:
     return text + (f" ({'; '.join(parts)})" if parts else "")
 
 
-def _beside_ceiling(scored: pd.DataFrame) -> list[str]:
+def _score_lines(scored: pd.DataFrame) -> list[str]:
     """The ISO-style score of each channel beside what a perfect model would score."""
     shown = [
         f"{row.channel} {row.iso_overall:.2f}" + (f" ({row.iso_ceiling:.2f})" if math.isfinite(row.iso_ceiling) else "")

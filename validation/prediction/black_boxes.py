@@ -71,14 +71,14 @@ class BlackBox:
         )
         return np.column_stack([np.interp(time_s, grid, column) for column in made.T])
 
-    def plain(self) -> dict[str, Any]:
+    def to_plain_values(self) -> dict[str, Any]:
         """As values that a file holds, seven digits."""
         lists = {name: getattr(self, name).tolist() for name in ("weights", "low", "high")}
         return {"kind": self.kind, "order": list(self.order), "middle": self.middle, "reach": self.reach,
-                **{name: _rounded(values) for name, values in lists.items()}}  # fmt: skip
+                **{name: _round_to_seven_digits(values) for name, values in lists.items()}}  # fmt: skip
 
     @classmethod
-    def of(cls, plain: Mapping[str, Any], where: str) -> BlackBox:
+    def from_plain_values(cls, plain: Mapping[str, Any], where: str) -> BlackBox:
         """Of what a file holds."""
         try:
             arrays = {name: np.array(plain[name], dtype=float) for name in ("weights", "low", "high")}
@@ -95,15 +95,15 @@ class BlackBox:
         return made
 
 
-def _rounded(values: Any) -> Any:
-    return [_rounded(v) for v in values] if isinstance(values, list) else float(f"{values:.7g}")
+def _round_to_seven_digits(values: Any) -> Any:
+    return [_round_to_seven_digits(v) for v in values] if isinstance(values, list) else float(f"{values:.7g}")
 
 
 def fit_black_boxes(examples: Sequence[Example]) -> dict[str, BlackBox]:
     """Every kind fitted to the same strokes; their order by leaving strokes out, with one stroke the lowest."""
     if not examples:
         raise ValidationInputError("black boxes: found no stroke to fit them to; needed one")
-    return {kind: _Normal(kind, examples).best() for kind in KINDS}
+    return {kind: _Normal(kind, examples).fit_all() for kind in KINDS}
 
 
 def left_out_boxes(examples: Sequence[Example]) -> list[dict[str, BlackBox]]:
@@ -111,7 +111,7 @@ def left_out_boxes(examples: Sequence[Example]) -> list[dict[str, BlackBox]]:
 
     The order is the one chosen on all of them, which favours the black boxes a little.
     """
-    made = {kind: _Normal(kind, examples).left_out() for kind in KINDS} if len(examples) > 1 else {}
+    made = {kind: _Normal(kind, examples).fit_without_each() for kind in KINDS} if len(examples) > 1 else {}
     return [{kind: boxes[k] for kind, boxes in made.items()} for k in range(len(examples))]
 
 
@@ -142,15 +142,15 @@ class _Normal:
             self.right[k] += x.T @ y / n
             self.square[k] += (y**2).sum(axis=0) / n
 
-    def best(self) -> BlackBox:
-        return self._box(*self.chosen(), range(len(self.gram)))
+    def fit_all(self) -> BlackBox:
+        return self._box(*self.choose_order(), range(len(self.gram)))
 
-    def left_out(self) -> list[BlackBox]:
-        order, ridge = self.chosen()
+    def fit_without_each(self) -> list[BlackBox]:
+        order, ridge = self.choose_order()
         boxes = [self._box(order, ridge, [g for g in range(len(self.gram)) if g != k]) for k in range(len(self.gram))]
         return [boxes[k] for k in self.group]
 
-    def chosen(self) -> tuple[tuple[int, int], float]:
+    def choose_order(self) -> tuple[tuple[int, int], float]:
         """Order and ridge with the least mean square on groups left out, each answer by its own range."""
         if len(self.gram) < 2:
             return ORDERS[self.kind][0], RIDGES[-1]

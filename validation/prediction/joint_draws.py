@@ -211,7 +211,7 @@ def drawn_run(tested: ModelUnderTest, m: MeasuredTrial, drawn: DrawnAction, time
     if draw.has_own_errors:
         force = force + offset * rng.standard_normal() + f.noise_n * rng.standard_normal(force.size)
     when = f.time_s + f.channel.u_group_delay_s * draw.z_delay
-    at = time_s[_inside(m, draw, time_s)]
+    at = time_s[_find_known_times(m, draw, time_s)]
     return Run(drawn.action, drawn.rest, *coarse_force(when, force), at, drawn_tolerance(tested))
 
 
@@ -223,7 +223,7 @@ def drawn_readings(m: MeasuredTrial, drawn: DrawnAction, time_s: Array, solution
     draw = drawn.draw
     turn = np.full((time_s.size, len(BODIES)), np.nan)
     moved = np.asarray(solution.angle_rad, dtype=float) - np.asarray(drawn.rest.angle_rad, dtype=float)
-    turn[_inside(m, draw, time_s)] = moved[:, : len(BODIES)]
+    turn[_find_known_times(m, draw, time_s)] = moved[:, : len(BODIES)]
     return _readings(m, draw, time_s, turn)
 
 
@@ -265,7 +265,7 @@ def film_errors(film: FilmAngles, name: str, time_s: Array) -> tuple[Array, floa
     return np.asarray(np.hypot(u_frame, of_film)) + np.zeros(time_s.size), u_frame
 
 
-def _inside(m: MeasuredTrial, draw: JointDraw, time_s: Array) -> NDArray[np.bool_]:
+def _find_known_times(m: MeasuredTrial, draw: JointDraw, time_s: Array) -> NDArray[np.bool_]:
     """Times at which the force of a draw is known."""
     first, last = m.force.time_s[[0, -1]] + m.force.channel.u_group_delay_s * draw.z_delay
     return (time_s >= first) & (time_s <= last)

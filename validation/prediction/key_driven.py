@@ -89,7 +89,7 @@ class NullAction:
     reach_m: float
 
     @classmethod
-    def of(cls, action: model.Action) -> NullAction:
+    def from_action(cls, action: model.Action) -> NullAction:
         weight = action["hammer.mass"] * action["gravity.g"]
         centre = (weight * action["hammer.center_of_mass.x"], weight * action["hammer.center_of_mass.y"])
         reach = math.hypot(action["contact12.first.x"], action["contact12.first.y"])
@@ -112,7 +112,7 @@ def run_null_key_driven(action: model.Action, m: MeasuredTrial) -> Array:
     again once the jack is back under it. Nothing in it is fitted to the action; sensors are tied to it as to the full
     model.
     """
-    null, motion = NullAction.of(action), key_motion(m, 0.0)
+    null, motion = NullAction.from_action(action), key_motion(m, 0.0)
     time_s = np.arange(m.time_s[0], m.time_s[-1], STEP_S)
     state = motion.at(np.clip(time_s, motion.break_s[0], motion.break_s[-1]))
     pressed, r = -state[:, 0], null.reduced

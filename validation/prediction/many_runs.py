@@ -118,7 +118,7 @@ def run_many(
 
 def _solutions(tested: ModelUnderTest, runs: Sequence[Run], pool: Executor) -> list[model.Solution | None]:
     if tested.own_model:
-        members = run_jobs(_chosen(tested.action, runs), executor=pool, workers=WORKERS)
+        members = run_jobs(_choose_jobs(tested.action, runs), executor=pool, workers=WORKERS)
         defects = [m.error for m in members if m.error is not None and not isinstance(m.error, ModelError)]
         if defects:
             raise defects[0]
@@ -134,7 +134,7 @@ def _solutions(tested: ModelUnderTest, runs: Sequence[Run], pool: Executor) -> l
     return list(pool.map(one, runs))
 
 
-def _chosen(action: model.Action, runs: Sequence[Run]) -> list[Job]:
+def _choose_jobs(action: model.Action, runs: Sequence[Run]) -> list[Job]:
     """Jobs of the runs, in lanes; of another scene than the action's only where they are many."""
     jobs, own = [_job(run) for run in runs], model.choice_of(action)
     mine = [model.choice_of(run.action) == own for run in runs]

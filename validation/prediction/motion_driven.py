@@ -77,7 +77,7 @@ def motion_driven(tested: ModelUnderTest, m: MeasuredTrial, at: Array, lifted: N
         "force from motion", (tested.identity, MEMBERS, m.time_s, m.change_rad[:, 0], rest, at, resolution), drive
     )
     step = float(np.median(np.diff(m.time_s)))
-    out = _around(np.asarray(driven["lifted"], dtype=bool) | lifted, round(AROUND_S / step))
+    out = _widen_mask(np.asarray(driven["lifted"], dtype=bool) | lifted, round(AROUND_S / step))
     return pd.DataFrame(
         {
             "time_s": at,
@@ -91,7 +91,7 @@ def motion_driven(tested: ModelUnderTest, m: MeasuredTrial, at: Array, lifted: N
     )
 
 
-def _around(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+def _widen_mask(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
     if not mask.any():
         return mask
     near = np.convolve(mask.astype(np.int64), np.ones(2 * reach + 1, dtype=np.int64), mode="same")

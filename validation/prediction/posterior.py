@@ -183,24 +183,24 @@ def digests(action: model.Action, provenance: Mapping[str, Any], posterior: Mapp
     }
 
 
-def altered(action: model.Action) -> list[str]:
+def list_alterations(action: model.Action) -> list[str]:
     """What was changed since the identification, in words: in the file, or by hand for this run.
 
     They find out edits, not fraud: a hash can be written anew. A file without them is taken as it is.
     """
     table = action.identification
     if VALUES_SHA256 not in table or ORIGIN_SHA256 not in table:
-        return [] if not action.changed else [_by_hand(action)]
+        return [] if not action.changed else [_name_hand_set(action)]
     now = digests(action, table.get("provenance", {}), table.get(TABLE, {}))
     said = []
     if table[ORIGIN_SHA256] != now[ORIGIN_SHA256]:
         said.append(f"what {action.origin} says of its trials or uncertainty was edited after it was written")
     if action.changed:
-        said.append(_by_hand(action))
+        said.append(_name_hand_set(action))
     elif table[VALUES_SHA256] != now[VALUES_SHA256]:
         said.append(f"values in {action.origin} were edited after it was written")
     return said
 
 
-def _by_hand(action: model.Action) -> str:
+def _name_hand_set(action: model.Action) -> str:
     return f"{', '.join(sorted(action.changed))} set by hand since"

@@ -104,7 +104,7 @@ def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "mode
     inputs = (tested.action_hash, float(tested.tolerance), variant, force_s, force_n, m.time_s, rest)
     key = result_key("predictions", tested.version, inputs)
     step = f"{VARIANTS[variant]}_{tested.action_hash[:12]}"
-    stored = _stored(tested, m, step, key, rest)
+    stored = _load_prediction(tested, m, step, key, rest)
     if stored is not None:
         tested.store.count("predictions", reused=True)
         return stored
@@ -156,7 +156,7 @@ def _predict_by_key(m: MeasuredTrial, tested: ModelUnderTest, variant: str) -> P
     inputs = (tested.action_hash, float(tested.tolerance), variant, m.time_s, m.change_rad, m.resolution_rad, sensors)
     key = result_key("predictions by key", tested.version, (*inputs, rest))
     step = f"{VARIANTS[variant]}_by_key_{tested.action_hash[:12]}"
-    stored = _stored(tested, m, step, key, rest)
+    stored = _load_prediction(tested, m, step, key, rest)
     if stored is not None:
         tested.store.count("predictions", reused=True)
         return stored
@@ -175,7 +175,9 @@ def _predict_by_key(m: MeasuredTrial, tested: ModelUnderTest, variant: str) -> P
     return PredictedAngles(m.time_s, np.asfortranarray(turn), speed, rest, key, False, counters)
 
 
-def _stored(tested: ModelUnderTest, m: MeasuredTrial, step: str, key: str, rest: Array) -> PredictedAngles | None:
+def _load_prediction(
+    tested: ModelUnderTest, m: MeasuredTrial, step: str, key: str, rest: Array
+) -> PredictedAngles | None:
     found = tested.store.table(step, m.number, key)
     if found is None:
         return None
@@ -231,7 +233,7 @@ def predict_session(
             progress(f"predicting trial {m.number}")
         try:
             predictions[m.number] = _predict(m, tested)
-            missed = _missed(predictions[m.number].model, tested.tolerance)
+            missed = _warn_of_missed_tolerance(predictions[m.number].model, tested.tolerance)
             if missed and progress is not None:
                 progress(f"trial {m.number}: {missed}")
         except ModelError as error:
@@ -245,7 +247,7 @@ def predict_session(
 
 def _predict(m: MeasuredTrial, tested: ModelUnderTest) -> PredictedTrial:
     found = predict_trial(m, tested)
-    missed = _missed(found, tested.tolerance)
+    missed = _warn_of_missed_tolerance(found, tested.tolerance)
     notes, rivals = [text for text in (missed, found.check_load) if text], {}
     for name in (name for name in tested.rivals if name in (KEY_DRIVEN if m.driven_by_key else VARIANTS)):
         try:
@@ -265,7 +267,7 @@ def _curves_of(found: PredictedAngles, m: MeasuredTrial) -> RivalCurves:
     return RivalCurves(encoder, film)
 
 
-def _missed(found: PredictedAngles, tolerance: float) -> str:
+def _warn_of_missed_tolerance(found: PredictedAngles, tolerance: float) -> str:
     """What to say where the numerical error is far above the requested one; empty where it is not."""
     if not found.error_rad > MISSED * tolerance:
         return ""

@@ -15,7 +15,7 @@ import numpy as np
 from validation.conventions import BODIES, ENCODER_CHANNELS, Array
 from validation.curves.display_signs import TITLE, degrees
 from validation.curves.style import uneven_samples
-from validation.curves.table import force_on_base, on_base
+from validation.curves.table import force_on_base, interpolate_to_base_times
 from validation.events.definitions import EVENTS
 from validation.events.key_lift import EXCESS_M
 from validation.measurement.trial import trials_in_words
@@ -88,7 +88,9 @@ def page_data(view: SessionView) -> str:
     per_sample = len(trials) * (1 + len(ENCODER_CHANNELS) * (1 + len(view.results)))
     n = int(np.clip(LARGEST_BYTES / BYTES_PER_VALUE / per_sample, FEWEST_SAMPLES, MOST_SAMPLES))
     shown = first.traces[view.shown_trial()]
-    leading = [on_base(base, shown["time_s"].to_numpy(), shown[f"{c}_measured_rad"]) for c in view.measured]
+    leading = [
+        interpolate_to_base_times(base, shown["time_s"].to_numpy(), shown[f"{c}_measured_rad"]) for c in view.measured
+    ]
     leading += [force_on_base(base, shown)] if view.has_force else []
     at = base[uneven_samples(base, np.column_stack(leading), n)]
     channels: dict[str, Any] = {}
@@ -115,7 +117,9 @@ def _rotation(result: ValidationResult, trial: int, channel: str, kind: str, at:
     frame = traces_of(result, channel).get(trial)
     if frame is None:
         return np.full(at.size, np.nan)
-    return degrees(channel, on_base(at, frame["time_s"].to_numpy(), frame[f"{channel}_{kind}_rad"].to_numpy()))
+    return degrees(
+        channel, interpolate_to_base_times(at, frame["time_s"].to_numpy(), frame[f"{channel}_{kind}_rad"].to_numpy())
+    )
 
 
 def _packed(curves: dict[str, Any]) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from validation.report.files import check_folder, write_files
 from validation.report.page import ANIMATION, render_html
 from validation.report.view import SessionView, netcdf_names, shown_trials
 from validation.result import ValidationResult
-from validation.side_by_side import SideBySide, alone
+from validation.side_by_side import SideBySide, present_alone
 from validation.tables.schema import SCHEMA, SCHEMA_VERSION
 
 
@@ -169,7 +169,7 @@ def write_report(result: ValidationResult | SideBySide, folder: str | Path) -> V
     """
     if isinstance(result, SideBySide):
         return write_side_by_side(result, Path(folder))
-    return write_side_by_side(alone(result), Path(folder)).results[0]
+    return write_side_by_side(present_alone(result), Path(folder)).results[0]
 
 
 def write_side_by_side(side: SideBySide, folder: Path) -> SideBySide:

@@ -276,7 +276,7 @@ def _periodicity(t: Array, c: Array, step: float, shift_s: float) -> str:
         return ""
     if abs(shift) >= LARGEST_SHIFT_SHARE * t.size:
         return f"periodicity: the shift of {1e3 * shift_s:.2f} ms lies at the end of the search; it may be larger still"
-    nearest = _nearest_peak(t, c)
+    nearest = _climb_to_peak(t, c)
     if abs(shift) <= 1.5 * abs(nearest) + 2:
         return ""
     return (
@@ -285,7 +285,7 @@ def _periodicity(t: Array, c: Array, step: float, shift_s: float) -> str:
     )
 
 
-def _nearest_peak(t: Array, c: Array) -> int:
+def _climb_to_peak(t: Array, c: Array) -> int:
     """Shift at which one arrives by climbing the correlation from no shift, in samples; positive: c is late."""
 
     def correlation(m: int) -> float:

@@ -143,7 +143,7 @@ def _scores(
 def _curves(m: MeasuredTrial, traces: SessionTraces, without: Collection[tuple[int, str]]) -> list[_Curve]:
     out = []
     for names, source in CHANNEL_GROUPS:
-        frame = traces.of(source).get(m.number)
+        frame = traces.select_source(source).get(m.number)
         if frame is None:
             continue
         part: pd.DataFrame = frame[traces.window.mask(frame["time_s"].to_numpy())]

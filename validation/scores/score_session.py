@@ -70,7 +70,7 @@ def score_curves(
     jobs = [
         (number, name, i, source, frame)
         for names, source in CHANNEL_GROUPS
-        for number, frame in traces.of(source).items()
+        for number, frame in traces.select_source(source).items()
         for i, name in enumerate(names)
         if name in channels[number]
     ]

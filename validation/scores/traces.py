@@ -59,7 +59,7 @@ def _fit(window: int) -> Array:
     return np.asarray(slope @ np.linalg.pinv(design) * 2 / (window - 1))
 
 
-def _smooth(values: Array, window: int) -> tuple[Array, Array]:
+def _fit_slopes(values: Array, window: int) -> tuple[Array, Array]:
     """Slope per sample of one stretch, and the factor by which the samples' noise enters it."""
     weights, half = _fit(window), window // 2
     gain = np.linalg.norm(weights, axis=1)
@@ -96,8 +96,8 @@ def differentiate_between_contacts(
             continue
         part = angle_rad[first:last]
         wide = min(WINDOW, n - 1 + n % 2)
-        slope, factor = _smooth(part, wide)
-        bend = np.abs(slope - _smooth(part, max((wide // 2) | 1, FEWEST))[0])
+        slope, factor = _fit_slopes(part, wide)
+        bend = np.abs(slope - _fit_slopes(part, max((wide // 2) | 1, FEWEST))[0])
         if wide < WINDOW:  # a contact: all of it is one bend
             bend = np.maximum(bend, np.abs(slope - np.gradient(part)))
         speed[first:last] = slope / step
@@ -138,7 +138,7 @@ class SessionTraces:
     window: Window
     impact_s: Mapping[int, float]
 
-    def of(self, source: str) -> dict[int, pd.DataFrame]:
+    def select_source(self, source: str) -> dict[int, pd.DataFrame]:
         """Traces of a source, ``encoder`` or ``film``."""
         return self.encoder if source == "encoder" else self.film
 

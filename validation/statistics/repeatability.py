@@ -17,7 +17,7 @@ import pandas as pd
 from scipy.special import chdtri, stdtrit
 
 from validation.conventions import Array
-from validation.curves.table import on_base
+from validation.curves.table import interpolate_to_base_times
 from validation.events.definitions import EVENTS, Event
 from validation.scores.traces import select_scored_angles
 
@@ -32,7 +32,7 @@ def interpolate_to_base(time_s: Array, frames: dict[int, pd.DataFrame], column: 
         time = frame["time_s"].to_numpy()
         channel = column.removesuffix("_measured_rad")
         values = frame[column].to_numpy() if channel == column else select_scored_angles(frame, channel)
-        out[:, j] = on_base(time_s, time, values)
+        out[:, j] = interpolate_to_base_times(time_s, time, values)
     return out
 
 

@@ -131,7 +131,10 @@ def _fit_black_boxes(
     if not set(KINDS) & set(tested.rivals):
         return nothing
     if posterior is not None and posterior.black_boxes:
-        made = {kind: BlackBox.of(plain, tested.action.origin) for kind, plain in posterior.black_boxes.items()}
+        made = {
+            kind: BlackBox.from_plain_values(plain, tested.action.origin)
+            for kind, plain in posterior.black_boxes.items()
+        }
         return {m.number: made for m in trials}
     sound = [m for m in trials if m.number not in faulty]
     found = left_out_boxes([make_example(m) for m in sound])

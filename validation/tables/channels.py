@@ -132,7 +132,7 @@ def channel_tables(
     rows: list[dict[str, object]] = []
     spread: dict[str, Array] = {"time_s": base}
     for names, source in CHANNEL_GROUPS:
-        every = traces.of(source)
+        every = traces.select_source(source)
         for name in names:
             frames, state = select_counted(every, name, without), describe_left_out(every, name, without)
             if not frames:

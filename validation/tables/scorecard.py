@@ -65,7 +65,7 @@ def scorecard(
     (`validation.scores.perfect_model`).
     """
     for names, source in CHANNEL_GROUPS:
-        every = traces.of(source)
+        every = traces.select_source(source)
         for name in names if every else ():
             frames = select_counted(every, name, without)
             part = scores[(scores["channel"] == name) & scores["trial"].isin(frames)]

@@ -152,7 +152,7 @@ def quantity_table(errors: SessionErrors, e: Estimates, limits: Mapping[str, flo
             if main == PARAMETERS and strongest[i]:
                 main += f", mostly {strongest[i]}"
         values = (
-            q.name, q.title, _of_condition(errors, one), q.channel, q.phase, q.unit, q.is_primary,
+            q.name, q.title, _trials_of_condition(errors, one), q.channel, q.phase, q.unit, q.is_primary,
             one.travel.get(q.channel, math.nan), int(sample.n_trials[i]), found,
             found - plain[i], found + plain[i], e.low[i], e.high[i], e.low_90[i], e.high_90[i], limit[i], e.ratio[i],
             e.ratio_limit, bool(e.resolved[i]), bool(e.alone[i]), e.detectable_low[i], e.detectable_high[i], e.u[i],
@@ -162,7 +162,7 @@ def quantity_table(errors: SessionErrors, e: Estimates, limits: Mapping[str, flo
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _of_condition(errors: SessionErrors, one: Condition) -> str:
+def _trials_of_condition(errors: SessionErrors, one: Condition) -> str:
     """Trials of a condition in words; empty where the session holds one condition only."""
     return trials_in_words(one.trials) if len(errors.conditions) > 1 else ""
 
@@ -271,8 +271,8 @@ def sentence_of(outcome: str, table: pd.DataFrame, errors: SessionErrors, e: Est
         k = int(np.argmin(e.share))
         one, n = errors.conditions[k], len(errors.sample.common)
         parts.append(
-            f"differs: in {_of_condition(errors, one) or 'the trials'} {branch_words(one.branch, one.known)}, which a "
-            f"model without error does in {_percent(e.share[k])} of {n} draws of the declared uncertainties"
+            f"differs: in {_trials_of_condition(errors, one) or 'the trials'} {branch_words(one.branch, one.known)}, "
+            f"which a model without error does in {_percent(e.share[k])} of {n} draws of the declared uncertainties"
         )
     else:
         parts.append(outcome)
@@ -381,13 +381,13 @@ def _reservations(table: pd.DataFrame, errors: SessionErrors, e: Estimates) -> l
         quiet = [
             name
             for k, one in enumerate(errors.conditions)
-            if (name := _of_condition(errors, one)) not in resolved and e.share[k] > RARE_BRANCH
+            if (name := _trials_of_condition(errors, one)) not in resolved and e.share[k] > RARE_BRANCH
         ]
         if resolved and quiet:
             said.append(f"Nothing is resolved in {'; '.join(quiet)}")
     n = len(errors.sample.common)
     for k, one in enumerate(errors.conditions):
-        name = _of_condition(errors, one)
+        name = _trials_of_condition(errors, one)
         let_off = table[(table["quantity"] == LET_OFF.name) & (table["trials"] == name)]
         if let_off["difference"].isna().all():
             is_reached = bool((let_off["state"] != "not in the trials").any())

@@ -52,7 +52,7 @@ def stage(make, tmp_path_factory):
         session.add_trial(data)
         if table is not None:
             session.write_derived("angles", number, table)
-    options = ComparisonOptions.of({"keep_predictions": False, "rivals": (), "budget": False})
+    options = ComparisonOptions.from_keywords({"keep_predictions": False, "rivals": (), "budget": False})
     tested = model_under_test(session, model.load_action(), options)
     predicted = predict_session(measure_session(session, tested.geometry_at, 6e-5), tested)
     return Stage(predicted, find_session_events(predicted, tested), tested)

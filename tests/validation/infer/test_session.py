@@ -24,7 +24,7 @@ from validation.infer.sentences import plain_sentences
 from validation.infer.sources import IdentifyOptions, collect
 from validation.infer.unknowns import unknowns
 from validation.infer.write import write_identified, write_reading
-from validation.prediction.posterior import altered, posterior_of
+from validation.prediction.posterior import list_alterations, posterior_of
 from validation.report.figures.overlays import trial_words
 from validation.report.view import SessionView, as_sentence
 from validation.statistics.skill import CALLED, RIVALS
@@ -93,7 +93,7 @@ def written(found, tmp_path_factory) -> dict[str, Path]:  # type: ignore[no-unty
 
 def test_the_file_holds_the_joint_uncertainty_and_the_prediction(found, written) -> None:  # type: ignore[no-untyped-def]
     action = model.load_action(written["action"])
-    assert not altered(action)  # its hashes are those of what was written
+    assert not list_alterations(action)  # its hashes are those of what was written
     joint = posterior_of(action)
     assert joint is not None and joint.names[0] == "hammer.joint_friction.A"
     assert joint.moved == {"hammer.joint_friction.A"}  # errors of the force have no parameter of the action

@@ -62,16 +62,16 @@ def test_a_fault_that_spoils_the_comparison_is_all_that_is_said() -> None:
 
 def test_causes_are_measured_alone_or_told_apart() -> None:
     one = Explained("x", (change(1, "hammer.mass"), change(1, "key.mass")))
-    assert advice.about_the_causes(one) == [
+    assert advice.advise_on_causes(one) == [
         "Measure hammer.mass and key.mass, which alone of the causes compared explain the difference."
     ]
     several = Explained("x", tuple(change(n, f"part {n}") for n in range(1, 6)))
-    (said,) = advice.about_the_causes(several)
+    (said,) = advice.advise_on_causes(several)
     assert "part 1 or part 2 or part 3 or 2 more" in said and "cannot tell" in said
-    (said,) = advice.about_the_causes(Explained("x", (change(1, "force gain"),)))
+    (said,) = advice.advise_on_causes(Explained("x", (change(1, "force gain"),)))
     assert said.startswith("Calibrate the bench") and "loosen nothing" in said
     drift = CompatibleChange(1, 1, "force gain", 1.05, 0.01, "1", 0.0, 0.1, "trend", 1, 6)
-    assert not advice.about_the_causes(Explained("x", (drift,)))  # a finding says it
+    assert not advice.advise_on_causes(Explained("x", (drift,)))  # a finding says it
 
 
 def test_strokes_outside_of_what_was_fitted() -> None:
@@ -84,7 +84,7 @@ def test_strokes_outside_of_what_was_fitted() -> None:
     )
     said = advice.what_to_do([], Explained(), rivals(places), AGREES)
     assert said == ("Record repetitions and identify again before you trust the model there.",)
-    assert advice.beyond({3: "", 7: "fastest way down of the key 2, fitted up to 1 1/s", 5: "x"}) == [
+    assert advice.advise_on_domain({3: "", 7: "fastest way down of the key 2, fitted up to 1 1/s", 5: "x"}) == [
         "Record strokes like trials 5, 7 and identify again before you trust the model there."
     ]
 

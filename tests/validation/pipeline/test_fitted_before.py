@@ -10,7 +10,7 @@ import pytest
 
 import model
 from validation.pipeline.verdict import fitted_trials, identified_warnings, prediction_lines
-from validation.prediction.posterior import altered, digests, make_posterior, posterior_of
+from validation.prediction.posterior import digests, list_alterations, make_posterior, posterior_of
 
 NAME = "hammer.joint_friction.A"
 
@@ -76,7 +76,7 @@ def written(**changes: object) -> model.Action:
 
 def test_what_was_edited_since_makes_no_prediction() -> None:
     whole = written()
-    assert not altered(whole) and prediction_lines(whole, TRIALS)[0].startswith("A prediction")  # type: ignore[arg-type]
+    assert not list_alterations(whole) and prediction_lines(whole, TRIALS)[0].startswith("A prediction")  # type: ignore[arg-type]
     value = whole.quantities[NAME]
     edited = written(quantities={**whole.quantities, NAME: replace(value, value=2 * value.value)})
     forgotten = replace(whole, identification={**whole.identification, "provenance": {"trials_sha256": {}}})

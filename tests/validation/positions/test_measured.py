@@ -11,7 +11,7 @@ from rig.session.info import NO_FORCE, ChannelInfo, RulerInfo
 from rig.session.trial_data import TrialData
 from validation.errors import TrialError
 from validation.measurement.position_sensors import SensorCalibration, reference_turns
-from validation.measurement.positions import measure_positions, smoothed
+from validation.measurement.positions import measure_positions, smooth_to_noise
 from validation.measurement.trial import MeasuredTrial
 
 RATE = 2000.0
@@ -68,9 +68,9 @@ def test_mains_of_another_country_is_not_fitted() -> None:
 
 def test_smoothing_averages_only_where_noise_asks() -> None:
     step = np.where(np.arange(400) < 200, 0.0, 1.0)
-    assert np.abs(smoothed(step, np.full(400, 1e-6), 1e-5) - step).max() < 3e-3
+    assert np.abs(smooth_to_noise(step, np.full(400, 1e-6), 1e-5) - step).max() < 3e-3
     noise = np.random.default_rng(0).standard_normal(4000)
-    assert smoothed(noise, np.full(4000, 5.0), 1.0)[100:-100].std() == pytest.approx(0.2, rel=0.15)
+    assert smooth_to_noise(noise, np.full(4000, 5.0), 1.0)[100:-100].std() == pytest.approx(0.2, rel=0.15)
 
 
 def test_a_trial_without_a_hammer_is_named() -> None:

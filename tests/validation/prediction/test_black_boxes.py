@@ -87,10 +87,10 @@ def test_answers_stay_within_what_was_fitted_and_an_unknown_channel_is_unknown()
 def test_a_file_holds_a_box_and_a_damaged_one_is_one_line():
     one = example(*STROKES[0], late)
     for box in fit_black_boxes([example(*s, late) for s in STROKES]).values():
-        plain = json.loads(json.dumps(box.plain()))
-        assert rms(BlackBox.of(plain, "f"), one) == pytest.approx(rms(box, one), rel=1e-3, abs=1e-5)
+        plain = json.loads(json.dumps(box.to_plain_values()))
+        assert rms(BlackBox.from_plain_values(plain, "f"), one) == pytest.approx(rms(box, one), rel=1e-3, abs=1e-5)
         for change in ({"weights": plain["weights"][1:]}, {"kind": "net"}, {"order": [3, 9]}, {"low": None}):
             with pytest.raises(ValidationInputError, match=r"^f: black box found .* again$"):
-                BlackBox.of(plain | change, "f")
+                BlackBox.from_plain_values(plain | change, "f")
     with pytest.raises(ValidationInputError, match="found no stroke"):
         fit_black_boxes([])

@@ -28,7 +28,7 @@ from validation.report.files import write_files
 from validation.report.overview import forest, verdict_parts
 from validation.report.page import cannot_claim, render_html, section_tables
 from validation.report.view import SessionView
-from validation.side_by_side import alone
+from validation.side_by_side import present_alone
 
 
 @pytest.fixture(scope="module")
@@ -175,7 +175,7 @@ def test_one_trial_and_no_film_are_said(lonely):
     assert result.files["report.html"].parent == session.path
     assert "repeatability is not known" in text
     assert "<td>0 (not filmed)</td>" in text
-    assert any("not filmed: nothing is said" in limit for limit in cannot_claim(alone(result)))
+    assert any("not filmed: nothing is said" in limit for limit in cannot_claim(present_alone(result)))
     assert np.isnan(result.channels["s_r_rad"].astype(float)).all()
     assert "against 1 trial of" in result.verdict
 
@@ -191,7 +191,7 @@ def test_a_blow_too_soft_for_the_string_and_a_film_without_a_frame_are_reported(
     assert channels.loc["jack", "state"] == "no frame tracked"
     assert np.isnan(channels.loc["jack", "rmse_rad"])
     assert np.isfinite(channels.loc["repetition", "rmse_rad"])
-    assert "1 (no frame tracked)" in render_html(alone(result))
+    assert "1 (no frame tracked)" in render_html(present_alone(result))
 
 
 def test_rejected_and_damaged_trials_are_named_and_the_rest_is_compared(make, tmp_path, without_figures):
@@ -206,7 +206,7 @@ def test_rejected_and_damaged_trials_are_named_and_the_rest_is_compared(make, tm
     assert result.trials.set_index("trial").loc[2, "reason"] == "rejected: double <b>strike</b>"
     assert "trial_0003.h5" in result.trials.set_index("trial").loc[3, "reason"]
     assert sum("is not used" in text for text in result.warnings) == 2
-    assert "&lt;b&gt;strike" in render_html(alone(result))
+    assert "&lt;b&gt;strike" in render_html(present_alone(result))
 
 
 def test_a_session_without_trials_and_a_missing_one_are_refused_in_one_line(make, tmp_path):
@@ -312,7 +312,7 @@ def test_a_single_trial_is_judged_but_has_no_band_of_its_own(lonely):
 
 
 def test_an_animation_beside_the_page_is_linked_and_otherwise_said_how_to_make(compared, tmp_path, without_figures):
-    assert 'href="animation.html"' not in render_html(alone(compared))
+    assert 'href="animation.html"' not in render_html(present_alone(compared))
     (tmp_path / "animation.html").write_text("<p>moves</p>")
     page = write_report(compared, tmp_path).files["report.html"].read_text(encoding="utf-8")
     assert '<a href="animation.html">Animation of the action</a>' in page and "--animation REPORT" not in page

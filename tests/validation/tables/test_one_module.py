@@ -10,7 +10,7 @@ import pytest
 import validation.tables
 from validation import results_schema
 from validation.report.page import render_html
-from validation.side_by_side import alone
+from validation.side_by_side import present_alone
 from validation.tables.catalogue import all_tables, every_table
 from validation.tables.comparison import Comparison
 from validation.tables.table import Column, Page, Table
@@ -44,7 +44,7 @@ def test_one_file_adds_a_table_to_results_schema_and_page(added, compared):
     made = Comparison(*[None] * 8)  # its rows ask for nothing
     result = compared.with_tables(swings=made.table("swings"))
     assert result.swings["swing_rad"].tolist() == [0.1, 0.2]
-    side = alone(result)
+    side = present_alone(result)
     assert list(side.tables["swings"].columns) == ["session", "model", "trial", "swing_rad"]
     columns = results_schema()["properties"]["tables"]["properties"]["swings"]["items"]["properties"]
     assert columns["swing_rad"]["unit"] == "rad"

@@ -14,7 +14,7 @@ import pytest
 
 from validation import SideBySide, results_schema
 from validation.report.write import results_json
-from validation.side_by_side import alone
+from validation.side_by_side import present_alone
 from validation.tables.schema import SCHEMA, SCHEMA_VERSION
 
 ROOT = Path(__file__).parents[3]
@@ -40,16 +40,16 @@ def check(schema):
 
 
 def test_results_of_a_session_and_of_the_planted_faults_keep_to_the_schema(check, compared, planted):
-    assert check(alone(compared)) == []
+    assert check(present_alone(compared)) == []
     assert len(planted.findings) > 5
-    assert check(alone(planted)) == []
+    assert check(present_alone(planted)) == []
 
 
 def test_a_trial_that_is_not_used_and_what_is_not_known_are_null(check, compared):
     refused = {"trial": 9, "used": False, "reason": "rejected: fell off"}
     trials = pd.concat([compared.trials, pd.DataFrame([refused])], ignore_index=True)
     scores = compared.scores.assign(rmse_rad=[math.inf, -math.inf, math.nan] + [0.1] * (len(compared.scores) - 3))
-    side = alone(compared.with_tables(trials=trials, scores=scores))
+    side = present_alone(compared.with_tables(trials=trials, scores=scores))
     assert check(side) == []
     rows = json.loads(results_json(side))["tables"]
     assert rows["trials"][-1]["peak_force_n"] is None
@@ -59,11 +59,11 @@ def test_a_trial_that_is_not_used_and_what_is_not_known_are_null(check, compared
 def test_the_schema_refuses_what_it_does_not_describe(check, compared):
     """A column that is added, or leaves, is found: so the schema stays in step."""
     more = compared.with_tables(channels=compared.channels.assign(new=1.0))
-    assert any("'new' was unexpected" in text for text in check(alone(more)))
+    assert any("'new' was unexpected" in text for text in check(present_alone(more)))
     less = compared.with_tables(scores=compared.scores.drop(columns="n_lost"))
-    assert any("'n_lost' is a required property" in text for text in check(alone(less)))
+    assert any("'n_lost' is a required property" in text for text in check(present_alone(less)))
     other = replace(compared, provenance={**compared.provenance, "tolerance_rad": np.nan})
-    assert any("tolerance_rad" in text for text in check(alone(other)))
+    assert any("tolerance_rad" in text for text in check(present_alone(other)))
 
 
 def fields(schema, name=""):

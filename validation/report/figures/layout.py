@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from validation.conventions import FILM_CHANNELS, Array
 from validation.curves.display_signs import SIGN, degrees
 from validation.curves.style import decimate, uneven_samples
-from validation.curves.table import on_base
+from validation.curves.table import interpolate_to_base_times
 from validation.report.figures.svg import figure_svg
 from validation.report.view import SessionView
 from validation.result import ValidationResult
@@ -56,7 +56,10 @@ def curves_of(result: ValidationResult, channel: str, kind: str) -> Array:
     filmed = kind == "measured" or bool(result.film_traces)
     traces = traces_of(result, channel) if filmed else result.traces
     name = f"{channel}_{kind}_rad"
-    columns = [on_base(result.base_s, f["time_s"].to_numpy(), degrees(channel, f[name])) for f in traces.values()]
+    columns = [
+        interpolate_to_base_times(result.base_s, f["time_s"].to_numpy(), degrees(channel, f[name]))
+        for f in traces.values()
+    ]
     return np.column_stack(columns) if columns else np.full((result.base_s.size, 1), np.nan)
 
 
@@ -64,7 +67,9 @@ def differences_of(result: ValidationResult, channel: str) -> Array:
     """Model − trial on the time base, (n_samples, n_trials) degrees: taken at the samples of each trial."""
     names = f"{channel}_predicted_rad", f"{channel}_measured_rad"
     columns = [
-        on_base(result.base_s, f["time_s"].to_numpy(), SIGN[channel] * np.degrees(f[names[0]] - f[names[1]]).to_numpy())
+        interpolate_to_base_times(
+            result.base_s, f["time_s"].to_numpy(), SIGN[channel] * np.degrees(f[names[0]] - f[names[1]]).to_numpy()
+        )
         for f in traces_of(result, channel).values()
     ]
     return np.column_stack(columns) if columns else np.full((result.base_s.size, 1), np.nan)
