@@ -259,8 +259,8 @@ def is_untested(row: Any) -> bool:
 def sentence_of(outcome: str, table: pd.DataFrame, errors: SessionErrors, e: Estimates) -> str:
     """The outcome with what it rests on: the errors that matter most, and what was not tested."""
     ordered = most_important(table)
-    untested = [row for row in ordered.itertuples() if reading_of(row) == NOT_TESTED]
-    ordered = ordered[[reading_of(row) != NOT_TESTED for row in ordered.itertuples()]]
+    is_tested = np.array([reading_of(row) != NOT_TESTED for row in ordered.itertuples()], dtype=bool)
+    untested, ordered = list(ordered[~is_tested].itertuples()), ordered[is_tested]
     named = list(ordered.itertuples())
     parts = []
     if outcome == AGREES:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,8 +18,11 @@ from validation.events.definitions import EVENTS, Event
 from validation.events.detect import make_absent_event
 from validation.events.session_events import Window
 from validation.result import AGREES, CANNOT_TELL, DIFFERS, DIFFERS_LITTLE, DIFFERS_PERHAPS
+from validation.verdict.error_draws import INPUTS, Condition, SessionErrors
+from validation.verdict.estimate import ErrorSample
 from validation.verdict.quantities import (
     INDEX,
+    IS_PRIMARY,
     QUANTITIES,
     branch_mask,
     branch_of,
@@ -27,7 +31,15 @@ from validation.verdict.quantities import (
     phase_masks,
     relevance_limits,
 )
-from validation.verdict.verdict import decide, detectable_words, format_interval, halving, reading_of, undecided_verdict
+from validation.verdict.verdict import (
+    decide,
+    detectable_words,
+    format_interval,
+    halving,
+    judge_model,
+    reading_of,
+    undecided_verdict,
+)
 
 
 def table(**rows: tuple[float, float, bool]) -> pd.DataFrame:
@@ -100,6 +112,25 @@ def test_a_quantity_of_which_only_a_huge_error_would_be_shown_is_not_tested() ->
     assert reading_of(one) == "not tested"
     one.resolved = True
     assert reading_of(one) == "differs, whether by enough to matter cannot be told"
+
+
+def test_where_no_draw_takes_the_branch_of_the_trials_no_quantity_has_an_interval() -> None:
+    v, draws, rng = len(QUANTITIES), 199, np.random.default_rng(1)
+    sample = ErrorSample(
+        found=np.zeros(v), n_trials=np.full(v, 3), residuals=1e-4 * rng.standard_normal((3, v)),
+        common=1e-4 * rng.standard_normal((draws, v)), own=1e-4 * rng.standard_normal((20, v)),
+        condition=np.zeros(v, dtype=int), branch=np.zeros((draws, 1), dtype=int), branch_found=np.array([1]),
+        inputs=rng.standard_normal((draws, len(INPUTS))), floor=np.full(v, 1e-7), primary=IS_PRIMARY,
+    )  # fmt: skip
+    condition = Condition((1, 2, 3), 1, 15, {q.channel: 0.1 for q in QUANTITIES if q.channel}, np.ones(v), 1)
+    errors = SessionErrors(sample, (condition,), {}, 0, np.zeros(1), np.zeros((draws, 1, 5), np.float32), [{}] * draws)
+    verdict = judge_model(errors, relevance_limits({}))
+    assert verdict.outcome == DIFFERS  # a branch that none of 199 draws takes
+    assert verdict.quantities["low"].isna().all()
+    seldom = replace(sample, branch=np.ones((draws, 1), dtype=int) * (np.arange(draws)[:, None] < 5))
+    verdict = judge_model(replace(errors, sample=seldom), relevance_limits({}))
+    assert verdict.outcome == CANNOT_TELL
+    assert verdict.sentence.startswith("cannot tell: no quantity of the claim has an interval")
 
 
 @pytest.mark.parametrize(
