@@ -89,6 +89,7 @@ class NullAction:
     reach_m: float
 
     @classmethod
+    @lru_cache(maxsize=4)  # found once for all trials
     def from_action(cls, action: model.Action) -> NullAction:
         weight = action["hammer.mass"] * action["gravity.g"]
         centre = (weight * action["hammer.center_of_mass.x"], weight * action["hammer.center_of_mass.y"])
