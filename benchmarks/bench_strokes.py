@@ -124,7 +124,7 @@ def record(
     raw = ForceSignal(sensors.force, seed, number).millivolts_per_volt(delayed, time)
     f = config.force
     encoders = tuple(
-        replace(EncoderInfo.of(e), u_scale_relative=e.certificate.u_relative if e.certificate else 0.0)
+        replace(EncoderInfo.from_config(e), u_scale_relative=e.certificate.u_relative if e.certificate else 0.0)
         for e in config.encoders
     )
     per_unit = (f.physical_n[1] - f.physical_n[0]) / (f.electrical[1] - f.electrical[0])
@@ -132,7 +132,7 @@ def record(
         number=number, status="complete", started_utc="2026-11-21T09:00:00Z", simulated=True, sample_rate_hz=rate_hz,
         time_s=time, raw_force_n=raw * per_unit, force_raw=raw, motor_command_v=np.zeros(time.size),
         encoder_count=count - count[0],
-        encoders=encoders, force_info=ForceInfo.of(config, GROUP_DELAY_S),
+        encoders=encoders, force_info=ForceInfo.from_config(config, GROUP_DELAY_S),
         blow_start_s=BEFORE_S,
     )  # fmt: skip
 

@@ -86,7 +86,7 @@ class Sensors:
     def __init__(self, rng: np.random.Generator) -> None:
         self.config = load_rig("virtual").config
         f = self.config.force
-        self.encoders = tuple(EncoderInfo.of(e) for e in self.config.encoders)
+        self.encoders = tuple(EncoderInfo.from_config(e) for e in self.config.encoders)
         self.gain = 1 + f.u_gain_relative * rng.standard_normal()
         self.delay_s = DELAY_S + f.u_group_delay_s * rng.standard_normal()
         self.preload_n = f.preload_n + f.u_preload_n * rng.standard_normal()
@@ -106,7 +106,7 @@ class Sensors:
             number=number, status="complete", started_utc="2026-11-22T09:00:00Z", simulated=True,
             sample_rate_hz=RATE_HZ, time_s=t, raw_force_n=seen, force_raw=seen, motor_command_v=np.zeros(t.size),
             encoder_count=count - count[0], encoders=self.encoders,
-            force_info=ForceInfo.of(self.config, DELAY_S), blow_start_s=BEFORE_S,
+            force_info=ForceInfo.from_config(self.config, DELAY_S), blow_start_s=BEFORE_S,
         )  # fmt: skip
 
 

@@ -580,7 +580,10 @@ class _Press:
             "kind": "felt",
             "profile": FileInfo(name=f"felt {self.order.contact}"),
             "plan": PlanInfo(trials=self.count, rest_s=self.order.rest_s),
-            "notes": {"recording": pressed, **(self.options.permission.noted() if self.options.permission else {})},
+            "notes": {
+                "recording": pressed,
+                **(self.options.permission.session_notes() if self.options.permission else {}),
+            },
         }
 
     def command(self, profile: Profile) -> None:

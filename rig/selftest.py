@@ -171,15 +171,15 @@ def encoder_advice(config: RigConfig, body: int, turned_rad: float) -> str:
     expected = [s / (2 * np.pi) * e.counts_per_revolution for s, e in zip(strokes, encoders, strict=True)]
     counts = turned_rad / (2 * np.pi) * encoders[body].counts_per_revolution
 
-    def like(other: float) -> bool:
+    def is_near(other: float) -> bool:
         return abs(counts - other) <= tolerance * abs(other)
 
     if abs(counts) < 0.02 * abs(expected[body]):
         return "does not move: look at its plug, supply and terminals"
-    if like(-expected[body]):
+    if is_near(-expected[body]):
         return "turns the wrong way: change its sign, or exchange A and B"
     for other, theirs in enumerate(expected):
-        if other != body and (like(theirs) or like(-theirs)):
+        if other != body and (is_near(theirs) or is_near(-theirs)):
             return f"reads like the {BODIES[other]}: its cable or terminals are swapped with the {BODIES[other]}'s"
     ratio = abs(counts / expected[body])
     if min(abs(ratio / 4 - 1), abs(4 * ratio - 1)) <= tolerance:

@@ -307,7 +307,7 @@ class ChannelTable:
                     "the mapping"
                 )
 
-    def cut(self, time_s: NDArray[np.float64], interval_s: float) -> list[ChannelTable]:
+    def split_at_breaks(self, time_s: NDArray[np.float64], interval_s: float) -> list[ChannelTable]:
         """Return the pieces between breaks of the times, (n,); channels of other lengths are left out of them."""
         time_s = as_numbers(time_s, "times", 1)
         at = [0, *find_breaks(time_s, interval_s), time_s.size]
@@ -328,3 +328,5 @@ class ChannelTable:
                 )
             )
         return pieces
+
+    cut = split_at_breaks  # its former name, for one release

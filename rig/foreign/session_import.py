@@ -457,7 +457,7 @@ def _pieces(table: ChannelTable, config: ImportMapping) -> list[ChannelTable]:
     if not columns or columns[0].size < 2:
         return [table]
     interval_s = typical_interval(columns[0]) if np.isnan(stated_s) else stated_s
-    return table.cut(columns[0], interval_s) if interval_s > 0 else [table]
+    return table.split_at_breaks(columns[0], interval_s) if interval_s > 0 else [table]
 
 
 def _recording_start(table: ChannelTable, file: Path, config: ImportMapping) -> str:

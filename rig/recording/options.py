@@ -71,9 +71,11 @@ class BlockFeed:
         self._dropped = 0
 
     @property
-    def dropped(self) -> int:
+    def n_dropped(self) -> int:
         """Blocks dropped because no viewer took them in time."""
         return self._dropped
+
+    dropped = n_dropped  # its former name, for one release
 
     def publish(self, block: Block) -> None:
         """Add a block; returns at once."""

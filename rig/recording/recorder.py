@@ -108,7 +108,7 @@ def record(out: str | Path, options: RecordingOptions | None = None, **keywords:
             ),
             plan=plan.info(),
             room=given.room or plan.room or RoomInfo(),
-            notes=given.permission.noted() if given.permission else {},
+            notes=given.permission.session_notes() if given.permission else {},
             dry_run=predicted,
         )
         record_entries(session, backend, config, plan.entries, given)

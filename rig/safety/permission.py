@@ -26,13 +26,15 @@ class Permission:
     rig_sha256: str
     selftest: SelftestRecord | None
 
-    def noted(self) -> dict[str, str]:
+    def session_notes(self) -> dict[str, str]:
         """Return the notes for the session file."""
         record = self.selftest
         if record is None:
             return {"permission": self.how}
         found = "; ".join(f"{finding.check}: {finding.found}" for finding in record.findings)
         return {"permission": self.how, "selftest": f"{record.created_utc.isoformat()} {found}"}
+
+    noted = session_notes  # its former name, for one release
 
     def applied_to(self, config: RigConfig) -> RigConfig:
         """Return the rig's settings with what the self-test measured: the unloaded reading of the load cell."""

@@ -184,9 +184,11 @@ class EncoderInfo:
     """True angle over reading, over the arc the body turns."""
 
     @classmethod
-    def of(cls, config: EncoderConfig) -> EncoderInfo:
+    def from_config(cls, config: EncoderConfig) -> EncoderInfo:
         """Return what the rig file says of an encoder."""
         return take_same_fields(cls, config, channel=config.counter, calibration=_calibration("", config.certificate))
+
+    of = from_config  # its former name, for one release
 
     @property
     def u_turn_relative(self) -> float:
@@ -238,7 +240,7 @@ class ForceInfo:
         return 1e-3 if self.electrical_unit == "mV/V" else 1.0
 
     @classmethod
-    def of(cls, config: RigConfig, group_delay_s: float) -> ForceInfo:
+    def from_config(cls, config: RigConfig, group_delay_s: float) -> ForceInfo:
         """Return what the rig file says of the force channel, with the delay the device really has, s."""
         return take_same_fields(
             cls,
@@ -247,6 +249,8 @@ class ForceInfo:
             group_delay_s=group_delay_s,
             mains_frequency_hz=config.mains_frequency_hz,
         )
+
+    of = from_config  # its former name, for one release
 
 
 NO_FORCE = ForceInfo(sensor="not recorded", calibration="none", electrical=(0.0, 1.0), physical_n=(0.0, 1.0))
@@ -276,11 +280,13 @@ class ChannelInfo:
     """Ruler points of a position sensor, whose readings are the channel's values; None for any other channel."""
 
     @classmethod
-    def of(cls, config: ChannelConfig) -> ChannelInfo:
+    def from_config(cls, config: ChannelConfig) -> ChannelInfo:
         """Return what the rig file says of a further channel."""
         ruler = None if config.ruler is None else RulerInfo(**config.ruler.model_dump())
         calibration = _calibration(config.calibration, config.certificate)
         return take_same_fields(cls, config, calibration=calibration, ruler=ruler)
+
+    of = from_config  # its former name, for one release
 
     @classmethod
     def opposite_head(cls, config: RigConfig) -> ChannelInfo:

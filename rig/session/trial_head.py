@@ -128,15 +128,15 @@ class TrialHead:
             sample_rate_hz=timing.sample_rate_hz,
             blow_start_s=command.blow_start_s,
             command_v=command.volts,
-            encoders=tuple(EncoderInfo.of(encoder) for encoder in config.encoders),
+            encoders=tuple(EncoderInfo.from_config(encoder) for encoder in config.encoders),
             force_info=replace(
-                ForceInfo.of(config, timing.force_group_delay_s), device_scaling=timing.force_device_scaling
+                ForceInfo.from_config(config, timing.force_group_delay_s), device_scaling=timing.force_device_scaling
             ),
             frame_clock=FrameClock.from_camera(config.camera, timing),
             condition=condition,
             plan_entry=plan_entry,
             channels=(
-                *(ChannelInfo.of(channel) for channel in config.channels),
+                *(ChannelInfo.from_config(channel) for channel in config.channels),
                 *([ChannelInfo.opposite_head(config)] if config.key_opposite is not None else []),
             ),
         )

@@ -119,7 +119,7 @@ CALLS: dict[str, Callable[[], Arguments]] = {
     "rig.make_target": lambda: {
         "name": "push", "force_n": recording(), "interval_s": 1e-3, "sample_rate_hz": 1000.0, "key_bottom_s": 0.2,
     },
-    "rig.ChannelTable.cut": lambda: {
+    "rig.ChannelTable.split_at_breaks": lambda: {
         "self": rig.ChannelTable("recording", {"force": ROWS}), "time_s": ROWS / 8.0, "interval_s": 0.125,
     },
     "rig.Profile.force_at": lambda: {"self": rig.load_profile("piano"), "time_s": ROWS},

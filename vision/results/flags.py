@@ -68,5 +68,5 @@ FAILURE = (
 
 
 def is_failed(flag: NDArray[np.uint16]) -> NDArray[np.bool_]:
-    """Where a body or mark is lost, of the shape of the flags."""
+    """Where a body is lost, of the shape of the flags."""
     return (flag & np.uint16(FAILURE)) != 0

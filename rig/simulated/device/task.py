@@ -74,7 +74,7 @@ class OutputBuffer:
     """Samples per channel generated since the start."""
 
     @property
-    def written(self) -> int:
+    def n_written(self) -> int:
         """Samples per channel written."""
         return 0 if self.samples is None else self.samples.shape[0]
 
@@ -236,7 +236,7 @@ class SimulatedTask:
         if output.samples is None or self.clock is None:
             return np.empty((0, len(self.channels)))
         m = int(min(n, self.samples_remaining))
-        rows = (output.generated + np.arange(m)) % output.written
+        rows = (output.generated + np.arange(m)) % output.n_written
         output.generated += m
         return output.samples[rows]
 

@@ -96,7 +96,7 @@ def task_setting(category: str, kind: type, check: Callable[[DeviceState, Any], 
     def get(device: DeviceState, request: Any) -> Any:
         return find_task(device, request.task.name).setting(category, "", enum(request, "attribute"), None)
 
-    def put(device: DeviceState, task: SimulatedTask, request: Any, value: Any) -> None:
+    def set_value(device: DeviceState, task: SimulatedTask, request: Any, value: Any) -> None:
         _refuse_other_kind(value, kind)
         task.refuse_while_running()
         check(device, value)
@@ -104,7 +104,7 @@ def task_setting(category: str, kind: type, check: Callable[[DeviceState, Any], 
         if category == "Trig":
             _settle_arm_start(device, task)
 
-    return Property(get, put)
+    return Property(get, set_value)
 
 
 def channel_setting(type_: str, kind: type, check: Check) -> Property:
@@ -114,7 +114,7 @@ def channel_setting(type_: str, kind: type, check: Check) -> Property:
         task = find_task(device, request.task.name)
         return task.setting("Chan", find_channels(task, request.channel)[0].name, enum(request, "attribute"), None)
 
-    def put(device: DeviceState, task: SimulatedTask, request: Any, value: Any) -> None:
+    def set_value(device: DeviceState, task: SimulatedTask, request: Any, value: Any) -> None:
         _refuse_other_kind(value, kind)
         if task.type != type_:
             raise Unsupported(f"Task: {task.name} is {task.type}")
@@ -125,7 +125,7 @@ def channel_setting(type_: str, kind: type, check: Check) -> Property:
         for channel in channels:
             task.properties["Chan", channel.name, enum(request, "attribute")] = value
 
-    return Property(get, put)
+    return Property(get, set_value)
 
 
 def _refuse_other_kind(value: Any, kind: type) -> None:

@@ -299,7 +299,7 @@ def test_a_rig_files_channel_may_be_a_position_sensor() -> None:
         name="shank", channel="Dev1/ai3", quantity="position", unit="V", sensor="s", calibration="ruler",
         electrical=(0.0, 1.0), physical=(0.0, 1.0), least=-5.0, most=5.0, ruler=ruler,
     )  # fmt: skip
-    info = ChannelInfo.of(config)
+    info = ChannelInfo.from_config(config)
     assert info.ruler is not None and info.ruler.displacement_m == tuple(RULER_M)
     plain = {**dataclasses.asdict(info), "electrical": [0.0, 1.0], "physical": [0.0, 1.0]}
     assert ChannelInfo.from_plain(plain) == info

@@ -73,7 +73,7 @@ def test_progress_and_feed_see_every_block_and_a_full_feed_never_holds_up(record
     seen, feed = [], BlockFeed(capacity=3)
     session = call(trials=2, progress=seen.append, feed=feed)
     lengths = [trial.read().n_valid for trial in session.trials]
-    assert len(seen) == sum(lengths) // 100 == feed.dropped + 3
+    assert len(seen) == sum(lengths) // 100 == feed.n_dropped + 3
     assert [(p.trial, p.trials) for p in seen[:1] + seen[-1:]] == [(1, 2), (2, 2)]
     assert seen[-1].time_s == pytest.approx(lengths[1] / 5000)
     assert max(p.peak_force_n for p in seen) == pytest.approx(6.05, abs=0.1)
@@ -280,6 +280,6 @@ def test_a_viewer_that_sleeps_loses_the_oldest_blocks_only() -> None:
     feed = BlockFeed(capacity=3)
     for k in range(5):
         feed.publish(Block(k, np.zeros(1), np.zeros(1), np.zeros((1, 3), dtype=np.int64)))
-    assert feed.dropped == 2
+    assert feed.n_dropped == 2
     assert [block.first_sample for block in feed.take()] == [2, 3, 4]
     assert feed.take() == []
