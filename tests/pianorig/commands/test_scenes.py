@@ -46,7 +46,6 @@ def test_derivatives_and_variants_are_of_the_scene(force: Path, capsys) -> None:
     [
         (["touch", "hirschkorn2004", "--scene", "strin"], "scene 'strin': not found; did you mean string?"),
         (["regulate", "hirschkorn2004", "--set", "string.modes=3"], "string.modes is set but the scene has no string"),
-        (["study", "joints", "--scene", "string"], "No such option: --scene"),
     ],
 )
 def test_what_has_no_meaning_is_refused_in_one_line(words: list[str], said: str, capsys) -> None:

@@ -58,7 +58,7 @@ def contents(folder: Path) -> list[tuple[Path, bytes]]:
 def test_without_control_the_page_only_looks(looking: Page, folder: Path) -> None:
     before = contents(folder)
     assert looking.ask("/api/about").json["may_write"] is False
-    assert len(writes()) == 9
+    assert len(writes()) == 7
     for method, address in writes():
         answer = looking.ask(address, method, {})
         assert answer.status == 403 and "--control" in answer.json["error"], address
