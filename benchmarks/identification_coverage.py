@@ -41,7 +41,7 @@ from validation.infer.further import HALF_KNOWN, SENSORS, Candidate, Prospect, f
 from validation.infer.hypotheses import ADDED, addable
 from validation.infer.identify import FIT_SHARE, LEAST_EFFECT_RAD, default_budget_s
 from validation.infer.lacks import SIZE_U, fit_with, supported
-from validation.infer.noise import Sizes, likeliest
+from validation.infer.noise import Sizes, select_noise_model
 from validation.infer.observations import (
     ObservedTrial,
     observe,
@@ -402,7 +402,7 @@ class Experiment:
     def learnt(self, problem: Problem, blocks: list[Block], linear: list[Array], sizes: Sizes | None = None) -> Fitted:
         """Sizes of noise learnt from some trials, from two starts as in a fit; one of them where they were before."""
         first = Sizes.start(problem.families, problem.seen) if sizes is None else sizes
-        marginal = likeliest(blocks, linear, first, LEARNINGS)
+        marginal = select_noise_model(blocks, linear, first, LEARNINGS)
         return Fitted(self.z, [], marginal, linear, 0.0, 0, End(CONVERGED))
 
     def errors(self, trial: ObservedTrial) -> dict[str, float]:

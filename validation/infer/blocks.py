@@ -96,7 +96,7 @@ def make_blocks(
         there = rows(np.isfinite(t.change_rad))
         moved = rows(jacobian[k]) * there[:, None]
         fixed = rows(held[k]) * there[:, None] if held else np.zeros((c * m, 0))
-        instrument, zeros = _sensors(t)
+        instrument, zeros = _sensor_columns(t)
         white = np.where(there, rows(np.broadcast_to(t.u_white_rad, (m, c))) ** 2, LOST_RAD**2)
         out.append(
             Block(
@@ -107,8 +107,8 @@ def make_blocks(
                 instrument=instrument,
                 own=np.hstack([rows(force_columns[k]) * there[:, None], zeros]),
                 white=white,
-                size=_size(np.hstack([moved[:, laws], fixed]), m),
-                load=_load(t),
+                size=_response_size(np.hstack([moved[:, laws], fixed]), m),
+                load=_relative_load(t),
                 channels=t.channels,
                 driven=force_columns[k].shape[2],
             )
@@ -116,7 +116,7 @@ def make_blocks(
     return out
 
 
-def _sensors(t: ObservedTrial) -> tuple[Array, Array]:
+def _sensor_columns(t: ObservedTrial) -> tuple[Array, Array]:
     """Columns of `INSTRUMENT` (c m, 8), and of the trial's own zeros (c m, c)."""
     m = t.time_s.size
     out = np.zeros((len(t.channels) * m, len(INSTRUMENT)))
@@ -133,7 +133,7 @@ def _sensors(t: ObservedTrial) -> tuple[Array, Array]:
     return out, own
 
 
-def _load(t: ObservedTrial) -> Array:
+def _relative_load(t: ObservedTrial) -> Array:
     """Force on the key at the phases, of its greatest, (m,); zero where none was measured."""
     if t.force_n.size == 0:
         return np.zeros(t.time_s.size)
@@ -147,7 +147,7 @@ def bend(blocks: Sequence[Block], here: Sequence[Array], there: Sequence[Array],
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
 
-def _size(columns: Array, m: int) -> Array:
+def _response_size(columns: Array, m: int) -> Array:
     """Size of the response by channel and phase, largest of its neighbours so that no crossing of zero shows."""
     size = np.sqrt((columns**2).sum(axis=1)).reshape(-1, m)
     around = sliding_window_view(np.pad(size, ((0, 0), (SMOOTH, SMOOTH))), 2 * SMOOTH + 1, axis=1)

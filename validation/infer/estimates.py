@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import ndtri
 
 from validation.conventions import Array
 from validation.infer.budget import Budget
@@ -16,12 +17,13 @@ from validation.infer.noise import OwnModes
 from validation.infer.problem import Problem, residuals_there
 from validation.infer.response import Own
 from validation.infer.scatter import (
+    COVERAGE,
     LEAST_TRIALS,
+    discrepancy_u,
     factors,
     jackknife,
     jackknife_over_strokes,
-    of_lacking,
-    widened,
+    widen_by_jackknife,
 )
 
 IDENTIFIED = "identified"
@@ -119,27 +121,28 @@ def profiles(
         for j, factor in factors.items():
             if budget.is_spent:
                 break
-            made.append(_profile(problem, fitted, j, factor))
+            made.append(_make_profile(problem, fitted, j, factor))
     return made
 
 
-def _profile(problem: Problem, fitted: Fitted, j: int, factor: float) -> Profile:
+def _make_profile(problem: Problem, fitted: Fitted, j: int, factor: float) -> Profile:
     low, high = (edge[j] for edge in problem.box())
     width, best = float(np.sqrt(fitted.covariance[j, j])), float(fitted.z[j])
     held = np.unique(np.clip(best + width * factor * np.array(REACH), low, high))
-    points = [(j, _conditional(problem, fitted, j, float(v))) for v in held if abs(v - best) > 1e-9]
+    points = [(j, _conditional_mode(problem, fitted, j, float(v))) for v in held if abs(v - best) > 1e-9]
     found = [(best, 0.0)]
     found += [
-        (float(z[j]), up - fitted.objective) for (_, z), up in zip(points, _least(problem, fitted, points), strict=True)
+        (float(z[j]), up - fitted.objective)
+        for (_, z), up in zip(points, _find_least(problem, fitted, points), strict=True)
     ]
     at, rise = np.array(sorted(pair for pair in found if np.isfinite(pair[1]))).T
     below, above = _crossings(at, rise, best, factor**2, width)
     alone = rise - (at**2 - best**2)
     ends = max(below, float(low)), min(above, float(high))
-    return Profile(problem.unknowns.moved[j].name, at, rise, *ends, _open(at, alone, best, factor**2))
+    return Profile(problem.unknowns.moved[j].name, at, rise, *ends, _interval_kind(at, alone, best, factor**2))
 
 
-def _conditional(problem: Problem, fitted: Fitted, j: int, value: float) -> Array:
+def _conditional_mode(problem: Problem, fitted: Fitted, j: int, value: float) -> Array:
     """Most probable others of the linear model where parameter j has a value."""
     low, high = problem.box()
     cov = fitted.covariance
@@ -149,19 +152,19 @@ def _conditional(problem: Problem, fitted: Fitted, j: int, value: float) -> Arra
     return z
 
 
-def _least(problem: Problem, fitted: Fitted, points: Sequence[tuple[int, Array]]) -> list[float]:
+def _find_least(problem: Problem, fitted: Fitted, points: Sequence[tuple[int, Array]]) -> list[float]:
     """Least objective from each point on, the parameter of this place held; infinite where the model cannot run."""
     best, at = [math.inf] * len(points), [z for _, z in points]
     own = [fitted.own_at(z) for z in at]
     active = list(range(len(points)))
     for _ in range(CORRECTIONS + 1):
-        found = _look(problem, fitted, [at[i] for i in active], [own[i] for i in active])
+        found = _evaluate_points(problem, fitted, [at[i] for i in active], [own[i] for i in active])
         before, active, asked = best.copy(), [], active
         for i, (objective, linear) in zip(asked, found, strict=True):
             best[i] = min(objective, best[i])
             if linear is None or objective > before[i] - GAINED:
                 continue
-            at[i] = _corrected(problem, fitted, points[i][0], at[i], linear)
+            at[i] = _correct_others(problem, fitted, points[i][0], at[i], linear)
             own[i] = None if fitted.own is None else OwnModes(fitted.marginal, linear, at[i]).most
             active.append(i)
         if not active:
@@ -169,7 +172,7 @@ def _least(problem: Problem, fitted: Fitted, points: Sequence[tuple[int, Array]]
     return best
 
 
-def _corrected(problem: Problem, fitted: Fitted, j: int, z: Array, linear: list[Array]) -> Array:
+def _correct_others(problem: Problem, fitted: Fitted, j: int, z: Array, linear: list[Array]) -> Array:
     """One Gauss–Newton step of the others from runs of the model, with the columns of the fit."""
     low, high = problem.box()
     cov = fitted.covariance
@@ -179,7 +182,7 @@ def _corrected(problem: Problem, fitted: Fitted, j: int, z: Array, linear: list[
     return np.asarray(new)
 
 
-def _look(
+def _evaluate_points(
     problem: Problem, fitted: Fitted, points: Sequence[Array], own: Sequence[Sequence[Own] | None]
 ) -> list[tuple[float, list[Array] | None]]:
     """Of each z its objective, and residuals that the linear model of the fit would have at z = 0.
@@ -218,7 +221,7 @@ def _crossings(z: Array, rise: Array, best: float, level: float, width: float) -
     return edges[0], edges[1]
 
 
-def _open(z: Array, alone: Array, best: float, level: float) -> str:
+def _interval_kind(z: Array, alone: Array, best: float, level: float) -> str:
     """On which sides the strokes alone do not end the interval."""
     below = not bool(np.any(alone[z < best] > level)) if np.any(z < best) else True
     above = not bool(np.any(alone[z > best] > level)) if np.any(z > best) else True
@@ -228,7 +231,7 @@ def _open(z: Array, alone: Array, best: float, level: float) -> str:
 
 
 NEAR_BOUND = 0.02
-NORMAL = 1.96
+NORMAL = float(ndtri(0.5 + 0.5 * COVERAGE))
 LACKING = 0.01
 """Size of the discrepancy, of what all laws together could do, above which the model is said to lack something."""
 
@@ -249,9 +252,9 @@ def estimate_all(
     say : called with a line of text
     keep : called with each profile
     """
-    factor, jack, lack = factors(fitted), jackknife(fitted), of_lacking(fitted)
+    factor, jack, lack = factors(fitted), jackknife(fitted), discrepancy_u(fitted)
     strokes = jackknife_over_strokes(fitted)
-    width = widened(np.sqrt(np.diag(fitted.covariance)), jack, len(problem.trials))
+    width = widen_by_jackknife(np.sqrt(np.diag(fitted.covariance)), jack, len(problem.trials))
     if fitted.remaining is not None:
         width = np.hypot(width, fitted.remaining[: len(width)])
     names = [p.name for p in problem.unknowns.asked]
@@ -266,11 +269,11 @@ def estimate_all(
     out = []
     for j in range(len(names)):
         spread = float(factor[j]), float(width[j]), float(jack[j]), float(lack[j])
-        out.append(replace(_estimate(problem, fitted, j, spread, made.get(j)), u_strokes=float(strokes[j])))
+        out.append(replace(_make_estimate(problem, fitted, j, spread, made.get(j)), u_strokes=float(strokes[j])))
     return out
 
 
-def _estimate(
+def _make_estimate(
     problem: Problem, fitted: Fitted, j: int, spread: tuple[float, float, float, float], made: Profile | None
 ) -> Estimate:
     """One estimate; ``spread`` is Student factor, u, jackknife u, and u from what the model lacks."""

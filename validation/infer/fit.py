@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from operator import attrgetter
 
 import numpy as np
-from scipy.special import ndtri
+from scipy.special import ndtr, ndtri
 
 from model.errors import ModelError
 from validation.conventions import Array
@@ -23,18 +23,19 @@ from validation.infer.budget import BIFURCATION, CONVERGED, OUT_OF_BUDGET, Budge
 from validation.infer.noise import (
     FLOOR,
     LEAST_DAMPING,
+    MARQUARDT,
     Marginal,
     OwnModes,
     Sizes,
     box_step,
-    dampings,
-    largest_step,
+    find_largest_step,
     learn,
-    likeliest,
+    list_dampings,
+    select_noise_model,
 )
 from validation.infer.observations import ObservedTrial
 from validation.infer.problem import Columns, Problem, curves_at, linear_residuals
-from validation.infer.response import Own, nothing_own, without_own
+from validation.infer.response import Own, make_nothing_own, remove_own
 
 Say = Callable[[str], None]
 
@@ -52,13 +53,13 @@ FOLLOWED = 3.0  # squared error a datum of a trial: above it the model is not ye
 ROUNDS_A_STEP = 2  # of scoring: smaller noise makes a steeper cost, which runs must follow
 STEEP = 1000.0  # squared error a datum: variance components that raise a trial's cost above it are approached in rounds
 SETTLED, MAX_LEARNINGS = 1.0, 2  # log evidence; variance components that gain less, or were learnt twice, are kept
-SHARES = (1.0, 0.3, 0.1, 0.03)  # of a step, for the line search
-OWN_SHARES = (1.0, 0.3, 0.1)  # of the step of one trial's deviation, where the whole step was too long
+BACKTRACK = 0.3  # share of a step that is tried where the whole one was too long, and of that again
+SHARES = tuple(BACKTRACK**k for k in range(4))  # of a step, for the line search
+OWN_SHARES = SHARES[:3]  # of the step of one trial's deviation
 CORRECTIONS = 3  # of each trial's mode by runs
 PROBES = ((0.3, 0.5), (0.03, 0.0))  # posterior u of a probe of nonlinearity; share of the trial that must remain
 BENT = 2.8  # of a sample's noise: twice the error of a difference; more is a bifurcation of the motion
 MOST_BENT = 1 / 3  # of the trials: more with a bifurcation in their first half are an error of the model
-START_SEED = 125
 PARTS = (0.4, 0.7, 1.0)  # of each trial, fitted in turn
 MAX_CONTINUED = 2  # starts that are continued with each trial at its own mode
 
@@ -159,12 +160,12 @@ def fit(
             kept = learnt or (near and largest < NEAR) or tight  # one function to minimise
             rounds = LAST_ROUNDS if near else ROUNDS
             marginal = Marginal(blocks, sizes) if kept else learn(blocks, linear, sizes, rounds, floor)
-            largest = largest_step(marginal, here, z, (low, high), watched)
+            largest = find_largest_step(marginal, here, z, (low, high), watched)
             lacks = not tight and float(marginal.sizes.discrepancy.max()) > SLIGHT
             is_left = leave and near and (largest < NEAR or lacks)
             if near and not is_left and (largest < CLOSE or idle) and not learnt:
-                marginal, learnt = likeliest(blocks, linear, marginal.sizes, LAST_ROUNDS, not tight), True
-                largest = largest_step(marginal, here, z, (low, high), watched)
+                marginal, learnt = select_noise_model(blocks, linear, marginal.sizes, LAST_ROUNDS, not tight), True
+                largest = find_largest_step(marginal, here, z, (low, high), watched)
             sizes, last = marginal.sizes, (z, curves, marginal, linear, here)
             limit = MAX_TIGHT_STEPS if tight else MAX_STEPS
             if is_left or (learnt and near and largest < CLOSE):
@@ -186,7 +187,7 @@ def fit(
                 break
             damping, worth = attempt.damping, attempt.bent
             floor = max(FLOOR, 0.5 * (worth if attempt.curves is not None else min(worth, floor)))
-            damping = damping / 10.0 if damping > LEAST_DAMPING and worth > FLOOR else 0.0
+            damping = damping / MARQUARDT if damping > LEAST_DAMPING and worth > FLOOR else 0.0
     if last is None:
         raise KeyboardInterrupt
     z, curves, marginal, linear, here = last
@@ -224,7 +225,7 @@ class _Attempt:
 def _search_damping(problem: Problem, marginal: Marginal, here: Sequence[Array], z: Array, damping: float) -> _Attempt:
     """The least damped step that lowers the objective (Marquardt)."""
     before, bent = marginal.objective(here, z), 0.0
-    for more in dampings(damping):
+    for more in list_dampings(damping):
         step = box_step(marginal, here, z, problem.box(), more)
         moved = curves_at(problem, z + step)
         if moved is None:
@@ -288,7 +289,7 @@ def _first_iterate(fitted: Fitted) -> _Iterate:
     """Where a fit with all trials alike ended."""
     marginal, linear, z = fitted.marginal, fitted.linear, fitted.z
     here = [r - b.moved @ z for r, b in zip(linear, marginal.blocks, strict=True)]
-    return _Iterate(z, nothing_own(marginal.blocks), here, linear, here, marginal, np.full(len(linear), np.inf))
+    return _Iterate(z, make_nothing_own(marginal.blocks), here, linear, here, marginal, np.full(len(linear), np.inf))
 
 
 def _extend(problem: Problem, fitted: Fitted, say: Say | None, budget: Budget, until: float) -> Fitted:
@@ -296,19 +297,19 @@ def _extend(problem: Problem, fitted: Fitted, say: Say | None, budget: Budget, u
     part = {k: int(until * t.time_s.size) for k, t in enumerate(problem.trials)}
     columns = Columns(problem)
     first, at = _iterate(
-        problem, fitted, columns, _without_bifurcations(_first_iterate(fitted), part), part, say, budget
+        problem, fitted, columns, _cut_at_bifurcations(_first_iterate(fitted), part), part, say, budget
     )
     if not first.converged:
         return first
     blocks = columns.blocks(at.z, at.own)
-    here = without_own(blocks, at.run, at.own)
+    here = remove_own(blocks, at.run, at.own)
     linear = [r + b.moved @ at.z for r, b in zip(here, blocks, strict=True)]
     whole = replace(at, here=here, linear=linear, marginal=Marginal(blocks, at.marginal.sizes))
     found = _find_bifurcations(problem, whole, {})
     where = "; ".join(bifurcation_words(problem, found))
     if say is not None:
         say(f"each trial to its end{', left out at a bifurcation: ' if found else ''}{where}")
-    second, _ = _iterate(problem, first, columns, _without_bifurcations(whole, found), found, say, budget)
+    second, _ = _iterate(problem, first, columns, _cut_at_bifurcations(whole, found), found, say, budget)
     if second.converged:
         return second
     fitted_part = f"only the first {until:.0%} of each trial is fitted"
@@ -334,7 +335,7 @@ def _iterate(
             if found is None and np.median(at.costs) < FOLLOWED:
                 more = _find_bifurcations(problem, at, bifurcations)
                 if more != bifurcations:
-                    bifurcations, at = more, _without_bifurcations(at, more)
+                    bifurcations, at = more, _cut_at_bifurcations(at, more)
                     if say is not None:
                         where = (f"{problem.trials[k].label} from phase {i} on" for k, i in more.items())
                         say(f"each trial: at a bifurcation, left out: {', '.join(where)}")
@@ -344,7 +345,7 @@ def _iterate(
             if found is None or moved is None:  # a kink: no step lowers the cost
                 break
             steps, gained, at = steps + 1, found[2], moved
-            largest = largest_step(at.marginal, at.here, at.z, box, problem.watched)
+            largest = find_largest_step(at.marginal, at.here, at.z, box, problem.watched)
             if say is not None:
                 said = f"each trial, step {steps}: gained {gained:.2g}, largest left {largest:.2g} u"
                 say(f"{said}, cost a datum up to {np.max(at.costs):.2g}")
@@ -363,7 +364,7 @@ def _conclude(
     problem: Problem, before: Fitted, at: _Iterate, steps: int, bifurcations: Mapping[int, int], budget: Budget
 ) -> Fitted:
     """Where the fit ended and how, with the likeliest variance components."""
-    marginal, z = likeliest(at.marginal.blocks, at.linear, at.marginal.sizes, LAST_ROUNDS, anew=False), at.z
+    marginal, z = select_noise_model(at.marginal.blocks, at.linear, at.marginal.sizes, LAST_ROUNDS, anew=False), at.z
     remaining = box_step(marginal, at.here, z, problem.box(), 0.0)
     asked = problem.unknowns.asked
     left = np.abs(remaining[: len(asked)]) / marginal.width[: len(asked)]
@@ -428,7 +429,7 @@ def _cost(marginal: Marginal, run: Sequence[Array], own: Sequence[Own], z: Array
     What trials share is at its mode for these runs, and its own density counts: else a step that needs less of it is
     taken for none.
     """
-    there = without_own(marginal.blocks, run, own)
+    there = remove_own(marginal.blocks, run, own)
     modes = OwnModes(marginal, [r + b.moved @ z for r, b in zip(there, marginal.blocks, strict=True)], z)
     return float(np.sum(modes.costs(run, own)) + modes.prior + z @ z)
 
@@ -460,7 +461,7 @@ def _find_bifurcations(problem: Problem, at: _Iterate, known: Mapping[int, int])
     return late | early if len(soon) <= MOST_BENT * len(problem.trials) else late
 
 
-def _without_bifurcations(at: _Iterate, bifurcations: Mapping[int, int]) -> _Iterate:
+def _cut_at_bifurcations(at: _Iterate, bifurcations: Mapping[int, int]) -> _Iterate:
     """The same without what was measured after bifurcations."""
     blocks = [b.until(bifurcations[k]) if k in bifurcations else b for k, b in enumerate(at.marginal.blocks)]
     marginal = Marginal(blocks, at.marginal.sizes)
@@ -489,7 +490,7 @@ def _find_modes(problem: Problem, at: _Iterate, z: Array, shares: Sequence[float
     for _ in range(CORRECTIONS):
         if modes is None:
             break
-        there = without_own(blocks, modes.run, modes.own)
+        there = remove_own(blocks, modes.run, modes.own)
         linear = [r + b.moved @ z for r, b in zip(there, blocks, strict=True)]
         corrected = OwnModes(at.marginal, linear, z)
         known = corrected.costs(modes.run, modes.own)
@@ -535,7 +536,7 @@ def _linearise(
         blocks = [b.until(bifurcations[k]) if k in bifurcations else b for k, b in every]
     except ModelError:
         return None
-    here = without_own(blocks, modes.run, modes.own)
+    here = remove_own(blocks, modes.run, modes.own)
     linear = [r + b.moved @ z for r, b in zip(here, blocks, strict=True)]
     costs, sizes = modes.costs / np.array([r.size for r in linear]), before.marginal.sizes
     marginal, is_learnt, learnings = Marginal(blocks, sizes), before.is_learnt, before.learnings
@@ -590,7 +591,7 @@ def _fit_pilots(problem: Problem, start: Array, say: Say, budget: Budget) -> lis
     Without a discrepancy a trial is fitted from its start on, the rest in parts: a soft stroke whose end is another
     motion does not turn the values aside.
     """
-    pilot = problem.of_trials(_typical(problem.trials))
+    pilot = problem.of_trials(_typical_trials(problem.trials))
     say(f"pilot fit of {', '.join(t.label for t in pilot.trials)}")
     found = fit(pilot, start, say, leave=True, budget=budget)
     pilots, tight, settled = [(found, 1.0)], found, 0.0
@@ -604,7 +605,7 @@ def _fit_pilots(problem: Problem, start: Array, say: Say, budget: Budget) -> lis
     return pilots
 
 
-def _typical(trials: Sequence[ObservedTrial]) -> list[int]:
+def _typical_trials(trials: Sequence[ObservedTrial]) -> list[int]:
     """Of each session the trial that is nearest to the median of all."""
     out = []
     for session in dict.fromkeys(t.session for t in trials):
@@ -633,9 +634,10 @@ def starts(problem: Problem, n: int) -> list[Array]:
     if n > 1:
         from scipy.stats import qmc  # start-up: 0.3 s that only several starts need
 
-        drawn = qmc.LatinHypercube(asked, seed=START_SEED).random(n - 1)
+        tail = ndtr(-1.0)  # within one prior standard uncertainty
+        drawn = qmc.LatinHypercube(asked, seed=0).random(n - 1)
         for row in drawn:
             z = np.zeros(p)
-            z[:asked] = ndtri(0.16 + 0.68 * row)
+            z[:asked] = ndtri(tail + (1.0 - 2.0 * tail) * row)
             out.append(z)
     return out

@@ -31,6 +31,7 @@ from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.infer.blocks import INSTRUMENT, Block, make_blocks, rows
 from validation.infer.channels import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL
+from validation.infer.estimates import NORMAL
 from validation.infer.fit import LAST_ROUNDS, Fitted
 from validation.infer.noise import (
     FAMILIES,
@@ -39,9 +40,9 @@ from validation.infer.noise import (
     SCALES_S,
     Marginal,
     law_columns,
-    likeliest,
     own_parts,
     scores,
+    select_noise_model,
 )
 from validation.infer.observations import ObservedTrial, observe
 from validation.infer.problem import Problem
@@ -147,7 +148,6 @@ def as_measured(blow: PredictedBlow, like: MeasuredTrial) -> MeasuredTrial:
 
 Play = Callable[[Sequence[Array]], Sequence[Array | None]]
 """Curves (m, c) of the stroke at points (p + h,): everything that moves, then fixed laws; None where it cannot run."""
-SEED = 163
 
 
 def rehearsed(fitted: Fitted, planned: Marginal, block: Block, play: Play, trials: int) -> Marginal | None:
@@ -171,7 +171,7 @@ def rehearsed(fitted: Fitted, planned: Marginal, block: Block, play: Play, trial
     Marginal or None
         None where the model cannot run the stroke with its laws scattered.
     """
-    rng, sizes = np.random.default_rng(SEED), planned.sizes
+    rng, sizes = np.random.default_rng(0), planned.sizes
     new = replace(block, session=len(sizes.common) - 1)
     here = np.concatenate([fitted.z, np.zeros(len(sizes.families) - fitted.z.size)])
     drawn = rng.standard_normal((trials, here.size))
@@ -187,7 +187,7 @@ def rehearsed(fitted: Fitted, planned: Marginal, block: Block, play: Play, trial
     columns = np.hstack([wander, new.own, np.diag(np.sqrt(new.white))])
     linear = [c + steady + columns @ rng.standard_normal(columns.shape[1]) for c in moved]
     blocks = [*fitted.marginal.blocks, *trials * [new]]
-    return likeliest(blocks, [*fitted.linear, *linear], sizes, LAST_ROUNDS, anew=False)
+    return select_noise_model(blocks, [*fitted.linear, *linear], sizes, LAST_ROUNDS, anew=False)
 
 
 def _lacking(planned: Marginal, new: Block) -> Array:
@@ -208,7 +208,6 @@ TOLD, MOST_TOLD = 3, 8  # strokes that are rehearsed: at least; until the best o
 OF_ANOTHER_KIND = 0.2
 """Standard deviation of the logarithm of a shrink by a kind of stroke not played so far, beside all that is computed:
 measured (`python -m benchmarks record_next_sizes`, seed 1, the first six experiments of seed 2)."""
-NORMAL = 1.96
 HALF_KNOWN = 0.5
 SENSORS = {
     "load cell's gain": (FORCE_GAIN,),
@@ -310,7 +309,7 @@ def prospects(
         made[one.name] = block
         found.append(Prospect(one.name, ratio(further(fitted, block, trials)), one, trials))
     for sensor, columns in SENSORS.items():
-        found.append(Prospect(f"{sensor} known twice as well", ratio(_known_better(problem, fitted, columns))))
+        found.append(Prospect(f"{sensor} known twice as well", ratio(_halve_sensor_u(problem, fitted, columns))))
 
     def told(p: Prospect) -> Prospect:
         """A stroke as it is after a rehearsal, with limits."""
@@ -324,10 +323,10 @@ def prospects(
         u = np.sqrt(of_sizes(fitted, then)[: len(names)] ** 2 + np.square(apart) + other**2)
         return replace(p, shrink=shrink, fisher=p.shrink, u_sizes=dict(zip(names, u.tolist(), strict=True)))
 
-    return _with_the_best_told(found, told), refused
+    return _add_best_rehearsed(found, told), refused
 
 
-def _with_the_best_told(found: Sequence[Prospect], told: Callable[[Prospect], Prospect]) -> list[Prospect]:
+def _add_best_rehearsed(found: Sequence[Prospect], told: Callable[[Prospect], Prospect]) -> list[Prospect]:
     """Prospects, the best first; the best strokes as rehearsed, until one of these is the best of all strokes."""
     ranked = sorted(found, key=lambda p: p.mean)
     done = 0
@@ -378,17 +377,17 @@ def block_of(problem: Problem, z: Array, trial: ObservedTrial, respond: Respond)
 def further(fitted: Fitted, block: Block, trials: int) -> Marginal:
     """The model of the fit with so many more trials like one, in a session of their own."""
     sizes, new = fitted.marginal.sizes, len(fitted.marginal.sizes.common)
-    more = replace(sizes, own=_with_typical(sizes.own), common=_with_typical(sizes.common))
+    more = replace(sizes, own=_with_typical_sizes(sizes.own), common=_with_typical_sizes(sizes.common))
     return Marginal([*fitted.marginal.blocks, *trials * [replace(block, session=new)]], more)
 
 
-def _with_typical(of_sessions: Array) -> Array:
+def _with_typical_sizes(of_sessions: Array) -> Array:
     """Sizes by session and channel with a row for one more session: the root mean square of those that have one."""
     there = np.maximum((of_sessions > NOT_SEEN).sum(axis=0), 1)
     return np.vstack([of_sessions, np.sqrt((of_sessions**2).sum(axis=0) / there)])
 
 
-def _known_better(problem: Problem, fitted: Fitted, columns: Sequence[str]) -> Marginal:
+def _halve_sensor_u(problem: Problem, fitted: Fitted, columns: Sequence[str]) -> Marginal:
     """The model of the fit with errors of sensors half as large: of the force, which it moves, and of encoders."""
     moved = np.array([HALF_KNOWN if p.name in columns else 1.0 for p in problem.unknowns.moved])
     instrument = np.array([HALF_KNOWN if name in columns else 1.0 for name in INSTRUMENT])

@@ -55,9 +55,9 @@ a joint of as long a time and less stiffness."""
 MEMORIES = {"stulov": "tau", "hysteresis": "beta"}
 """Laws of felt that remembers, and the number that makes their memory larger."""
 JOINTS = f"{ADDED}giving joints' stiffness"
-FURTHEST, FURTHEST_ADDED, FURTHEST_OF_SESSION = 4.0, 10.0, 10.0
+FURTHEST, FURTHEST_OTHERS = 4.0, 10.0
 """Amounts that are looked at: a part is what it is said to be to some degree, an amplifier or a clock need not be."""
-LEAST_ADDED, STEP_ADDED = 0.03, 0.05  # amounts: below the first it is as if not there; the step once it is
+LEAST_ADDED = 0.03  # amount: below it is as if not there; the step once it is
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ class Source:
     @property
     def furthest(self) -> float:
         """The largest amount that is looked at."""
-        return FURTHEST_ADDED if self.added else FURTHEST_OF_SESSION if self.error else FURTHEST
+        return FURTHEST_OTHERS if self.added or self.error else FURTHEST
 
 
 @dataclass(frozen=True)

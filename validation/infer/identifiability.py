@@ -65,18 +65,18 @@ def directions(names: Sequence[str], covariance: Array) -> tuple[list[Combinatio
     left = np.sqrt(np.maximum(values, 0.0))
     precision = np.asarray(np.linalg.inv(cov), dtype=float)
     undetermined = []
-    for vector in _taken_apart(np.asarray(vectors[:, left > HALF], dtype=float)):
-        short = _shortest(vector, precision)
-        undetermined.append(Combination(_weights(names, short), _left(short, precision)))
+    for vector in _sparse_basis(np.asarray(vectors[:, left > HALF], dtype=float)):
+        short = _shorten_undetermined(vector, precision)
+        undetermined.append(Combination(_name_weights(names, short), _share_left_conditional(short, precision)))
     determined = []
     for i in np.argsort(-left, kind="stable"):
         if left[i] <= HALF:
-            named = _named(np.asarray(vectors[:, i], dtype=float), cov, float(left[i]))
-            determined.append(Combination(_weights(names, named), _share(named, cov)))
+            named = _shorten_determined(np.asarray(vectors[:, i], dtype=float), cov, float(left[i]))
+            determined.append(Combination(_name_weights(names, named), _share_left_marginal(named, cov)))
     return sorted(undetermined, key=lambda d: -d.left), determined
 
 
-def _taken_apart(space: Array) -> list[Array]:
+def _sparse_basis(space: Array) -> list[Array]:
     """Vectors (n,) that span the columns (n, k), each with one component that no other has."""
     if space.shape[1] == 0:
         return []
@@ -85,41 +85,41 @@ def _taken_apart(space: Array) -> list[Array]:
     return list(np.linalg.solve(space[own].T, space.T))
 
 
-def _left(vector: Array, precision: Array) -> float:
+def _share_left_conditional(vector: Array, precision: Array) -> float:
     """Share of the prior standard uncertainty that is left along a vector, all other directions held."""
     return float(np.sqrt(vector @ vector / (vector @ precision @ vector)))
 
 
-def _share(vector: Array, covariance: Array) -> float:
+def _share_left_marginal(vector: Array, covariance: Array) -> float:
     """Share of the prior standard uncertainty that is left along a vector, all other directions free."""
     return float(np.sqrt(vector @ covariance @ vector / (vector @ vector)))
 
 
-def _named(vector: Array, covariance: Array, left: float) -> Array:
+def _shorten_determined(vector: Array, covariance: Array, left: float) -> Array:
     """The vector with its largest components only, as few as are known nearly as well as the whole."""
     order = largest_first(vector)
     short = np.zeros_like(vector)
     for i in order:
         short[i] = vector[i]
-        if _share(short, covariance) <= min(NEARLY * left, HALF) and np.abs(vector[short == 0.0]).max(
+        if _share_left_marginal(short, covariance) <= min(NEARLY * left, HALF) and np.abs(vector[short == 0.0]).max(
             initial=0.0
         ) < NAMED * abs(vector[order[0]]):
             break
     return short
 
 
-def _shortest(vector: Array, precision: Array) -> Array:
+def _shorten_undetermined(vector: Array, precision: Array) -> Array:
     """The vector with its largest components only, as few as leave it undetermined."""
     order = largest_first(vector)
     short = np.zeros_like(vector)
     for i in order:
         short[i] = vector[i]
-        if _left(short, precision) > HALF and np.abs(vector[short == 0.0]).max(initial=0.0) < NAMED:
+        if _share_left_conditional(short, precision) > HALF and np.abs(vector[short == 0.0]).max(initial=0.0) < NAMED:
             break
     return short
 
 
-def _weights(names: Sequence[str], vector: Array) -> dict[str, float]:
+def _name_weights(names: Sequence[str], vector: Array) -> dict[str, float]:
     order = largest_first(vector)
     share = vector / vector[order[0]]
     return {names[i]: float(share[i]) for i in order if share[i] != 0.0}

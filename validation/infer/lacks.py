@@ -129,7 +129,7 @@ def supported(
     best, found = LetIn(None, problem, fitted), []
     kinds = ranked(problem, fitted, budget)
     tried = sum(map(len, kinds))
-    for gain, parameter, action in _promising(kinds, lacking(fitted)):
+    for gain, parameter, action in _rank_changes(kinds, lacking(fitted)):
         say(f"let in: {parameter.name} (the linear model promises e^{gain:.0f})")
         one = None
         with budget.interruptible():
@@ -140,11 +140,11 @@ def supported(
     kept = tuple(one for one in every if one.gain > every[0].gain - math.log(ODDS))
     if kept == (best,) and lacking(fitted) <= LACKING:
         return None
-    estimates, combinations = _together(kept)
+    estimates, combinations = _combine_estimates(kept)
     return Supported(kept, estimates, combinations, tried, shows_in(problem, _lack(problem, fitted, kept[0])))
 
 
-def _promising(kinds: Sequence[Sequence[Promise]], lack: float) -> list[Promise]:
+def _rank_changes(kinds: Sequence[Sequence[Promise]], lack: float) -> list[Promise]:
     """What is fitted anew: the most promising of each kind, and, where a lack is large, the felt of each contact there.
 
     A felt twice as stiff is no small change: where the fit ended its linear model may promise less than a law of
@@ -173,13 +173,13 @@ def ranked(problem: Problem, fitted: Fitted, budget: Budget) -> list[list[Promis
     sizes = replace(marginal.sizes, families=np.insert(marginal.sizes.families, marginal.p, -1))
     before = marginal.log_evidence(fitted.linear)
     out: list[list[Promise]] = []
-    for columns_of in (_held, _effects):
+    for columns_of in (_held_columns, _effect_columns):
         found = []
         for parameter, action, columns in columns_of(problem, fitted, response, own):
             if budget.is_spent:
                 break
             if any(np.any(c) for c in columns):
-                blocks = [_with(b, c) for b, c in zip(marginal.blocks, columns, strict=True)]
+                blocks = [_add_column(b, c) for b, c in zip(marginal.blocks, columns, strict=True)]
                 gain = Marginal(blocks, sizes).log_evidence(fitted.linear) - before
                 found.append((gain, parameter, action))
         out.append(sorted(found, key=lambda row: -row[0]))
@@ -191,7 +191,9 @@ def ranked(problem: Problem, fitted: Fitted, budget: Budget) -> list[list[Promis
 Columns = Iterator[tuple[Parameter, model.Action, list[Array]]]
 
 
-def _held(problem: Problem, fitted: Fitted, response: ModelResponse, own: list[Sequence[Own]] | None) -> Columns:
+def _held_columns(
+    problem: Problem, fitted: Fitted, response: ModelResponse, own: list[Sequence[Own]] | None
+) -> Columns:
     """Every value that the fit held, the action, and its column (c m,) in each trial."""
     action, unknowns = problem.action, problem.unknowns
     moved = {p.name for p in unknowns.moved}
@@ -205,15 +207,17 @@ def _held(problem: Problem, fitted: Fitted, response: ModelResponse, own: list[S
     )
     jacobian = runs.jacobian(fitted.z, range(len(unknowns.moved), n + len(others)), fitted.own)
     for k, p in enumerate((*laws, *others)):
-        yield p, action, _seen(fitted, [j[:, :, k] for j in jacobian])
+        yield p, action, _measured_rows(fitted, [j[:, :, k] for j in jacobian])
 
 
-def _seen(fitted: Fitted, columns: Sequence[Array]) -> list[Array]:
+def _measured_rows(fitted: Fitted, columns: Sequence[Array]) -> list[Array]:
     """Columns (m, c) as rows (c m,), without what a film lost or a fork left out."""
     return [rows(np.nan_to_num(c)) * (b.white < LOST_RAD) for c, b in zip(columns, fitted.marginal.blocks, strict=True)]
 
 
-def _effects(problem: Problem, fitted: Fitted, response: ModelResponse, own: list[Sequence[Own]] | None) -> Columns:
+def _effect_columns(
+    problem: Problem, fitted: Fitted, response: ModelResponse, own: list[Sequence[Own]] | None
+) -> Columns:
     """Effects that the action does not have: what says the size of each, its action, and its column, as stated."""
     action, base = problem.action, response.curves([fitted.z], own)[0]
     for source in addable(action) if base is not None else ():
@@ -227,10 +231,10 @@ def _effects(problem: Problem, fitted: Fitted, response: ModelResponse, own: lis
         if curves is not None and base is not None:
             path = source.scaled[0][0]
             parameter = Parameter(path, (path,), SIZE_U, True, "of an effect that was let in")
-            yield parameter, runs.action, _seen(fitted, [c - b for c, b in zip(curves, base, strict=True)])
+            yield parameter, runs.action, _measured_rows(fitted, [c - b for c, b in zip(curves, base, strict=True)])
 
 
-def _with(block: Block, column: Array) -> Block:
+def _add_column(block: Block, column: Array) -> Block:
     return replace(block, moved=np.hstack([block.moved, column[:, None]]))
 
 
@@ -250,7 +254,7 @@ def fit_with(
     assert isinstance(before, ModelResponse)
     runs = ModelResponse(action, (*unknowns.moved, *held), problem.trials, before.tolerance, before.executor)
     try:
-        there = Problem(action, unknowns, problem.trials, runs, _without(problem, parameter))
+        there = Problem(action, unknowns, problem.trials, runs, _held_columns_without(problem, parameter))
         sizes = replace(fitted.marginal.sizes, families=there.families)
         start = np.insert(fitted.z, unknowns.moved.index(parameter), 0.0)
         found = fit_conditional(there, fit_alike(there, start, sizes), budget=budget)
@@ -263,7 +267,7 @@ def fit_with(
     return LetIn(parameter, there, found, 0.5 * (ends[0] - ends[1]) - rarity)
 
 
-def _without(problem: Problem, parameter: Parameter) -> tuple[Array, ...]:
+def _held_columns_without(problem: Problem, parameter: Parameter) -> tuple[Array, ...]:
     """Columns of fixed laws without those of one that is freed."""
     names = [p.name for p in problem.unknowns.held]
     if parameter.name not in names or not problem.held:
@@ -271,7 +275,9 @@ def _without(problem: Problem, parameter: Parameter) -> tuple[Array, ...]:
     return tuple(np.delete(columns, names.index(parameter.name), axis=2) for columns in problem.held)
 
 
-def _together(kept: Sequence[LetIn]) -> tuple[tuple[Estimate, ...], tuple[tuple[Combination, float, float], ...]]:
+def _combine_estimates(
+    kept: Sequence[LetIn],
+) -> tuple[tuple[Estimate, ...], tuple[tuple[Combination, float, float], ...]]:
     """Estimates whose intervals hold those of all fits, and combinations of several parameters that are known."""
     each = [estimate_all(one.problem, one.fitted, (), lambda text: None) for one in kept]
     out = []

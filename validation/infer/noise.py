@@ -28,14 +28,13 @@ OWN_S = (3e-3, 0.01, 3e-2)
 SCALES_S = (3e-3, 3e-2, 0.3)
 """Correlation times of the discrepancy: an impact, a stroke, a trial."""
 FAMILIES = ("friction of contacts", "friction of joints", "damping", "stiffness", "springs")
-SCATTER, OWN, COMMON = 0.07, 0.03, 0.2  # where learning starts
 LEAST = 1e-6
-NOT_SEEN, HELD = 1.5 * LEAST, 0.01
+NOT_SEEN, HELD = 1.5 * LEAST, 0.01  # of a channel that was not measured: its size, standard deviation of the logarithm
 FLOOR = 2e-3  # of the response: no model is taken to be closer, and no linear model of it is
-# what is believed of a size beforehand: median, standard deviation of its natural logarithm
-SCATTER_BELIEF = (0.05, 1.1)  # 1.5 % of a law whose prior is 30 %, to a factor of three
-OWN_BELIEF = (0.01, 2.0)
-COMMON_BELIEF = (0.05, 2.5)
+# prior of a size, where learning starts: median, standard deviation of its natural logarithm
+SCATTER, SCATTER_SD = 0.07, 1.1  # 2 % of a law whose prior is 30 %, to a factor of three
+OWN, OWN_SD = 0.01, 2.0
+COMMON, COMMON_SD = 0.05, 2.5
 LIKE_LAWS = 0.5  # standard deviation of the logarithm: the part that is like laws, beside the smooth ones
 
 
@@ -77,21 +76,21 @@ class Sizes:
     @staticmethod
     def start(families: NDArray[np.intp], seen: Array) -> Sizes:
         """Sizes to start learning from; ``seen`` (sessions, c) is 1 where a session has a channel, else 0."""
-        return Sizes._all(families, seen, SCATTER, OWN, COMMON)
+        return Sizes._fill(families, seen, SCATTER, OWN, COMMON)
 
     @staticmethod
     def null(families: NDArray[np.intp], own: float) -> Sizes:
         """Sizes of a model that lacks nothing, the encoders measured; each trial deviates by ``own``."""
         seen = np.isin(range(len(CHANNEL_NAMES)), ENCODERS).astype(float)[None]
-        return Sizes._all(families, seen, SCATTER, own, FLOOR)
+        return Sizes._fill(families, seen, SCATTER, own, FLOOR)
 
     @staticmethod
     def tight(families: NDArray[np.intp], seen: Array) -> Sizes:
         """Sizes with next to no discrepancy, which pull values to the data wherever they stand."""
-        return Sizes._all(families, seen, SCATTER, 5e-3, 5e-3)
+        return Sizes._fill(families, seen, SCATTER, 2.0 * FLOOR, 2.0 * FLOOR)
 
     @staticmethod
-    def _all(families: NDArray[np.intp], seen: Array, scatter: float, own: float, common: float) -> Sizes:
+    def _fill(families: NDArray[np.intp], seen: Array, scatter: float, own: float, common: float) -> Sizes:
         sessions = len(seen)
         parts = np.hstack([np.repeat(seen, len(SCALES_S), axis=1), seen, np.ones((sessions, 1))])
         return Sizes(
@@ -144,17 +143,17 @@ class Sizes:
     def belief(self) -> tuple[Array, Array]:
         """Median and standard deviation of the logarithms, as believed before the strokes."""
         total = self.discrepancy
-        there = total > 10.0 * LEAST
+        there = total > 2.0 * NOT_SEEN
         mean = (np.log(np.maximum(total, LEAST)) * there).sum(axis=1) / np.maximum(there.sum(axis=1), 1)
-        middle, spread = np.full(self.common.shape, np.log(COMMON_BELIEF[0])), np.full_like(self.common, 2.5)
+        middle, spread = np.full(self.common.shape, np.log(COMMON)), np.full_like(self.common, COMMON_SD)
         middle[:, -1], spread[:, -1] = mean, LIKE_LAWS
-        own = np.full(self.own.shape, np.log(OWN_BELIEF[0])), np.full(self.own.shape, OWN_BELIEF[1])
+        own = np.full(self.own.shape, np.log(OWN)), np.full(self.own.shape, OWN_SD)
         for size, (mid, wide) in ((self.common, (middle, spread)), (self.own, own)):
             mid[size < NOT_SEEN], wide[size < NOT_SEEN] = np.log(LEAST), HELD  # of a channel that was not measured
         f = len(self.by_family)
         return (
-            np.concatenate([np.full(f, np.log(SCATTER_BELIEF[0])), own[0].ravel(), middle.ravel()]),
-            np.concatenate([np.full(f, SCATTER_BELIEF[1]), own[1].ravel(), spread.ravel()]),
+            np.concatenate([np.full(f, np.log(SCATTER)), own[0].ravel(), middle.ravel()]),
+            np.concatenate([np.full(f, SCATTER_SD), own[1].ravel(), spread.ravel()]),
         )
 
     def log_prior(self) -> float:
@@ -251,7 +250,7 @@ def common_parts(blocks: Sequence[Block], sizes: Sizes) -> Columns:
 Parts = tuple[Mapping[int, Columns], Sequence[Columns]]
 
 
-def parts_of(blocks: Sequence[Block], sizes: Sizes) -> Parts:
+def make_parts(blocks: Sequence[Block], sizes: Sizes) -> Parts:
     """Columns of the discrepancy by session, and of what each trial has of its own; no size enters."""
     sessions = sorted({b.session for b in blocks})
     common = {s: common_parts([b for b in blocks if b.session == s], sizes) for s in sessions}
@@ -260,7 +259,7 @@ def parts_of(blocks: Sequence[Block], sizes: Sizes) -> Parts:
 
 def null_covariances(block: Block, sizes: Sizes) -> tuple[Array, Array, Array]:
     """Covariances (n, n) of a trial that stands for all: sensors and drive with its deviation, laws, what all share."""
-    common, (own,) = parts_of([block], sizes)
+    common, (own,) = make_parts([block], sizes)
     size, laws = np.exp(sizes.log()), law_columns(block, sizes)
     alone = replace(sizes, by_family=np.full_like(sizes.by_family, LEAST))
     each = np.diag(block.white) + block.own @ block.own.T + own.covariance(np.exp(alone.log()))
@@ -269,7 +268,7 @@ def null_covariances(block: Block, sizes: Sizes) -> tuple[Array, Array, Array]:
     return each, (laws * sizes.scatter[sizes.families >= 0] ** 2) @ laws.T, shared
 
 
-def solved(lower: Array, right: Array) -> Array:
+def solve_lower(lower: Array, right: Array) -> Array:
     """Solution x of ``lower x = right``, ``lower`` of `scipy.linalg.cholesky`.
 
     LAPACK's, as `scipy.linalg.solve_triangular` calls it; its checks take as long as the small systems here.
@@ -284,12 +283,12 @@ class Marginal:
     ----------
     blocks : sequence of Block
     sizes : Sizes
-    parts : as of `parts_of` with the same blocks, if known already
+    parts : as of `make_parts` with the same blocks, if known already
     """
 
     def __init__(self, blocks: Sequence[Block], sizes: Sizes, parts: Parts | None = None) -> None:
         self.blocks, self.sizes = list(blocks), sizes
-        self.parts = parts_of(blocks, sizes) if parts is None else parts
+        self.parts = make_parts(blocks, sizes) if parts is None else parts
         self.p = blocks[0].moved.shape[1]
         self.shared = self.p + len(INSTRUMENT)
         size = np.exp(sizes.log())
@@ -298,7 +297,7 @@ class Marginal:
         at = self.shared
         for s, common in self.parts[0].items():
             covariance = common.covariance(size)
-            lift = TINY * np.diag(covariance) + 1e-30
+            lift = TINY * np.diag(covariance) + np.finfo(float).tiny
             self.roots[s] = cholesky(covariance + np.diag(lift), lower=True)
             self.starts[s], at = at, at + len(covariance)
         self.q = at
@@ -341,7 +340,7 @@ class Marginal:
 
     def _whiten(self, b: Block, own: Array) -> tuple[Array, Array]:
         lower = cholesky(np.diag(b.white) + b.own @ b.own.T + own, lower=True)
-        return lower, solved(lower, self.design(b))
+        return lower, solve_lower(lower, self.design(b))
 
     def projected(self, residuals: Sequence[Array]) -> tuple[Array, float]:
         """Xᵀ C⁻¹ r (q,) and rᵀ C⁻¹ r; those of the residuals asked for last are kept."""
@@ -349,7 +348,7 @@ class Marginal:
             return self._projected
         b, square = np.zeros(self.q), 0.0
         for (lower, x), r, block in zip(self.white, residuals, self.blocks, strict=True):
-            w = solved(lower, np.asarray_chkfinite(r))
+            w = solve_lower(lower, np.asarray_chkfinite(r))
             b[self.columns_of(block.session)] += x.T @ w
             square += float(w @ w)
         self._asked, self._projected = residuals, (b, square)
@@ -463,14 +462,14 @@ class OwnModes:
     def costs(self, residuals: Sequence[Array], own: Sequence[Own]) -> Array:
         """Cost (trials,) of residuals of runs at z with what trials have of their own."""
         scatters, out = self.scatter > 0.0, []
-        for lower, shared, r, o in zip(self._alone, self.shared, residuals, own, strict=True):
+        for lower, shared, r, o in zip(self._own_roots, self.shared, residuals, own, strict=True):
             white = solve_triangular(lower, r - shared, lower=True)
             prior = o.laws[scatters] / self.scatter[scatters]
             out.append(float(white @ white + prior @ prior + o.drive @ o.drive))
         return np.array(out)
 
     @cached_property
-    def _alone(self) -> list[Array]:
+    def _own_roots(self) -> list[Array]:
         """Root of the covariance of each trial's residual, given what it has of its own."""
         size, out = np.exp(self.marginal.sizes.log()), []
         for b, part in zip(self.marginal.blocks, self.marginal.parts[1], strict=True):
@@ -481,8 +480,7 @@ class OwnModes:
         return out
 
 
-LEAST_DAMPING = 0.03
-MOST_BOUNDS = 8  # rounds in which values are held at the ends of what is allowed
+LEAST_DAMPING, MARQUARDT = 0.03, 10.0  # of the curvature's diagonal; factor to the next one
 
 
 def box_step(marginal: Marginal, here: Sequence[Array], z: Array, box: tuple[Array, Array], damping: float) -> Array:
@@ -500,7 +498,7 @@ def box_step(marginal: Marginal, here: Sequence[Array], z: Array, box: tuple[Arr
     slope, curvature = marginal.slope(here, z), marginal.curvature
     damped = curvature + damping * np.diag(np.diag(curvature))
     free, step = np.ones(z.size, dtype=bool), np.zeros(z.size)
-    for _ in range(MOST_BOUNDS):
+    for _ in range(z.size):  # each round holds one more value at the end of what is allowed
         rest = slope[free] - damped[np.ix_(free, ~free)] @ step[~free]
         step[free] = np.linalg.solve(damped[np.ix_(free, free)], rest)
         out = free & ((z + step < low) | (z + step > high))
@@ -511,22 +509,22 @@ def box_step(marginal: Marginal, here: Sequence[Array], z: Array, box: tuple[Arr
     return np.clip(z + step, low, high) - z
 
 
-def largest_step(
+def find_largest_step(
     marginal: Marginal, here: Sequence[Array], z: Array, box: tuple[Array, Array], watched: NDArray[np.intp]
 ) -> float:
     """Largest change of what is watched in the whole step from z, in its posterior standard uncertainties."""
     return float(np.max((np.abs(box_step(marginal, here, z, box, 0.0)) / marginal.width)[watched]))
 
 
-def dampings(last: float) -> list[float]:
+def list_dampings(last: float) -> list[float]:
     """Dampings to try in turn."""
     first = max(last, LEAST_DAMPING)
-    return [last] + [first * 10.0**k for k in range(0 if last < LEAST_DAMPING else 1, 5)]
+    return [last] + [first * MARQUARDT**k for k in range(0 if last < LEAST_DAMPING else 1, 5)]
 
 
 LONGEST = 1.5  # step of a logarithm
 RISEN = 0.1  # of the log likelihood: less ends the learning
-DAMPINGS = (0.0, 0.1, 1.0, 10.0)
+DAMPINGS = (0.0, *(MARQUARDT**k for k in (-1, 0, 1)))
 SMALLER = 3.0  # of the held-out log score: by so much a smaller discrepancy must predict better to be taken
 
 
@@ -550,7 +548,7 @@ def scores(marginal: Marginal, residuals: Sequence[Array] | None = None) -> Scor
     towards = np.zeros((p, len(log)))  # of the laws' own scatter, summed over trials before it is squared
     for k, (b, (lower, x)) in enumerate(zip(marginal.blocks, marginal.white, strict=True)):
         mine = marginal.columns_of(b.session)
-        root = solved(lower, np.eye(len(lower)))
+        root = solve_lower(lower, np.eye(len(lower)))
         inverse, back = root.T @ root, root.T @ x
         total = of_session[b.session]
         weight = inverse - back @ marginal.covariance[np.ix_(mine, mine)] @ back.T
@@ -558,8 +556,8 @@ def scores(marginal: Marginal, residuals: Sequence[Array] | None = None) -> Scor
         left = np.zeros(len(lower))
         if residuals is not None and mean is not None:
             left = inverse @ residuals[k] - back @ mean[mine]
-        _add(slope, information, variance, own[k], weight, left if residuals is not None else None)
-        towards += _squares(own[k], pull, log.size)
+        _add_scores(slope, information, variance, own[k], weight, left if residuals is not None else None)
+        towards += _sum_squares(own[k], pull, log.size)
         laws = law_columns(b, marginal.sizes)
         half = inverse @ laws
         both = np.block([[laws.T @ half, half.T], [half, inverse]])
@@ -567,8 +565,8 @@ def scores(marginal: Marginal, residuals: Sequence[Array] | None = None) -> Scor
     for s, total in of_session.items():
         mine = marginal.columns_of(s)
         weight = total.inverse - total.back @ marginal.covariance[np.ix_(mine, mine)] @ total.back.T
-        _add(slope, information, variance, common[s], weight, total.left if residuals is not None else None)
-        towards += _squares(common[s], total.pull, log.size)
+        _add_scores(slope, information, variance, common[s], weight, total.left if residuals is not None else None)
+        towards += _sum_squares(common[s], total.pull, log.size)
     shares = variance * towards / np.diag(marginal.covariance)[:p, None]
     return Scores(slope, information, shares)
 
@@ -588,14 +586,16 @@ class _Sum:
         self.pull, self.left = self.pull + pull, self.left + left
 
 
-def _squares(part: Columns, pull: Array, sizes: int) -> Array:
+def _sum_squares(part: Columns, pull: Array, sizes: int) -> Array:
     """Sum of squares (p, k) of what each size's columns do to each z."""
     out = np.zeros((sizes, pull.shape[1]))
     np.add.at(out, part.place, (part.columns.T @ pull) ** 2)
     return out.T
 
 
-def _add(slope: Array, information: Array, variance: Array, part: Columns, weight: Array, left: Array | None) -> None:
+def _add_scores(
+    slope: Array, information: Array, variance: Array, part: Columns, weight: Array, left: Array | None
+) -> None:
     """Add what one independent piece says of its sizes."""
     for k, (i, rows, columns) in enumerate(part.groups):
         for j, others, more in part.groups[: k + 1]:
@@ -620,11 +620,11 @@ def learn(
     rounds : at most
     floor : smallest size of the discrepancy, of the response
     """
-    parts = parts_of(blocks, sizes)
+    parts = make_parts(blocks, sizes)
     marginal = Marginal(blocks, sizes.at_least(floor), parts)
     for _ in range(rounds):
         before = marginal.log_evidence(residuals)
-        taken = _step(marginal, residuals, floor)
+        taken = _take_step(marginal, residuals, floor)
         if taken is None:
             break
         # what is believed of the part that is like laws has moved with the others: compare under what is believed now
@@ -635,7 +635,7 @@ def learn(
     return marginal
 
 
-def _step(marginal: Marginal, residuals: Sequence[Array], floor: float) -> Marginal | None:
+def _take_step(marginal: Marginal, residuals: Sequence[Array], floor: float) -> Marginal | None:
     """The least damped step that raises the likelihood."""
     found, log = scores(marginal, residuals), marginal.sizes.log()
     middle, spread = marginal.sizes.belief()
@@ -652,7 +652,7 @@ def _step(marginal: Marginal, residuals: Sequence[Array], floor: float) -> Margi
     return None
 
 
-def likeliest(
+def select_noise_model(
     blocks: Sequence[Block], residuals: Sequence[Array], sizes: Sizes, rounds: int, anew: bool = True
 ) -> Marginal:
     """The likelier model of two, learnt from these sizes and, ``anew``, from next to no discrepancy.

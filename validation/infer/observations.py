@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from model.errors import ModelError
 from model.motion_driven.spline_fit import KeyFit, fit_key_motion
-from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, Array
+from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, RECTANGULAR, Array
 from validation.errors import ValidationInputError
 from validation.infer.unknowns import FORCE, KEY, POSITIONS, Parameter, Unknowns
 from validation.measurement.position_sensors import PositionSensors, SensorCalibration
@@ -64,7 +64,7 @@ def film_seen(m: MeasuredTrial, phase_s: Array) -> FilmSeen:
         known = np.isfinite(film.change_rad[name]) & np.isfinite(noise) & np.isfinite(film.u_rad[name])
         if known.any():
             zero[c] = float(np.median(noise[known])) / np.sqrt(still)
-            scale[c] = _grows(film, name, noise, known)
+            scale[c] = _growing_u(film, name, noise, known)
     change[~np.isfinite(white)] = np.nan
     return FilmSeen(np.where(there, film.time_s[frame], phase_s), change, white, zero, scale, film.u_time_s)
 
@@ -81,7 +81,7 @@ def _own_frames(frame_s: Array, phase_s: Array) -> tuple[NDArray[np.intp], NDArr
     return frame, there
 
 
-def _grows(film: FilmAngles, name: str, noise: Array, known: NDArray[np.bool_]) -> float:
+def _growing_u(film: FilmAngles, name: str, noise: Array, known: NDArray[np.bool_]) -> float:
     """Relative standard uncertainty of what the total has beside noise, where the body has turned most."""
     beside = np.sqrt(np.maximum(film.u_rad[name][known] ** 2 - noise[known] ** 2, 0.0))
     turned = np.abs(film.change_rad[name][known])
@@ -90,7 +90,7 @@ def _grows(film: FilmAngles, name: str, noise: Array, known: NDArray[np.bool_]) 
 
 
 PHASES = 60
-LEAD_S = 0.02  # rest kept before the force acts
+LEAD_S, AFTER_S = 0.02, 2e-3  # rest kept before the force acts; kept of the force around what is compared
 HELD = 0.15  # of the peak force: below it for good, the key is being let go
 EVEN = 0.15  # share of the phases that is spread evenly over time
 APART = 1.5  # samples between neighbouring phases, at least: each is the nearest sample of every trial
@@ -185,10 +185,10 @@ def observe(
     ValidationInputError
         The trials have no span in common: they are not of one kind of stroke; or an encoder stands still.
     """
-    return _thinned(name, session, trials, (_span, _observed), phases, film)
+    return _thin_trials(name, session, trials, (_span, _observe_trial), phases, film)
 
 
-def _thinned(
+def _thin_trials(
     name: str, session: int, trials: Sequence[MeasuredTrial], ways: tuple[_SpanOf, _Seen], phases: int, film: bool
 ) -> list[ObservedTrial]:
     """Trials as `observe` has them, by what tells their spans, and what sees them at common phases."""
@@ -223,12 +223,12 @@ def common_phases(name: str, trials: Sequence[MeasuredTrial], spans: Sequence[Sp
     fine = np.arange(-before, after, 1e-3)
     lead, first = trials[0], spans[0]
     measured = np.isfinite(lead.change_rad).any(axis=0)
-    curve = _at(lead, first.top_s + fine)[:, measured]
+    curve = _interpolate_change(lead, first.top_s + fine)[:, measured]
     way = np.abs(np.gradient(curve, axis=0)) / np.ptp(lead.change_rad[:, measured], axis=0)
     density = way.sum(axis=1) / way.sum() * (1.0 - EVEN) + EVEN / fine.size
     passed = np.concatenate([[0.0], np.cumsum(density)[:-1]])
     at = np.unique(np.interp((np.arange(phases) + 0.5) / phases, passed, fine))
-    return _apart(at, APART * max(float(np.median(np.diff(m.time_s))) for m in trials))
+    return _keep_apart(at, APART * max(float(np.median(np.diff(m.time_s))) for m in trials))
 
 
 def with_film(trial: ObservedTrial, m: MeasuredTrial) -> ObservedTrial:
@@ -256,13 +256,13 @@ def sampled(m: MeasuredTrial, span: Span, phases: Array) -> Array:
 
 def encoder_noise(m: MeasuredTrial) -> dict[str, Any]:
     """Standard uncertainties (3,), rad, of one sample (its rounding, jitter), of the zero, and alike in all trials."""
-    zero = np.abs(np.asarray(m.resolution_rad, dtype=float)) / np.sqrt(12.0)
+    zero = np.abs(np.asarray(m.resolution_rad, dtype=float)) * RECTANGULAR
     white = np.hypot(zero, m.change_rad[: m.quiet.stop].std(axis=0, ddof=1))
     steady = np.sqrt(np.maximum(np.asarray(m.u_rad) ** 2 - white**2 - zero**2, 0.0))
     return {"u_white_rad": white, "u_zero_rad": zero, "u_steady_rad": steady}
 
 
-def _apart(times: Array, least_s: float) -> Array:
+def _keep_apart(times: Array, least_s: float) -> Array:
     """Those of increasing times that are at least so far from the last one kept."""
     kept = [float(times[0])]
     for t in times[1:]:
@@ -277,21 +277,21 @@ def _span(m: MeasuredTrial) -> Span:
     force = m.force.force_n - m.force.preload_n
     acts = np.flatnonzero(force > HELD * force.max())
     end = min(float(m.force.time_s[acts[-1]]), float(m.time_s[-1]))
-    return Span(max(m.quiet.onset_s - 2e-3, float(m.force.time_s[0]) + LEAD_S), top, end)
+    return Span(max(m.quiet.onset_s - AFTER_S, float(m.force.time_s[0]) + LEAD_S), top, end)
 
 
-def _at(m: MeasuredTrial, time_s: Array) -> Array:
+def _interpolate_change(m: MeasuredTrial, time_s: Array) -> Array:
     return np.column_stack([np.interp(time_s, m.time_s, column) for column in m.change_rad.T])
 
 
-def _observed(name: str, session: int, m: MeasuredTrial, span: Span, phases: Array) -> ObservedTrial:
+def _observe_trial(name: str, session: int, m: MeasuredTrial, span: Span, phases: Array) -> ObservedTrial:
     index = sampled(m, span, phases)
     time = m.time_s[index]
     f = m.force
     # from where it begins to act, not from the first phase, which may be later: what moved the key till then counts
-    inside = (f.time_s > span.start_s - LEAD_S) & (f.time_s <= time[-1] + 2e-3)
+    inside = (f.time_s > span.start_s - LEAD_S) & (f.time_s <= time[-1] + AFTER_S)
     force_s, force_n = f.time_s[inside], f.force_n[inside].copy()
-    force_n[force_s < m.quiet.onset_s - 2e-3] = f.preload_n  # the baseline's mean; its noise is not force
+    force_n[force_s < m.quiet.onset_s - AFTER_S] = f.preload_n  # the baseline's mean; its noise is not force
     offset = f.hum.u_offset_n if np.isfinite(f.hum.u_offset_n) else 0.0
     return ObservedTrial(
         label=f"{name}, trial {m.number}",
@@ -313,7 +313,6 @@ def _observed(name: str, session: int, m: MeasuredTrial, span: Span, phases: Arr
 
 
 MOVES, DOWN = 0.01, 0.5  # of the key's largest turn: from where on it moves; below it for good, it goes up
-AFTER_S = 2e-3
 WITHOUT_KEY = (1, 2)
 
 
@@ -332,7 +331,7 @@ def observe_driven(
     ValidationInputError
         The trials have no span in common, an encoder stands still, or a key's angles are no motion.
     """
-    return _thinned(name, session, trials, (_driven_span, _observed_driven), phases, film)
+    return _thin_trials(name, session, trials, (_driven_span, _observe_driven_trial), phases, film)
 
 
 def _driven_span(m: MeasuredTrial) -> Span:
@@ -340,10 +339,10 @@ def _driven_span(m: MeasuredTrial) -> Span:
     moves = int(np.argmax(key > MOVES * key.max()))
     top = float(m.time_s[int(np.argmax(hammer > 0.9 * hammer.max()))])
     down = np.flatnonzero(key > DOWN * key.max())
-    return Span(max(float(m.time_s[moves]) - 2e-3, float(m.time_s[0]) + LEAD_S), top, float(m.time_s[down[-1]]))
+    return Span(max(float(m.time_s[moves]) - AFTER_S, float(m.time_s[0]) + LEAD_S), top, float(m.time_s[down[-1]]))
 
 
-def _observed_driven(name: str, session: int, m: MeasuredTrial, span: Span, phases: Array) -> ObservedTrial:
+def _observe_driven_trial(name: str, session: int, m: MeasuredTrial, span: Span, phases: Array) -> ObservedTrial:
     index = sampled(m, span, phases)
     time = m.time_s[index]
     inside = (m.time_s > span.start_s - LEAD_S) & (m.time_s <= time[-1] + AFTER_S)
@@ -390,7 +389,7 @@ def observe_positions(
     Conventions: the hammer is compared, from just before the key moves until it is back: a key that is let go moves the
     action on. Errors of the sensors move like parameters.
     """
-    return _thinned(name, session, trials, (_positions_span, _observed_positions), phases, film)
+    return _thin_trials(name, session, trials, (_positions_span, _observe_positions_trial), phases, film)
 
 
 def _positions_span(m: MeasuredTrial) -> Span:
@@ -398,12 +397,12 @@ def _positions_span(m: MeasuredTrial) -> Span:
     moves = int(np.argmax(key > MOVES * key.max()))
     top = float(m.time_s[int(np.argmax(hammer > 0.9 * hammer.max()))])
     back = min(int(np.flatnonzero(hammer > UP * hammer.max())[-1]) + 1, m.time_s.size - 1)
-    return Span(max(float(m.time_s[moves]) - 2e-3, float(m.time_s[0]) + 1e-3), top, float(m.time_s[back]))
+    return Span(max(float(m.time_s[moves]) - AFTER_S, float(m.time_s[0]) + 1e-3), top, float(m.time_s[back]))
 
 
-def _observed_positions(name: str, session: int, m: MeasuredTrial, span: Span, phases: Array) -> ObservedTrial:
+def _observe_positions_trial(name: str, session: int, m: MeasuredTrial, span: Span, phases: Array) -> ObservedTrial:
     index, measured = sampled(m, span, phases), list(HAMMER_ALONE)
-    white = (m.resolution_rad / np.sqrt(12.0))[measured]
+    white = (m.resolution_rad * RECTANGULAR)[measured]
     return ObservedTrial(
         label=f"{name}, trial {m.number}",
         session=session,

@@ -13,7 +13,7 @@ from validation.conventions import Array
 from validation.infer.blocks import Block, make_blocks, residuals
 from validation.infer.noise import family_of
 from validation.infer.observations import CHANNEL_NAMES, ObservedTrial
-from validation.infer.response import Own, Response, without_own
+from validation.infer.response import Own, Response, remove_own
 from validation.infer.unknowns import Unknowns
 
 AFAR = 3.0  # how far z may move before columns of force noise are found again
@@ -131,7 +131,7 @@ def residuals_there(
 ) -> list[Array]:
     """Residuals of curves that hold what trials have of their own, without it by the linear model."""
     found = residuals(problem.trials, curves)
-    return found if own is None else without_own(blocks, found, own)
+    return found if own is None else remove_own(blocks, found, own)
 
 
 def linear_residuals(

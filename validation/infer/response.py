@@ -32,7 +32,7 @@ from model.motion_driven.spline_fit import DEGREE, KeyFit
 from model.scene.string_terms import with_modes
 from model.sensitivity.parameter_names import directions
 from model.simulation.options import ForceDrivenOptions
-from validation.conventions import BODIES, WORKERS, Array
+from validation.conventions import BODIES, RECTANGULAR, WORKERS, Array
 from validation.conventions import KEY as KEY_BODY
 from validation.errors import ValidationInputError
 from validation.infer.blocks import Block
@@ -101,12 +101,12 @@ class Own:
         return float(np.sqrt(np.mean(np.concatenate([laws, self.drive - other.drive]) ** 2)))
 
 
-def nothing_own(blocks: Sequence[Block]) -> list[Own]:
+def make_nothing_own(blocks: Sequence[Block]) -> list[Own]:
     """Of each trial: it is as all are."""
     return [Own(np.zeros(b.moved.shape[1] + b.held.shape[1]), np.zeros(b.driven)) for b in blocks]
 
 
-def without_own(blocks: Sequence[Block], residuals: Sequence[Array], own: Sequence[Own]) -> list[Array]:
+def remove_own(blocks: Sequence[Block], residuals: Sequence[Array], own: Sequence[Own]) -> list[Array]:
     """Residuals that the linear model would have if no trial had anything of its own."""
     return [
         r + np.hstack([b.moved, b.held]) @ o.laws + b.own[:, : b.driven] @ o.drive
@@ -198,7 +198,7 @@ class Case:
         for draw, weight in self.draws:
             random = np.random.default_rng([DRAW_SEED, trial.session, trial.number, draw])
             away = solve_banded((0, DEGREE), fit.factor, random.standard_normal(len(c)))
-            rounded = fit.resolution_rad / np.sqrt(12.0) * random.standard_normal()  # of the trial's zero
+            rounded = fit.resolution_rad * RECTANGULAR * random.standard_normal()  # of the trial's zero
             c = c + weight * (away + rounded * moved)
         off = c + fit.offset_rad - self.key_zero * trial.u_key_rad * moved
         return fit.motion(off / (1.0 + self.key_scale * trial.u_key_scale) - fit.offset_rad)
@@ -477,7 +477,7 @@ class ModelResponse:
         step[columns] = PROBE * np.where(np.arange(len(columns)) % 2, 1.0, -1.0)
         said = [derivative @ step[columns] for derivative in jacobian]
         # many columns at once bend a stroke: what moves it further than this is no small step
-        share = [min(1.0, PROBED_RAD / max(float(np.sqrt(np.mean(d**2))), 1e-300)) for d in said]
+        share = [min(1.0, PROBED_RAD / max(float(np.sqrt(np.mean(d**2))), np.finfo(float).tiny)) for d in said]
         here, moved = self.run([self.cases(at, own), self.moved(at, own, np.outer(share, step))])
         if here is None or moved is None:
             return list(range(len(self.trials)))

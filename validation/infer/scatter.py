@@ -18,6 +18,7 @@ from validation.conventions import Array
 from validation.infer.fit import Fitted
 from validation.infer.noise import Marginal, scores
 
+COVERAGE = 0.95  # of intervals
 LEAST_TRIALS = 3
 LEAST_FREEDOM = 2.0
 BY_CHANCE = 0.99  # probability: a jackknife that is larger than chance makes it widens an interval
@@ -29,7 +30,7 @@ def jackknife(fitted: Fitted) -> Array:
     n = len(blocks)
     # the only trial of its session is not left out: that is another experiment
     alone = {k for k in range(n) if not any(blocks[i].session == blocks[k].session for i in range(n) if i != k)}
-    return _without_one(fitted, [[i for i in range(n) if i != k] for k in range(n) if k not in alone], LEAST_TRIALS)
+    return _jackknife_parts(fitted, [[i for i in range(n) if i != k] for k in range(n) if k not in alone], LEAST_TRIALS)
 
 
 def jackknife_over_strokes(fitted: Fitted) -> Array:
@@ -39,12 +40,12 @@ def jackknife_over_strokes(fitted: Fitted) -> Array:
     its prior when it is left out, which is no error.
     """
     blocks = fitted.marginal.blocks
-    return _without_one(
+    return _jackknife_parts(
         fitted, [[i for i, b in enumerate(blocks) if b.session != s] for s in sorted({b.session for b in blocks})], 2
     )
 
 
-def _without_one(fitted: Fitted, parts: Sequence[Sequence[int]], fewest: int) -> Array:
+def _jackknife_parts(fitted: Fitted, parts: Sequence[Sequence[int]], fewest: int) -> Array:
     """Jackknife over the fits of the linear model, its sizes kept, to each of some parts of the trials."""
     if len(parts) < fewest:
         return np.full(fitted.z.size, np.nan)
@@ -61,7 +62,7 @@ def jackknife_u(found: Sequence[ArrayLike]) -> Array:
     return np.asarray(np.sqrt((n - 1) / n * ((table - table.mean(axis=0)) ** 2).sum(axis=0)))
 
 
-def widened(width: Array, jack: Array, trials: int) -> Array:
+def widen_by_jackknife(width: Array, jack: Array, trials: int) -> Array:
     """Standard uncertainties, as large as the jackknife where trials pull apart by more than chance.
 
     The jackknife of few trials is itself known to a third only: the larger of the two would always be too large.
@@ -76,10 +77,10 @@ def factors(fitted: Fitted) -> Array:
     _, spread = fitted.marginal.sizes.belief()
     unknown = np.linalg.inv(found.information + np.diag(1.0 / spread**2))  # covariance of the logarithms of sizes
     varied = np.einsum("pi,ij,pj->p", found.shares, unknown, found.shares)
-    return np.asarray(stdtrit(np.clip(0.5 / np.maximum(varied, 1e-9), LEAST_FREEDOM, None), 0.975))
+    return np.asarray(stdtrit(np.clip(0.5 / np.maximum(varied, 1e-9), LEAST_FREEDOM, None), 0.5 + 0.5 * COVERAGE))
 
 
-def of_lacking(fitted: Fitted) -> Array:
+def discrepancy_u(fitted: Fitted) -> Array:
     """Standard uncertainty (p,) of z that comes from what the model lacks."""
     sizes = fitted.marginal.sizes
     shares = scores(fitted.marginal).shares[:, -sizes.common.size :].sum(axis=1)

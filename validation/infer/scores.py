@@ -44,7 +44,7 @@ def score(
     for name, action in actions.items():
         found = ModelResponse(action, (), trials, tolerance).curves([np.zeros(0)])[0]
         out[name] = None if found is None else by_channel(trials, found)
-    null = [_null(next(iter(actions.values())), t, tolerance) for t in trials]
+    null = [_null_scores(next(iter(actions.values())), t, tolerance) for t in trials]
     known = [(t, f) for t, f in zip(trials, null, strict=True) if f is not None]
     out["null model"] = by_channel([t for t, _ in known], [f for _, f in known]) if known else None
     centres: list[tuple[ObservedTrial, Array]] = []
@@ -103,7 +103,7 @@ def by_channel(trials: Sequence[ObservedTrial], curves: Sequence[Array]) -> dict
     return out
 
 
-def _null(action: model.Action, trial: ObservedTrial, tolerance: float) -> Array | None:
+def _null_scores(action: model.Action, trial: ObservedTrial, tolerance: float) -> Array | None:
     if trial.key is not None:  # the null model moves as the key does: it has nothing to say under its motion
         return None
     try:

@@ -153,9 +153,9 @@ def collect(sessions: Sequence[Session | str | Path], action: model.Action, opti
         kept = [m for m in measured.trials if k < n_to_fit and m.number not in options.hold_out_trials]
         out = [m for m in measured.trials if k >= n_to_fit or m.number in options.hold_out_trials]
         if k < n_to_fit and not kept and not (out and parts.count(measured.session) > 1):
-            raise ValidationInputError(_none(measured, name, len(out)))
+            raise ValidationInputError(_no_trials_message(measured, name, len(out)))
         if kept:
-            observed, by_force = _observed(name, k, kept, options)
+            observed, by_force = _observe_session(name, k, kept, options)
             fitted += observed
             seals |= {t.label: m.seal for t, m in zip(observed, kept, strict=True)}
             samples |= {t.label: m.samples for t, m in zip(observed, kept, strict=True)}
@@ -164,7 +164,7 @@ def collect(sessions: Sequence[Session | str | Path], action: model.Action, opti
             by_key += [] if by_force else [(t.label, m) for t, m in zip(observed, kept, strict=True)]
         if out:
             label = f"{name}, held out" if kept else name
-            seen, by_force = _observed(name, 0, out, options)
+            seen, by_force = _observe_session(name, 0, out, options)
             held[label] = tuple(seen)
             strokes += [(f"{label}, trial {m.number}", m) for m in out]
             if by_force:
@@ -172,7 +172,7 @@ def collect(sessions: Sequence[Session | str | Path], action: model.Action, opti
     _refuse_same_stroke(strokes)
     _refuse_used_before(action, seals, samples)
     fitted = sharing_the_key(fitted)
-    notes = _not_used([m for one in found for m in one.trials], options)
+    notes = _unused_words([m for one in found for m in one.trials], options)
     return Sources(
         tuple(fitted), held, seals, samples, tuple(refused), tuple(opened), tuple(to_fit), as_measured, notes,
         tuple(by_key),
@@ -186,7 +186,7 @@ def _conditions(session: Session, options: IdentifyOptions) -> Sequence[str | No
     return found if len(found) > 1 else [options.condition]
 
 
-def _observed(
+def _observe_session(
     name: str, session: int, trials: Sequence[MeasuredTrial], options: IdentifyOptions
 ) -> tuple[list[ObservedTrial], bool]:
     """Trials of one session as they are compared, and whether a force drives them: all of them, or none."""
@@ -196,7 +196,7 @@ def _observed(
     return see(name, session, trials, options.phases, options.film), by_force
 
 
-def _not_used(trials: Sequence[MeasuredTrial], options: IdentifyOptions) -> tuple[str, ...]:
+def _unused_words(trials: Sequence[MeasuredTrial], options: IdentifyOptions) -> tuple[str, ...]:
     """Lines on channels that were recorded and are not used."""
     filmed, out = sum(m.film is not None for m in trials), []
     if filmed and not options.film:
@@ -220,7 +220,7 @@ def _names(sessions: Sequence[Session]) -> list[str]:
     return names
 
 
-def _none(measured: MeasuredSession, name: str, held: int) -> str:
+def _no_trials_message(measured: MeasuredSession, name: str, held: int) -> str:
     if held:
         return (
             f"{name}: no usable trial to fit ({held} held out by --hold-out-trials); leave at least one of them to fit"

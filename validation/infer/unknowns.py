@@ -101,16 +101,16 @@ def expand(action: model.Action, asked: Sequence[str], option: str = PARAMETERS)
             members = [n for n in names if fnmatchcase(n, text)] if "*" in text else []
             members = members or [n for n in names if n.rpartition(".")[0] == text and text.endswith("_spring")]
         if option == PARAMETERS:
-            members = _free(action, text, members)
+            members = _keep_free(action, text, members)
         if not members:
-            raise ValidationInputError(_unknown(action, text, option))
+            raise ValidationInputError(_unknown_message(action, text, option))
         found |= dict.fromkeys(members)
     if not found:
         raise ValidationInputError(f"{option}: no parameter given; allowed names of --set, or {', '.join(GROUPS)}")
     return list(found)
 
 
-def _free(action: model.Action, text: str, members: list[str]) -> list[str]:
+def _keep_free(action: model.Action, text: str, members: list[str]) -> list[str]:
     """Those that can be identified: no component of a unit normal, which the other one and the length fix."""
     if text in action.structure:
         raise ValidationInputError(
@@ -125,7 +125,7 @@ def _free(action: model.Action, text: str, members: list[str]) -> list[str]:
     return [name for name in members if not name.endswith(NORMAL)]
 
 
-def _unknown(action: model.Action, text: str, option: str) -> str:
+def _unknown_message(action: model.Action, text: str, option: str) -> str:
     for path in (text, f"{text}.A"):
         if path in model.quantities_of(action):
             return (
@@ -140,6 +140,7 @@ def _unknown(action: model.Action, text: str, option: str) -> str:
 
 LAW_U = 0.3
 """Relative standard uncertainty of a law's value whose stated u is only that of printed digits."""
+INSIDE = 0.999  # share of the way to the end of what is allowed that a value goes
 BOX = 4.0
 """A parameter is looked for within this many prior standard uncertainties."""
 THRESHOLDS = ("friction_threshold.v_t", "friction_threshold.omega_t")
@@ -201,8 +202,8 @@ class Parameter:
         low, high = -BOX, BOX
         if not self.factor and self.paths:
             least, most, _ = allowed_range(self.paths[0])
-            low = max(low, 0.999 * (least - action[self.paths[0]]) / self.u)
-            high = min(high, 0.999 * (most - action[self.paths[0]]) / self.u)
+            low = max(low, INSIDE * (least - action[self.paths[0]]) / self.u)
+            high = min(high, INSIDE * (most - action[self.paths[0]]) / self.u)
         return low, high
 
 
@@ -273,7 +274,7 @@ def unknowns(
     """
     wanted = expand(action, asked)
     held = expand(action, fixed, "--fix") if fixed else []
-    given = _given(action, priors or {})
+    given = _parse_priors(action, priors or {})
     for name in fixed:  # a group or pattern means the rest of it
         if name.strip() in wanted:
             raise ValidationInputError(f"--fix {name}: found it in --parameters, too; allowed in one of the two")
@@ -293,7 +294,7 @@ def unknowns(
     return Unknowns(tuple(found), tuple(beside), tuple(small), tuple(still))
 
 
-def _given(action: model.Action, priors: Mapping[str, float]) -> dict[str, float]:
+def _parse_priors(action: model.Action, priors: Mapping[str, float]) -> dict[str, float]:
     out: dict[str, float] = {}
     for text, u in priors.items():
         if not (math.isfinite(u) and u > 0.0):

@@ -14,7 +14,7 @@ from validation.infer import fit as fitting
 from validation.infer.estimates import profiles
 from validation.infer.fit import fit, fit_conditional
 from validation.infer.problem import Problem, curves_at, residuals_there
-from validation.infer.response import Own, nothing_own
+from validation.infer.response import Own, make_nothing_own
 
 TRUTH = np.array([0.8, -0.5, 0.3])
 
@@ -118,7 +118,7 @@ def test_no_more_than_a_third_of_the_trials_have_an_early_fork_found_at_once_or_
             return out
 
     here = [r - b.moved @ found.z for r, b in zip(found.linear, found.marginal.blocks, strict=True)]
-    own = nothing_own(found.marginal.blocks)
+    own = make_nothing_own(found.marginal.blocks)
     place = fitting._Iterate(found.z, own, here, found.linear, here, found.marginal, np.ones(6))
     forked = replace(problem, response=Forked(problem.trials))
     assert fitting._find_bifurcations(forked, place, {0: 5}) == {0: 5, 3: 5}

@@ -17,7 +17,7 @@ from validation.infer.fit import fit, starts
 from validation.infer.identifiability import directions, warnings_of
 from validation.infer.identify import look_before
 from validation.infer.problem import Columns
-from validation.infer.scatter import factors, jackknife, lacking, widened
+from validation.infer.scatter import factors, jackknife, lacking, widen_by_jackknife
 
 TRUTH = np.array([0.8, -0.5, 0.3])
 
@@ -96,8 +96,8 @@ def test_jackknife_sees_the_scatter_of_trials() -> None:
 
 def test_trials_that_pull_apart_by_more_than_chance_widen_an_interval() -> None:
     u = np.array([0.1, 0.1, 0.1])
-    np.testing.assert_allclose(widened(u, np.array([0.15, 0.25, np.nan]), 5), [0.1, 0.25, 0.1])
-    np.testing.assert_allclose(widened(u, np.array([0.15, 0.25, 0.05]), 40), [0.15, 0.25, 0.1])
+    np.testing.assert_allclose(widen_by_jackknife(u, np.array([0.15, 0.25, np.nan]), 5), [0.1, 0.25, 0.1])
+    np.testing.assert_allclose(widen_by_jackknife(u, np.array([0.15, 0.25, 0.05]), 40), [0.15, 0.25, 0.1])
     trials = toy.made(TRUTH, 5, np.random.default_rng(4), scatter=0.01)
     trials[2] = replace(trials[2], change_rad=toy.Toy([]).curve(TRUTH + np.array([0.9, 0.0, 0.0])))
     p = toy.problem(trials)

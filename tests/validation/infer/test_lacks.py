@@ -33,14 +33,14 @@ def let_in(change: float, gain: float = 0.0) -> LetIn:
 
 def test_an_interval_holds_those_of_all_fits_that_explain_as_well() -> None:
     one, other = let_in(0.0), let_in(0.1, -1.0)
-    (alone, *_), _ = lacks._together([one])
-    (both, rest, *_), _ = lacks._together([one, other])
+    (alone, *_), _ = lacks._combine_estimates([one])
+    (both, rest, *_), _ = lacks._combine_estimates([one, other])
     assert alone.verdict == both.verdict == rest.verdict == IDENTIFIED
     assert both.low == alone.low and both.high > alone.high and both.value == alone.value
 
 
 def test_a_value_that_fits_disagree_on_is_not_known() -> None:
-    estimates, _ = lacks._together([let_in(0.0), let_in(2.5)])
+    estimates, _ = lacks._combine_estimates([let_in(0.0), let_in(2.5)])
     assert [e.verdict == IDENTIFIED for e in estimates] == [False, True, True]
     assert "one thing or another" in estimates[0].verdict
 
@@ -104,16 +104,16 @@ def test_the_felt_of_a_contact_that_is_promising_otherwise_is_let_in_too() -> No
     names = single_names(ACTION)
     held = rows(**{"contact10.second.x": 40.0, "key.joint_friction.A": 30.0, "contact01": 2.0, "contact10": -2.0})
     effects = [(44.0, replace(held[0][1], name="contact01.stulov.tau"), ACTION)]
-    chosen = [row[1].name for row in lacks._promising([held, effects], 0.03)]
+    chosen = [row[1].name for row in lacks._rank_changes([held, effects], 0.03)]
     assert chosen == ["contact10.second.x", "key.joint_friction.A", "contact01.stulov.tau", "contact01", "contact10"]
-    small = [row[1].name for row in lacks._promising([held, effects], 0.003)]
+    small = [row[1].name for row in lacks._rank_changes([held, effects], 0.003)]
     assert small == chosen[:3]  # for what is small a linear model will do
-    assert [row[1].name for row in lacks._promising([held[1:], []], 0.03)] == ["key.joint_friction.A"]
+    assert [row[1].name for row in lacks._rank_changes([held[1:], []], 0.03)] == ["key.joint_friction.A"]
 
 
 def test_lines_name_what_takes_the_lack_away_and_what_is_known() -> None:
     one, other = let_in(0.0), let_in(0.1, -1.0)
-    estimates, _ = lacks._together([one, other])
+    estimates, _ = lacks._combine_estimates([one, other])
     p = one.problem.unknowns.asked[0]
     first, known = Supported((replace(one, parameter=p), other), estimates, (), 7, "shows at the blow").lines
     assert "each of these, let in alone, takes it away: key.joint_friction.A = " in first and "or nothing" in first

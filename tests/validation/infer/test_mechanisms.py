@@ -20,7 +20,7 @@ from validation.infer.noise import Marginal, Sizes, box_step, learn
 from validation.infer.observations import ObservedTrial, encoder_noise, observe_driven
 from validation.infer.problem import Problem
 from validation.infer.response import Case, ModelResponse, noise_knots, slow_noise_n
-from validation.infer.scatter import jackknife, widened
+from validation.infer.scatter import jackknife, widen_by_jackknife
 from validation.infer.sources import IdentifyOptions, collect
 from validation.infer.unknowns import unknowns
 
@@ -176,7 +176,7 @@ def test_a_step_that_no_run_confirmed_is_part_of_u() -> None:
     p = toy.problem(toy.made(np.array([0.8, -0.5, 0.3]), 5, np.random.default_rng(5), scatter=0.02))
     step = np.array([0.02, 0.0, 0.05])
     found = replace(fit(p), remaining=step)
-    width = widened(np.sqrt(np.diag(found.covariance)), jackknife(found), 5)
+    width = widen_by_jackknife(np.sqrt(np.diag(found.covariance)), jackknife(found), 5)
     u = [e.z_u for e in estimate_all(p, found, (), lambda text: None)]
     assert u == pytest.approx(np.hypot(width, step), rel=1e-9)
 

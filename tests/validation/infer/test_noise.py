@@ -12,7 +12,7 @@ from scipy.stats import multivariate_normal
 from tests.validation.infer import toy
 from validation.conventions import Array
 from validation.infer.blocks import INSTRUMENT, Block
-from validation.infer.noise import FLOOR, Marginal, Sizes, held_out_score, likeliest, scores
+from validation.infer.noise import FLOOR, Marginal, Sizes, held_out_score, scores, select_noise_model
 
 SMALL = 9  # phases
 
@@ -83,7 +83,7 @@ def test_families_that_scatter_and_those_that_do_not_are_told_apart() -> None:
         blocks = made_blocks(rng, 1, 5, 12)
         y = drawn(blocks, planted(blocks, contacts, felts, FLOOR), rng)
         start = planted(blocks, 0.05, 0.05, 0.1)
-        found = likeliest(blocks, y, start, 40).sizes
+        found = select_noise_model(blocks, y, start, 40).sizes
         assert found.by_family[0] == pytest.approx(contacts, rel=0.6)
         assert found.by_family[3] == pytest.approx(felts, rel=0.6)
         np.testing.assert_array_equal(found.scatter[:6], found.by_family[0])
@@ -96,7 +96,7 @@ def test_a_discrepancy_like_laws_is_found_and_kept_in_the_intervals() -> None:
         sizes = planted(blocks, 0.02, 0.02, 0.01)
         other = 0.6 * rng.standard_normal(12)  # every law is another one in this session
         y = [r + np.hstack([b.moved, b.held]) @ other for r, b in zip(drawn(blocks, sizes, rng), blocks, strict=True)]
-        found = likeliest(blocks, y, planted(blocks, 0.05, 0.05, 0.3), 40)
+        found = select_noise_model(blocks, y, planted(blocks, 0.05, 0.05, 0.3), 40)
         like_laws = found.sizes.common[0, -1]
         assert like_laws > 0.1
         assert np.all(np.sqrt(np.diag(found.covariance)[:2]) > 0.7 * like_laws)

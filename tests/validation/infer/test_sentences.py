@@ -23,7 +23,7 @@ def test_a_line_becomes_a_sentence_and_names_stay_as_they_are() -> None:
 
 def test_scatter_of_trials_is_about_the_mean_of_each_session(monkeypatch) -> None:
     monkeypatch.setattr(scores, "ModelResponse", lambda *_: SimpleNamespace(curves=lambda _: [None]))
-    monkeypatch.setattr(scores, "_null", lambda *_: None)
+    monkeypatch.setattr(scores, "_null_scores", lambda *_: None)
     rng, shape = np.random.default_rng(3), np.sin(np.linspace(0.0, 3.0, 400))
 
     def session(place: int, n: int, size: float) -> list[SimpleNamespace]:

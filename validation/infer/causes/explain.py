@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 import model
 from validation.errors import ValidationInputError
@@ -106,7 +106,7 @@ def explain_difference(tested: ModelUnderTest, sound: Sequence[MeasuredTrial], e
     if not sound:
         return Explained()
     try:
-        trials = observe("validate", 0, _chosen(sound))
+        trials = observe("validate", 0, _choose_trials(sound))
     except ValidationInputError:  # no span in common
         return Explained()
     return explain_observed(tested, trials, effects)
@@ -124,7 +124,7 @@ def explain_observed(tested: ModelUnderTest, trials: Sequence[ObservedTrial], ef
     return Explained(found["sentence"], changes, found["nothing"], findings)
 
 
-def _chosen(sound: Sequence[MeasuredTrial]) -> list[MeasuredTrial]:
+def _choose_trials(sound: Sequence[MeasuredTrial]) -> list[MeasuredTrial]:
     """The trial that stands for all, then the others; so many, evenly chosen, where there are more."""
     first = representative(list(sound))
     others = [m for m in sound if m is not first]
@@ -155,12 +155,12 @@ def make_answer(found: Found, numbers: Sequence[int]) -> Explained:
             "uncertainties of the parameters may: no part of the model need have changed",
             nothing=True,
         )
-    beyond = _compared(search, len(numbers))
+    beyond = _comparison_words(search, len(numbers))
     what = f"what {where} and model differ by until the key is let go"
     if not found.fits or found.left > 1.0:
         return Explained(f"none of the causes that were compared explains {what}, alone or in pairs; {beyond}")
-    rows = [row for n, fit in enumerate(found.fits, 1) for row in _rows(search, n, fit, found.fits[0])]
-    sets = _sets(rows)
+    rows = [row for n, fit in enumerate(found.fits, 1) for row in _make_rows(search, n, fit, found.fits[0])]
+    sets = _group_rows(rows)
     words = "; ".join(" with ".join(row.words for row in one) for one in sets[:MOST_NAMED])
     if len(sets) > MOST_NAMED:
         return Explained(
@@ -170,23 +170,22 @@ def make_answer(found: Found, numbers: Sequence[int]) -> Explained:
     some = {row.cause for row in rows if row.profile != ALL}
     if len(sets) == 1:
         kind = "this cause explains" if len(sets[0]) == 1 else "these two causes together explain"
-        sentence = f"{_about(rows)}{kind} {what}, and no other that was compared does nearly as well: {words}; {beyond}"
+        which = f"{kind} {what}, and no other that was compared does nearly as well"
     else:
-        sentence = (
-            f"{_about(rows)}each of these explains {what}, and the trials cannot tell them apart: {words}; {beyond}"
-        )
-    return Explained(sentence, tuple(rows), findings=_findings(sets, where) if some else ())
+        which = f"each of these explains {what}, and the trials cannot tell them apart"
+    sentence = f"{_subject_words(rows)}{which}: {words}; {beyond}"
+    return Explained(sentence, tuple(rows), findings=_make_findings(sets, where) if some else ())
 
 
-def _about(rows: Sequence[CompatibleChange]) -> str:
+def _subject_words(rows: Sequence[CompatibleChange]) -> str:
     kinds = {row.of_session for row in rows}
-    return "about the model or the session: " if len(kinds) == 2 else _ABOUT[kinds.pop()]
+    return "about the model or the session: " if len(kinds) == 2 else _SUBJECTS[kinds.pop()]
 
 
-_ABOUT = {True: "about the session, not the model: ", False: "about the model, not the session: "}
+_SUBJECTS = {True: "about the session, not the model: ", False: "about the model, not the session: "}
 
 
-def _compared(search: Search, trials: int) -> str:
+def _comparison_words(search: Search, trials: int) -> str:
     """What was compared, and what the answer rests on."""
     kinds = dict.fromkeys(search.source(i).kind for i in search.named)
     how = "each in all trials, in one, from one on and as a drift"
@@ -195,7 +194,7 @@ def _compared(search: Search, trials: int) -> str:
     return f"sizes hold if all else is as stated; compared were {', '.join(kinds)}, alone and in pairs, {how}"
 
 
-def _rows(search: Search, number: int, fit: Fit, best: Fit) -> list[CompatibleChange]:
+def _make_rows(search: Search, number: int, fit: Fit, best: Fit) -> list[CompatibleChange]:
     """The causes of a fit as rows."""
     out = []
     scatter = np.array([search.source(i).scatter for i in fit.members]) / math.sqrt(search.noise.trials)
@@ -206,7 +205,7 @@ def _rows(search: Search, number: int, fit: Fit, best: Fit) -> list[CompatibleCh
     k = search.log_posterior(fit.each, fit.z)[1]
     white = [search.noise.whiten(k, search.turned(each))[: 1 if shared else None] for each in (base, fit.each)]
     before, after = (float(np.sum(part**2)) for part in white)
-    left, by_noise = after / before, float(chi2.ppf(1.0 - LEVEL, white[0].size)) / before
+    left, by_noise = after / before, float(chdtri(white[0].size, LEVEL)) / before
     for i, z, u_z in zip(fit.members, fit.z, u, strict=True):
         c, s = search.responses.candidates[i], search.source(i)
         changed, u_size = s.size(float(z), float(u_z))
@@ -216,26 +215,26 @@ def _rows(search: Search, number: int, fit: Fit, best: Fit) -> list[CompatibleCh
     return out
 
 
-def _sets(rows: Sequence[CompatibleChange]) -> list[list[CompatibleChange]]:
+def _group_rows(rows: Sequence[CompatibleChange]) -> list[list[CompatibleChange]]:
     listed: dict[int, list[CompatibleChange]] = {}
     for row in rows:
         listed.setdefault(row.set, []).append(row)
     return list(listed.values())
 
 
-def _findings(sets: Sequence[Sequence[CompatibleChange]], where: str) -> tuple[SessionFinding, ...]:
+def _make_findings(sets: Sequence[Sequence[CompatibleChange]], where: str) -> tuple[SessionFinding, ...]:
     """What some of the trials have: a finding for each cause of the only set, else one for all sets."""
     told = "explains what {} differ by among themselves, and no other cause that was compared does nearly as well"
     if len(sets) == 1:
         rows = [row for row in sets[0] if row.profile != ALL]
-        return tuple(_finding([row], f"{row.words}: this {told.format(where)}") for row in rows)
+        return tuple(_make_finding([row], f"{row.words}: this {told.format(where)}") for row in rows)
     rows = [row for one in sets for row in one if row.profile != ALL]
     words = "; ".join(dict.fromkeys(row.words for row in rows))
     text = f"each of these explains what {where} differ by among themselves, and the trials cannot tell them apart: "
-    return (_finding(rows, text + words),)
+    return (_make_finding(rows, text + words),)
 
 
-def _finding(rows: Sequence[CompatibleChange], text: str) -> SessionFinding:
+def _make_finding(rows: Sequence[CompatibleChange], text: str) -> SessionFinding:
     """A finding that is named for what all rows have in common."""
     kinds = {FINDINGS.get(row.cause, "") for row in rows}
     profiles, first = {row.profile for row in rows}, {row.first for row in rows}

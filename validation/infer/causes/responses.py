@@ -20,15 +20,14 @@ from validation.conventions import ENCODER_BODIES, Array
 from validation.events.key_lift import SCALE_RADIUS_M
 from validation.infer.blocks import rows
 from validation.infer.channels import CLOCK, DELAY, FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL
-from validation.infer.hypotheses import LEAST_ADDED, STEP_ADDED, Source, candidates
+from validation.infer.hypotheses import LEAST_ADDED, Source, candidates
 from validation.infer.observations import ENCODERS, ObservedTrial
 from validation.infer.response import SEGMENTS, noise_knots, slow_noise_n
 from validation.prediction.joint_draws import drawn_tolerance
 from validation.prediction.many_runs import Run, coarse_force, run_many
 from validation.prediction.model_under_test import ModelUnderTest
 
-OFFSET_N = 0.1
-BUMP_N = 0.2
+BUMP_N = 0.1  # for differences, of the whole force or at one knot
 
 
 @dataclass(frozen=True)
@@ -82,7 +81,7 @@ class Responses:
     def exact(self, point: Point) -> Array | None:
         """Differences (trials, 3 m) with every trial run; those of points near by are found from there."""
         places = [self._place(point, t) for t in range(len(self.trials))]
-        found = self._turns([(place, t) for t, place in enumerate(places)])
+        found = self._read_all([(place, t) for t, place in enumerate(places)])
         known = [turn for turn in found if turn is not None]
         if len(known) < len(found):
             return None
@@ -98,14 +97,16 @@ class Responses:
         base = self.base
         if base is None:
             return [None] * len(points)
-        alike = [self._alike(point) for point in points]
-        asked = [(place, t) for groups in alike for place, group in groups.items() for t in self._run_of(groups, group)]
-        found = iter(self._turns([(place, t) for place, t in asked if place.amounts]))
+        alike = [self._group_trials(point) for point in points]
+        asked = [
+            (place, t) for groups in alike for place, group in groups.items() for t in self._choose_run(groups, group)
+        ]
+        found = iter(self._read_all([(place, t) for place, t in asked if place.amounts]))
         out: list[Array | None] = []
         for groups in alike:
             each: Array | None = base.copy()
             for place, group in groups.items():
-                run = self._run_of(groups, group)
+                run = self._choose_run(groups, group)
                 turns = [next(found) for _ in run] if place.amounts else []
                 if any(turn is None for turn in turns):
                     each = None
@@ -118,7 +119,7 @@ class Responses:
         return out
 
     @staticmethod
-    def _run_of(groups: Mapping[_Place, list[int]], group: list[int]) -> list[int]:
+    def _choose_run(groups: Mapping[_Place, list[int]], group: list[int]) -> list[int]:
         """Trials of a group that are run: what trials differ by is a matter of each."""
         return group[:MOST_RUN] if len(groups) == 1 else group
 
@@ -134,10 +135,10 @@ class Responses:
         for point, t, j in asked:
             at, source = self._place(point, t), self.listed[j]
             there = source.added and dict(at.amounts).get(j, 0.0) > LEAST_ADDED
-            steps.append(STEP_ADDED if there else source.step)
-            places.append((_moved(at, j, steps[-1]), t))
+            steps.append(LEAST_ADDED if there else source.step)
+            places.append((_add_amount(at, j, steps[-1]), t))
         out = []
-        for (_, t, _), step, turn, differences in zip(asked, steps, self._turns(places), here, strict=True):
+        for (_, t, _), step, turn, differences in zip(asked, steps, self._read_all(places), here, strict=True):
             predicted = self.measured[t] - differences[t]
             out.append(np.zeros(predicted.size) if turn is None else (turn - predicted) / step)
         return out
@@ -145,10 +146,10 @@ class Responses:
     def force_columns(self, at: Point, here: Array) -> Array:
         """Changes (m, 3, 1 + n) of the first trial under one u of its own force's offset, and parts of its noise."""
         first, place = self.trials[0], self._place(at, 0)
-        places = [replace(place, offset_n=OFFSET_N), *(replace(place, knot=k) for k in range(1, SEGMENTS + 1))]
-        steps = np.array([OFFSET_N, *SEGMENTS * [BUMP_N]])
+        places = [replace(place, offset_n=BUMP_N), *(replace(place, knot=k) for k in range(1, SEGMENTS + 1))]
+        steps = np.array([BUMP_N, *SEGMENTS * [BUMP_N]])
         base = self.measured[0] - here[0]
-        found = self._turns([(p, 0) for p in places])
+        found = self._read_all([(p, 0) for p in places])
         moved = np.column_stack([np.zeros(base.size) if turn is None else turn - base for turn in found]) / steps
         scaled = moved * np.concatenate([[first.u_offset_n], slow_noise_n(first)])
         return np.moveaxis(scaled.reshape(3, -1, scaled.shape[1]), 0, 1)
@@ -160,7 +161,7 @@ class Responses:
             (_Place(tuple((int(j), float(z[j])) for j in moved)), k % len(self.trials)) for k, z in enumerate(amounts)
         ]
         base = self.measured - here
-        found = zip(places, self._turns(places), strict=True)
+        found = zip(places, self._read_all(places), strict=True)
         return np.array([0.0 * base[t] if turn is None else turn - base[t] for (_, t), turn in found])
 
     def _place(self, point: Point, t: int) -> _Place:
@@ -171,23 +172,23 @@ class Responses:
                 amounts[c.source] = amounts.get(c.source, 0.0) + z * c.weights[t]
         return _Place(tuple(sorted(amounts.items())))
 
-    def _alike(self, point: Point) -> dict[_Place, list[int]]:
+    def _group_trials(self, point: Point) -> dict[_Place, list[int]]:
         """Indices of the trials by their amounts."""
         groups: dict[_Place, list[int]] = {}
         for t in range(len(self.trials)):
             groups.setdefault(self._place(point, t), []).append(t)
         return groups
 
-    def _turns(self, asked: Sequence[tuple[_Place, int]]) -> list[Array | None]:
+    def _read_all(self, asked: Sequence[tuple[_Place, int]]) -> list[Array | None]:
         """What the encoders read (3 m,) of each run since rest; what is asked twice runs once."""
         runs = [
             (replace(place, amounts=tuple(a for a in place.amounts if a[0] not in self._read)), t) for place, t in asked
         ]
         missing = [one for one in dict.fromkeys(runs) if one not in self._turned]
         self._turned.update(zip(missing, self._run_all(missing), strict=True))
-        return [self._reading(self._turned[run], place, t) for run, (place, t) in zip(runs, asked, strict=True)]
+        return [self._read_encoders(self._turned[run], place, t) for run, (place, t) in zip(runs, asked, strict=True)]
 
-    def _reading(self, turned: Array | None, place: _Place, t: int) -> Array | None:
+    def _read_encoders(self, turned: Array | None, place: _Place, t: int) -> Array | None:
         """What the encoders read (3 m,) of turns, with their errors but delays."""
         wrong = [(self._read[j], z) for j, z in place.amounts if j in self._read]
         if turned is None or not wrong:
@@ -200,7 +201,7 @@ class Responses:
             read[error.encoder] = error.reading(read[error.encoder], self.trials[t].time_s, size)
         return read.ravel()
 
-    def _times(self, place: _Place, trial: ObservedTrial) -> Array:
+    def _reading_times(self, place: _Place, trial: ObservedTrial) -> Array:
         """When the model is where each encoder reads it (3, m): earlier by its delay, on a clock of the true rate."""
         when = np.tile(trial.time_s, (len(ENCODERS), 1))
         rate = 1.0
@@ -220,10 +221,10 @@ class Responses:
             run = runs[i]
             assert run is not None
             change = np.asarray(solution.angle_rad, dtype=float) - np.asarray(run.rest.angle_rad)
-            if _lifts(run.action):
+            if _can_lift(run.action):
                 change[:, 0] += _lift_m(solution) / SCALE_RADIUS_M
             place, t = asked[i]
-            at = np.searchsorted(run.output_time_s, self._times(place, self.trials[t]))
+            at = np.searchsorted(run.output_time_s, self._reading_times(place, self.trials[t]))
             return np.concatenate([change[k, body] for k, body in zip(at, ENCODER_BODIES, strict=True)])
 
         return run_many(self.tested, runs, turn)
@@ -242,7 +243,7 @@ class Responses:
         gain, level = error[FORCE_GAIN], error[FORCE_LEVEL] - place.offset_n
         key = tuple(changed.items()), tuple(added), trial.preload_n - level
         if key not in self._rests:
-            self._rests[key] = self._at_rest(changed, added, key[-1])
+            self._rests[key] = self._find_rest(changed, added, key[-1])
         found = self._rests[key]
         if found is None:
             return None
@@ -256,12 +257,12 @@ class Responses:
         start, rate = trial.force_time_s[0], error[CLOCK]
         if rate != 1.0:
             table = start + (table[0] - start) / rate, table[1]
-        output = np.unique(self._times(place, trial))
-        if _lifts(action) and start < output[0]:
+        output = np.unique(self._reading_times(place, trial))
+        if _can_lift(action) and start < output[0]:
             output = np.append(start, output)  # where the key's pivot was at rest
         return Run(action, rest, *table, output, drawn_tolerance(self.tested))
 
-    def _at_rest(
+    def _find_rest(
         self, changed: dict[str, float], added: Sequence[tuple[Source, float]], preload_n: float
     ) -> tuple[model.Action, model.RestState] | None:
         try:
@@ -276,7 +277,7 @@ class Responses:
             return None
 
 
-def _lifts(action: model.Action) -> bool:
+def _can_lift(action: model.Action) -> bool:
     """Whether the key's pivot can rise."""
     return not {RAIL, "key_pin"}.isdisjoint(model.choice_of(action).effects)
 
@@ -289,7 +290,7 @@ def _lift_m(solution: model.Solution) -> Array:
     return rise - rise[0]
 
 
-def _moved(place: _Place, j: int, step: float) -> _Place:
+def _add_amount(place: _Place, j: int, step: float) -> _Place:
     """The place with one source moved further."""
     amounts = dict(place.amounts)
     amounts[j] = amounts.get(j, 0.0) + step

@@ -20,12 +20,12 @@ from validation.infer.blocks import Block
 from validation.infer.hypotheses import Candidate
 from validation.infer.noise import Sizes, null_covariances
 
-DEVIATIONS = (1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
+DEVIATIONS = tuple(1e-3 * 10.0 ** (0.5 * k) for k in range(5))
 """Grid of each trial's deviation, relative to the response."""
 DRAWS = 1999
 LEVEL = 0.01  # probability that any cause is named where the null hypothesis holds
 ODDS = 100.0  # posterior odds from which one cause is preferred to another
-PAIRED = 8  # causes, the best alone, that are paired with all others
+PAIRED = 8  # causes, the best alone, that are paired with all others, or tried in place of one
 CHUNK = 250  # draws at a time, for memory
 
 
@@ -167,13 +167,17 @@ class ScoreTest:
             out = out + np.einsum("jc,djc->dc", self.weights[1:], between[:, :, self.source])
         return np.asarray(out)
 
-    def gains(self, turned: Array, held: Sequence[int] = ()) -> tuple[Array, int]:
-        """Gain (P,) of one more cause beside those held, and the likeliest size of the deviation beside the best."""
+    def gains(self, turned: Array, held: Sequence[int] = (), z: Array | None = None) -> tuple[Array, int]:
+        """Gain (P,) of one more cause beside those held, and the likeliest size of the deviation beside the best.
+
+        ``turned`` are the residuals with the causes held at their amounts ``z``.
+        """
+        z = np.zeros(len(held)) if z is None else z
         best, size, found = -np.inf, 0, np.zeros(self.source.size)
         likelihoods = self.noise.log_likelihoods(turned)
         for k, likelihood in enumerate(likelihoods):
             gram, b = self.gram(k), self.products(k, self.noise.whiten(k, turned)[None])[0]
-            gram, b, at = _condition_on(gram, b, held)
+            gram, b, at = _condition_on(gram, b, held, z)
             gain = b**2 / (1.0 + np.maximum(np.diag(gram), 0.0))
             if likelihood + 0.5 * (at + gain.max()) > best:
                 best, size, found = likelihood + 0.5 * (at + gain.max()), k, gain
@@ -229,10 +233,11 @@ def _chunks(count: int) -> list[int]:
     return [CHUNK] * (count // CHUNK) + [count % CHUNK] * bool(count % CHUNK)
 
 
-def _condition_on(gram: Array, b: Array, held: Sequence[int]) -> tuple[Array, Array, float]:
-    """Products with what the causes held explain taken out, and twice the log likelihood that those gain."""
+def _condition_on(gram: Array, b: Array, held: Sequence[int], z: Array) -> tuple[Array, Array, float]:
+    """Products with what the causes held still explain taken out, and twice the log posterior that those gain."""
     if not held:
         return gram, b, 0.0
     inner = gram[np.ix_(held, held)] + np.eye(len(held))
-    solved = np.linalg.solve(inner, np.column_stack([gram[held], b[list(held)]]))
-    return gram - gram[:, held] @ solved[:, :-1], b - gram[:, held] @ solved[:, -1], float(b[held] @ solved[:, -1])
+    slope = b[list(held)] - z  # zero where they have converged
+    solved = np.linalg.solve(inner, np.column_stack([gram[held], slope]))
+    return gram - gram[:, held] @ solved[:, :-1], b - gram[:, held] @ solved[:, -1], float(slope @ solved[:, -1])

@@ -16,18 +16,16 @@ import numpy as np
 from validation.conventions import Array
 from validation.infer.blocks import make_blocks
 from validation.infer.causes.responses import Point, Responses
-from validation.infer.causes.score_test import ODDS, BalancedNoise, ScoreTest, Threshold, helmert, pair_gains
-from validation.infer.hypotheses import ALL, LEAST_ADDED, Source, known_root
+from validation.infer.causes.score_test import ODDS, PAIRED, BalancedNoise, ScoreTest, Threshold, helmert, pair_gains
+from validation.infer.fit import BACKTRACK, CLOSE
+from validation.infer.hypotheses import ALL, LEAST_ADDED, TREND, Source, known_root
 from validation.infer.noise import law_family
 from validation.infer.observations import ENCODERS
 
 REFITTED = 12  # causes of each size that are refitted, the best of the linear model first
-EXCHANGED = 8  # causes, the best where the best fit is, that are tried in place of one of it
 SECOND = 2  # best single causes beside which a second one is looked for
-RUNS, SEED = 128, 51  # draws of the scatter between trials that are run
-ROUNDS = 6  # of Gauss–Newton
-SHORTER = 0.3  # of a step that did not lower the objective
-CLOSE = 0.1  # of a posterior standard uncertainty: a smaller step is the last
+RUNS = 128  # draws of the scatter between trials that are run
+ROUNDS = 12  # of Gauss–Newton, at most
 FELTS = 4  # whose hereditary laws are tried, those whose damping shows most: each compiles a scene of its own
 AMOUNTS = (0.5, 1.0, 2.0)  # of what their files state, at which effects are first run
 DAMPING = ".normal.D"
@@ -40,7 +38,7 @@ class Fit:
     members: tuple[int, ...]  # candidates, by index
     z: Array  # (k,) amounts
     each: Array  # (trials, n) residuals there
-    columns: Array  # (n, k) derivatives of the predicted curve there
+    columns: Array  # (trials, n, k) derivatives of the predicted curves there
     log_posterior: float = -math.inf
 
     @property
@@ -72,7 +70,7 @@ class Search:
         families = np.array([law_family(s.paths[0]) if s.law else -1 for s in listed])
         (block,) = make_blocks(trials[:1], [shaped], [responses.force_columns(at.point, at.each)], laws)
         if before is None:
-            amounts = np.random.default_rng(SEED).standard_normal((RUNS, len(listed))) * scatter
+            amounts = np.random.default_rng(0).standard_normal((RUNS, len(listed))) * scatter
             runs = responses.scattered(amounts, at.each)
             self.drawn = amounts, runs
         else:
@@ -126,7 +124,8 @@ class Search:
         """Causes at their amounts in another fit, zero if it has none; its other causes are taken off linearly."""
         base = self.at if at is None else at
         z = np.array([base.z[base.members.index(i)] if i in base.members else 0.0 for i in members])
-        columns = self.columns[:, [self.responses.candidates[i].source for i in members]]
+        sources = [self.responses.candidates[i].source for i in members]
+        columns = np.broadcast_to(self.columns[:, sources], (len(base.each), *self.columns[:, sources].shape))
         gone = [k for k, i in enumerate(base.members) if i not in members]
         if not gone:
             return Fit(members, z, base.each, columns, self.log_posterior(base.each, z)[0])
@@ -135,7 +134,7 @@ class Search:
     def effect(self, fit: Fit, places: Sequence[int]) -> Array:
         """Change (trials, n) of the predicted curves by some causes of a fit, linear where it is."""
         weights = np.array([self.responses.candidates[fit.members[k]].weights for k in places]).T
-        return np.asarray(np.einsum("tk,nk,k->tn", weights, fit.columns[:, places], fit.z[places]))
+        return np.asarray(np.einsum("tk,tnk,k->tn", weights, fit.columns[:, :, places], fit.z[places]))
 
     def step(self, fit: Fit) -> Array:
         """Amounts (k,) that the linear model around a fit has as the most probable, within their bounds."""
@@ -148,7 +147,7 @@ class Search:
     def whitened(self, fit: Fit, k: int) -> tuple[Array, Array]:
         """Columns (trials n, k) and residuals (trials n,) of a fit in standard uncertainties."""
         weights = np.array([self.responses.candidates[i].weights for i in fit.members]).T
-        columns = (self._turn @ weights)[:, None, :] * fit.columns
+        columns = np.einsum("jt,tk,tnk->jnk", self._turn, weights, fit.columns)
         residual = self.noise.whiten(k, self.turned(fit.each))
         return self.noise.whiten(k, columns).reshape(-1, fit.z.size), residual.ravel()
 
@@ -177,16 +176,13 @@ class Search:
             for (i, z), each in zip(proposed.items(), self.responses.differences(points), strict=True):
                 there = -math.inf if each is None else self.log_posterior(each, z)[0]
                 if each is None or there <= fits[i].log_posterior:
-                    share[i] = SHORTER * tried[i]
+                    share[i] = BACKTRACK * tried[i]
                     continue
                 fits[i] = replace(fits[i], z=z, each=each, log_posterior=there)
                 accepted.append(i)
                 share[i] = 1.0
-            listed = self.responses.candidates
-            asked = [(fits[i].point, listed[j].seen_in, listed[j].source) for i in accepted for j in fits[i].members]
-            found = self.responses.columns(asked, [fits[i].each for i in accepted for _ in fits[i].members])
-            for i in accepted:
-                fits[i] = replace(fits[i], columns=np.column_stack([found.pop(0) for _ in fits[i].members]))
+            for i, columns in zip(accepted, self.columns_at([fits[i] for i in accepted]), strict=True):
+                fits[i] = replace(fits[i], columns=columns)
             if not share:
                 break
         ran = [f for f in fits if math.isfinite(f.log_posterior)]
@@ -197,9 +193,29 @@ class Search:
         ]
         return sorted(shown, key=lambda f: -f.log_posterior)
 
+    def columns_at(self, fits: Sequence[Fit]) -> list[Array]:
+        """Derivatives (trials, n, k) of each fit: of a trend in every trial, else in one that has the cause."""
+        asked, here, trials = [], [], range(self.noise.trials)
+        for fit in fits:
+            for j in fit.members:
+                c = self.responses.candidates[j]
+                seen = [t for t in trials if c.weights[t]] if c.profile == TREND else [c.seen_in]
+                asked += [(fit.point, t, c.source) for t in seen]
+                here += len(seen) * [fit.each]
+        found = dict(zip(asked, self.responses.columns(asked, here), strict=True))
+        out = []
+        for fit in fits:
+            of = [self.responses.candidates[j] for j in fit.members]
+            at = [
+                [found.get((fit.point, t, c.source), found[(fit.point, c.seen_in, c.source)]) for c in of]
+                for t in trials
+            ]
+            out.append(np.moveaxis(np.array(at), 1, 2))
+        return out
+
     def rest(self, threshold: Threshold) -> float:
         """Largest score statistic of one more cause beside the fit, over its threshold."""
-        gains, _ = self.gains(self.start_fit(self.at.members), self.at.members)
+        gains, _ = self.gains(self.at, self.at.members)
         return float(gains.max()) / threshold.single
 
     def exchange_causes(self, fits: Sequence[Fit]) -> tuple[Search, list[Fit]]:
@@ -210,13 +226,17 @@ class Search:
         started = []
         for i in best.members:
             kept = tuple(j for j in best.members if j != i)
-            for j in around.rank_candidates(around.at, kept)[:EXCHANGED]:
+            for j in around.rank_candidates(around.at, kept)[:PAIRED]:
                 if j not in kept and frozenset((*kept, j)) not in known:
                     started.append(around.start_fit((*kept, j)))
-        again = [replace(f, log_posterior=around.log_posterior(f.each, f.z)[0]) for f in fits[:EXCHANGED]]
+        again = [replace(f, log_posterior=around.log_posterior(f.each, f.z)[0]) for f in fits[:PAIRED]]
         every = around.refit([*again, *started], rounds=ROUNDS // 2)
-        if every[0].members != best.members:
-            around = Search(self.responses, every[0], self.effects, self)
+        best = every[0]
+        u = np.sqrt(np.diag(around.covariance(best)))
+        if best.members != around.at.members or np.any(np.abs(best.z - around.at.z) > u):
+            around = Search(self.responses, best, self.effects, self)
+            again = [replace(f, log_posterior=around.log_posterior(f.each, f.z)[0]) for f in every[:PAIRED]]
+            every = around.refit(again, rounds=ROUNDS // 2)
         return around, every
 
     def pairs(self, singles: Sequence[Fit]) -> list[Fit]:
@@ -240,8 +260,10 @@ class Search:
         """Score statistics (P,) of one more cause beside those held of a fit, and the size of the noise."""
         if fit is None:
             return self.test.gains(self.turned(self.at.each))
-        linear = fit.each + self.effect(fit, range(len(fit.members)))
-        return self.test.gains(self.turned(linear), [self.named.index(i) for i in held if i in self.named])
+        gone = [k for k, i in enumerate(fit.members) if i not in held]
+        kept = [k for k, i in enumerate(fit.members) if i in held]
+        each = fit.each + self.effect(fit, gone) if gone else fit.each
+        return self.test.gains(self.turned(each), [self.named.index(fit.members[k]) for k in kept], fit.z[kept])
 
     def is_exceeded(self, threshold: Threshold) -> bool:
         """Whether one cause or a pair gains more than its threshold."""
@@ -308,7 +330,7 @@ def find_causes(responses: Responses, effects: bool = True) -> Found:
     base = responses.base
     if base is None or not np.all(np.ptp(responses.measured, axis=1)):
         return Found()
-    search = Search(responses, Fit((), np.zeros(0), base, np.zeros((base.shape[1], 0))))
+    search = Search(responses, Fit((), np.zeros(0), base, np.zeros((*base.shape, 0))))
     threshold = search.test.threshold(search.turned(base))
     if not search.is_exceeded(threshold):
         return Found(search=search)

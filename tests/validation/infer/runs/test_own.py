@@ -11,7 +11,7 @@ import pytest
 import model
 from validation.conventions import Array
 from validation.infer.blocks import make_blocks, residuals
-from validation.infer.response import ModelResponse, Own, Response, nothing_own, without_own
+from validation.infer.response import ModelResponse, Own, Response, make_nothing_own, remove_own
 from validation.infer.sources import IdentifyOptions, collect
 from validation.infer.unknowns import unknowns
 
@@ -90,11 +90,11 @@ def test_the_linear_model_takes_out_what_it_put_in(response: Response, drive: li
     laws = np.array([p.factor for p in FREE.moved])
     blocks = make_blocks(trials, [j[:, :, :P] for j in every], drive, laws, [j[:, :, P:] for j in every])
     alike = residuals(trials, curves(response, AT))
-    nothing = without_own(blocks, alike, nothing_own(blocks))
+    nothing = remove_own(blocks, alike, make_nothing_own(blocks))
     for a, b in zip(nothing, alike, strict=True):
         np.testing.assert_array_equal(a, b)
     small = own({0: 1e-3}, np.zeros(blocks[0].driven))
-    found = without_own(blocks, residuals(trials, curves(response, AT, small)), small)
+    found = remove_own(blocks, residuals(trials, curves(response, AT, small)), small)
     assert np.abs(found[1] - alike[1]).max() < 2e-3 * np.abs(1e-3 * blocks[1].moved[:, 0]).max() + 5e-8
 
 
