@@ -55,7 +55,6 @@ KINDS = {
     "encoder scale": Kind("", "Check the scale of the encoder."),
     "encoder delay": Kind("", "Check the filter and the sample clock of the encoder's channel."),
     "encoder zero": Kind("", "Wait until the action rests before each stroke; check the encoder's mounting."),
-    "encoder slip": Kind("", "Tighten the coupling of the encoder."),
     "force level": Kind(PREDICTION, "Zero the load cell, check its mounting; loosen nothing in the action for this."),
 }
 """Every kind of finding: what is seen, and causes that the search names among those it compared. Those above are of the

@@ -123,7 +123,7 @@ def _sensor_columns(t: ObservedTrial) -> tuple[Array, Array]:
     own = np.zeros((len(t.channels) * m, len(t.channels)))
     for k, c in enumerate(t.channels):
         part, turned = slice(k * m, (k + 1) * m), np.nan_to_num(t.change_rad[:, k])
-        moved = error_shape(ZERO, turned, t.time_s)
+        moved = error_shape(ZERO, turned)
         own[part, k] = t.u_zero_rad[k] * moved
         if c == 0 and t.key_moves:  # errors of the key's encoder move like a parameter
             continue

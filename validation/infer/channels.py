@@ -2,8 +2,8 @@
 
 Conventions: an error is what is wrong with a channel. A force gain of 0.9 reads 0.9 of the force that acted beside the
 preload, which is declared and not read; a level of 0.1 N is a preload declared 0.1 N too large; a delay is how late a
-channel reads. A slip adds to an encoder's reading from some share of the compared time on; a zero error is one that
-came about when the key began to move, as when the reading at rest is wrong. A counter that wraps slips by its range.
+channel reads. A zero error of an encoder is a wrong reading at rest: it shows once its body has moved. An encoder that
+slips, or whose counter wraps, leaps: the findings see that, and the reading is not compared.
 """
 
 from __future__ import annotations
@@ -17,8 +17,7 @@ from validation.conventions import ENCODER_CHANNELS, Array
 FORCE_GAIN, FORCE_LEVEL, FORCE_DELAY = "force gain", "force level", "force delay"
 CLOCK = "clock rate"
 KEY_SCALE, KEY_ZERO = "key encoder scale", "key encoder zero"
-SCALE, ZERO, DELAY, SLIP = "encoder scale", "encoder zero", "encoder delay", "encoder slip"
-SLIPS_AT = (0.25, 0.5, 0.75)  # shares of the compared time at which an encoder may slip
+SCALE, ZERO, DELAY = "encoder scale", "encoder zero", "encoder delay"
 MOVED_RAD = 1e-3  # turn over which the error of an encoder that does not grow with the angle comes about
 
 
@@ -30,32 +29,17 @@ class ChannelError:
     unit: str  # SI unit of what is added; 1 means a factor
     wrong: float  # how large it is where the channel is not as declared, as a logarithm where ``unit`` is 1
     scatter: float = 0.0  # from trial to trial, standard deviation in units of ``wrong``
-    kind: str = ""  # of an encoder: `SCALE`, `ZERO`, `DELAY`, `SLIP`; empty for force and clock
+    kind: str = ""  # of an encoder: `SCALE`, `ZERO` or `DELAY`; empty for force and clock
     encoder: int = -1  # place of the encoder; -1 for force and clock
-    at: float = 0.0  # share of the compared time at which it slips
 
-    def reading(self, turned: Array, time_s: Array, size: float) -> Array:
+    def reading(self, turned: Array, size: float) -> Array:
         """What the encoder reads (m,) of a turn since rest, with a size of this error; a delay is run."""
-        if self.kind == SCALE:
-            return turned * size
-        return turned + size * error_shape(self.kind, turned, time_s, self.at)
+        return turned * size if self.kind == SCALE else turned + size * error_shape(self.kind, turned)
 
 
-def error_shape(kind: str, turned: Array, time_s: Array, at: float = 0.0) -> Array:
-    """Derivative (m,) of an encoder's reading with respect to one of its errors.
-
-    Parameters
-    ----------
-    kind : `SCALE` (relative), `ZERO` or `SLIP` (rad)
-    turned : (m,) since rest, rad
-    time_s : (m,) when
-    at : share of the time at which the encoder slips
-    """
-    if kind == SCALE:
-        return turned
-    if kind == ZERO:
-        return np.asarray(-np.expm1(-np.abs(turned) / MOVED_RAD))
-    return np.asarray(kind == SLIP) * (time_s >= time_s[0] + at * (time_s[-1] - time_s[0]))
+def error_shape(kind: str, turned: Array) -> Array:
+    """Derivative (m,) of an encoder's reading of a turn (m,) since rest, rad, by its `SCALE` or `ZERO` (rad)."""
+    return turned if kind == SCALE else np.asarray(-np.expm1(-np.abs(turned) / MOVED_RAD))
 
 
 def _encoder_errors(name: str, encoder: int) -> tuple[ChannelError, ...]:
@@ -64,10 +48,6 @@ def _encoder_errors(name: str, encoder: int) -> tuple[ChannelError, ...]:
         ChannelError(f"{name} {SCALE}", "1", 0.05, 0.02, SCALE, encoder),
         ChannelError(f"{name} {DELAY}", "s", 1e-3, 0.0, DELAY, encoder),
         ChannelError(f"{name} {ZERO}", "rad", 1e-3, 0.0, ZERO, encoder),
-        *(
-            ChannelError(f"{name} {SLIP} at {at:.0%} of the time", "rad", 1e-3, 0.0, SLIP, encoder, at)
-            for at in SLIPS_AT
-        ),
     )
 
 

@@ -105,7 +105,7 @@ class Source:
     def kind(self) -> str:
         """What it is called in a list of all that was tried."""
         if not self.paths:
-            return self.name.partition(" at ")[0]
+            return self.name
         return "laws of friction, felt and springs" if self.law else "lengths" if self.unit == "m" else "masses"
 
     def values(self, action: model.Action, z: float) -> dict[str, float]:

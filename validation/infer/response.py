@@ -194,7 +194,7 @@ class Case:
         assert isinstance(fit, KeyFit)
         # control points of knots at every sample stand next to the curve
         c, turned = fit.coefficients, fit.coefficients + fit.offset_rad
-        moved = error_shape(ZERO, turned, trial.time_s)
+        moved = error_shape(ZERO, turned)
         for draw, weight in self.draws:
             random = np.random.default_rng([DRAW_SEED, trial.session, trial.number, draw])
             away = solve_banded((0, DEGREE), fit.factor, random.standard_normal(len(c)))
@@ -226,7 +226,7 @@ class Case:
         seen = trial.seen(turn_rad, self.film_late_s)
         if trial.key_moves and trial.channels[0] == 0:
             turned = seen[:, 0]
-            zero = self.key_zero * trial.u_key_rad * error_shape(ZERO, turned, trial.time_s)
+            zero = self.key_zero * trial.u_key_rad * error_shape(ZERO, turned)
             seen[:, 0] = turned * (1.0 + self.key_scale * trial.u_key_scale) + zero
         return seen
 

@@ -21,7 +21,7 @@ COLUMNS = (
            "difference", int, head="set"),
     Column("changes", "", "How many changes the set has", int),
     Column("cause", "", "What is changed: a parameter path, a felt, or an error of the session: gain, level or delay "
-           "of the force, the clock's rate, an encoder's scale, delay, zero or slip (a gain of 0.9 reads 0.9 of what "
+           "of the force, the clock's rate, an encoder's scale, delay or zero (a gain of 0.9 reads 0.9 of what "
            "acted)", str),
     Column("part", "", "The same with the name of the part", str, head="cause"),
     Column("change", "factor or unit of the row", "Factor, or what is added, in the row's unit", head="change",

@@ -11,20 +11,18 @@ import model
 from tests.validation.infer import toy
 from validation.infer.blocks import INSTRUMENT
 from validation.infer.causes.responses import Point, Responses
-from validation.infer.channels import CHANNEL_ERRORS, ERROR_BY_NAME, SCALE, SLIP, ZERO, error_shape
+from validation.infer.channels import CHANNEL_ERRORS, ERROR_BY_NAME, SCALE, ZERO, error_shape
 from validation.infer.hypotheses import ALL, ONE, STEP, TREND, sources
 from validation.infer.observations import ObservedTrial
 from validation.prediction.model_under_test import ModelUnderTest
 
 ACTION = model.load_action()
-TIME_S, TURN = np.array([0.1, 0.12, 0.14, 0.16, 0.18]), np.array([0.0, 1e-3, 0.02, 0.3, 0.2])
+TURN = np.array([0.0, 1e-3, 0.02, 0.3, 0.2])
 
 
 def test_shapes_of_errors_are_those_of_their_definitions() -> None:
-    assert error_shape(SCALE, TURN, TIME_S) == pytest.approx(TURN)
-    assert error_shape(ZERO, TURN, TIME_S) == pytest.approx([0.0, 1 - np.exp(-1.0), 1.0, 1.0, 1.0], abs=1e-8)
-    assert error_shape(SLIP, TURN, TIME_S, 0.5).tolist() == [0, 0, 1, 1, 1]
-    assert error_shape(SLIP, TURN, TIME_S, 0.75).tolist() == [0, 0, 0, 1, 1]
+    assert error_shape(SCALE, TURN) == pytest.approx(TURN)
+    assert error_shape(ZERO, TURN) == pytest.approx([0.0, 1 - np.exp(-1.0), 1.0, 1.0, 1.0], abs=1e-8)
 
 
 def test_an_error_of_an_encoder_has_one_name_in_the_fit_and_in_the_search() -> None:
@@ -67,7 +65,7 @@ def test_a_search_reads_the_run_with_errors_of_one_encoder_alone(encoder: int) -
             assert earlier is not None
             assert read[encoder] == pytest.approx(-earlier[0].reshape(3, -1)[encoder], abs=1e-6)
         elif source.unit == "rad":
-            shape = error_shape(source.error.kind, turned[encoder], seen.time_s, source.error.at)
+            shape = error_shape(source.error.kind, turned[encoder])
             assert read[encoder] - turned[encoder] == pytest.approx(1.5e-3 * shape, abs=1e-12)
         else:
             assert read[encoder] == pytest.approx(np.exp(0.05 * 1.5) * turned[encoder], abs=1e-12)

@@ -198,7 +198,7 @@ class Responses:
             error = source.error
             assert error is not None
             size = source.at(1.0 if source.unit == "1" else 0.0, z)
-            read[error.encoder] = error.reading(read[error.encoder], self.trials[t].time_s, size)
+            read[error.encoder] = error.reading(read[error.encoder], size)
         return read.ravel()
 
     def _reading_times(self, place: _Place, trial: ObservedTrial) -> Array:
