@@ -10,6 +10,7 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar, Unpack
 
@@ -273,13 +274,13 @@ def simulate_many(
     """
     action = as_action(action)
     options = BatchOptions(**keywords)
-    jobs = make_jobs(
-        action,
-        _label_items(trials),
-        {"": {}} if parameter_sets is None else _label_items(parameter_sets),
-        options,
-        initial,
-    )
-    return run_jobs(
+    sets = {"": {}} if parameter_sets is None else _label_items(parameter_sets)
+    jobs = make_jobs(action, _label_items(trials), sets, options, initial)
+    members = run_jobs(
         select_lane_jobs(jobs, options.lanes), executor=executor, workers=workers, progress=progress, store=store
     )
+    actions = {m.parameters: action.with_values(sets[m.parameters]) for m in members if m.solution is not None}
+    return [
+        m if m.solution is None else replace(m, solution=replace(m.solution, action=actions[m.parameters]))
+        for m in members
+    ]

@@ -14,8 +14,9 @@ from model.batch.job import Job
 
 
 def content(solution: model.Solution) -> list[Any]:
-    """All of a solution as bytes and numbers."""
+    """All of a solution as bytes and numbers, its action by what was changed."""
     values = {item.name: getattr(solution, item.name) for item in fields(model.Solution)}
+    values["action"] = solution.action and (solution.action.name, dict(solution.action.changed))
     for name, parts in (("string", ("rows",)), ("give", ("way_m", "speed_m_per_s", "force_n"))):
         values |= {f"{name} {part}": getattr(values[name], part, None) for part in parts}
         del values[name]
