@@ -81,6 +81,7 @@ class TrialJudgement:
         """The same as plain values, null for what is not known; curves in degrees, with the thesis's signs."""
         return {
             "trial": self.number,
+            "lines": self.lines(),
             "condition": self.condition,
             "n_trials": self.n_trials,
             "rmse_rad": {name: _plain(x) for name, x in self.rmse_rad.items()},

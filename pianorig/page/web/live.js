@@ -1,7 +1,7 @@
 // A rolling scope of a recording, as it is made; what it draws from is bounded, so an hour looks like a minute.
 import { link } from "./address.js";
 import { make } from "./elements.js";
-import { ask, at } from "./server.js";
+import { ask, at, colourOf } from "./server.js";
 import { trialsPart } from "./trials.js";
 
 const WINDOWS_S = [0.5, 1, 2, 5, 10, 30], LONGEST_S = 30, STRIP_PX = 84, LEFT_PX = 8, AGAIN_MS = 1000;
@@ -29,6 +29,32 @@ class Ring {
   get(sample, column) { return sample < 0 || sample < this.end - this.size || sample >= this.end ? NaN : this.values[(sample % this.size) * this.columns + column]; }
 }
 
+/** Measured (broad) and predicted (thin) angle of each channel, one beside the other. */
+function drawBeside(canvas, curves) {
+  const names = Object.keys(curves), pen = canvas.getContext("2d"), wide = canvas.width / Math.max(names.length, 1), ink = getComputedStyle(document.documentElement).getPropertyValue("--ink");
+  pen.clearRect(0, 0, canvas.width, canvas.height);
+  pen.font = "13px system-ui, sans-serif";
+  names.forEach((name, i) => {
+    const { time_s: time, measured_deg: measured, predicted_deg: predicted } = curves[name], known = [...measured, ...predicted].filter((value) => value !== null);
+    if (!known.length) return;
+    const low = Math.min(...known), high = Math.max(...known), x = (t) => i * wide + LEFT_PX + (wide - 2 * LEFT_PX) * (t - time[0]) / (time.at(-1) - time[0] || 1), y = (value) => canvas.height - 4 - (canvas.height - 26) * (value - low) / (high - low || 1);
+    pen.fillStyle = ink;
+    pen.fillText(`${name}  ${low.toFixed(1)} to ${high.toFixed(1)} °`, i * wide + LEFT_PX, 13);
+    for (const [values, width, colour] of [[measured, 3, colourOf(name, i)], [predicted, 1, ink]]) {
+      pen.strokeStyle = colour;
+      pen.lineWidth = width;
+      pen.beginPath();
+      let open = false;
+      values.forEach((value, k) => {
+        if (value === null) { open = false; return; }
+        if (open) pen.lineTo(x(time[k]), y(value)); else pen.moveTo(x(time[k]), y(value));
+        open = true;
+      });
+      pen.stroke();
+    }
+  });
+}
+
 export async function showLive(main, values) {
   const { sessions } = await ask("/api/sessions");
   const name = values.get("session") || (sessions.find((row) => row.status.includes("not sealed")) || sessions[0] || {}).name;
@@ -42,12 +68,14 @@ export async function showLive(main, values) {
   const select = make("select", { onchange: () => { location.hash = link("live", { session: select.value }); } }, ...sessions.map((row) => make("option", { value: row.name }, row.name)));
   const scales = make("div", { class: "row" }), trials = trialsPart(), bar = make("progress", { max: 1, value: 0, hidden: true, "aria-label": "This trial" });
   let socket = null, state = null, ring = null, closed = false, paused = false, held = null, length = seconds, frozen = 0, dirty = true, scale = [], timer = 0;
+  const judged = make("section", { hidden: true, "aria-label": "The last trial beside the model" }), said = make("pre", { class: "judged", role: "status" }), beside = make("canvas", { width: 1200, height: STRIP_PX, role: "img", "aria-label": "Measured and predicted angles of the last trial" });
+  judged.append(make("h3", {}, "The last trial beside the model"), said, beside, make("p", { class: "hint" }, "Broad: measured; thin: predicted."));
   window_.value = seconds;
   select.value = name;
   main.append(
     make("div", { class: "row" }, make("label", {}, "Session", select), lamp, bar, told, disk),
     make("div", { class: "row" }, pause, hold, make("label", {}, "Window", window_), make("span", { class: "hint" }, "P pauses it, H holds the picture to compare with")),
-    canvas, make("details", {}, make("summary", {}, "Scale of each channel"), scales), trials.element);
+    canvas, make("details", {}, make("summary", {}, "Scale of each channel"), scales), judged, trials.element);
   const keys = (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey || event.target.closest?.("input, textarea, select")) return;
     if (event.key === "p") pause.click(); else if (event.key === "h") hold.click();
@@ -87,6 +115,12 @@ export async function showLive(main, values) {
     disk.textContent = `disk ${now.disk_free_gb} GB free${minutes < 6000 ? `, some ${minutes < 100 ? `${Math.round(minutes)} min` : `${Math.round(minutes / 60)} h`} of recording` : ""}`;
     disk.className = now.disk_free_gb < 2 ? "problem" : "hint";
     trials.set(now.figures);
+    judged.hidden = !now.judged;
+    if (now.judged && said.dataset.trial !== String(now.judged.trial)) {
+      said.dataset.trial = now.judged.trial;
+      said.textContent = now.judged.lines.join("\n");
+      drawBeside(beside, now.judged.curves);
+    }
     dirty = true;
   }
 

@@ -7,6 +7,7 @@ import signal
 import struct
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pianorig.workflows import judge_trials
 from rig import Session
 from rig.session.info import NO_FORCE
 from tests.command_line import run
@@ -138,6 +140,17 @@ def test_a_recording_rolls_by_pauses_and_is_found_again(browser: Any, folder: Pa
         made.append(100)
         until(tab, f"{drawn} === 2500")
         assert made.writer.committed_samples == 2500
+
+
+def test_the_last_judged_trial_stands_beside_the_model(browser: Any, folder: Path, looking: Page) -> None:
+    ended = threading.Event()
+    ended.set()
+    judge_trials.judge_trials(folder / "example_forte", "hirschkorn2004", ended, lambda text: None)
+    with opened(browser, looking, f"{looking.address}#live") as tab:
+        tab.get_by_text("trial 3: RMSE key").wait_for()
+        canvas = tab.get_by_role("img", name="Measured and predicted angles of the last trial")
+        inked = "c => c.getContext('2d').getImageData(0, 0, c.width, c.height).data.some((v, i) => i % 4 === 3 && v)"
+        assert canvas.evaluate(inked)
 
 
 def test_a_scale_that_was_typed_stays_from_trial_to_trial(browser: Any, folder: Path, looking: Page) -> None:
