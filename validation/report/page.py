@@ -180,9 +180,9 @@ def angles_caption(view: SessionView, is_first: bool = True) -> str:
     n = len(view.first.traces)
     trials = "the trial" if n == 1 else f"all {n} trials"
     if n > MOST_LINES:
-        trials += " (median, quartiles, 5 % to 95 %)"
+        trials += ", as median, quartiles and 5 % to 95 %"
     if len(view.results) == 1:
-        predicted, drawn = "black dashes; mean", "each trial and the mean"
+        predicted, drawn = "black dashes; mean", "each trial and the mean" if n <= MOST_LINES else "alike, and the mean"
     else:
         predicted = "black: " + ", ".join(map(" ".join, zip(view.names, DASH_WORDS, strict=False))) + "; means"
         drawn = "means"

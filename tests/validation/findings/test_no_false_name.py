@@ -54,7 +54,7 @@ def test_what_explains_the_difference_is_named_with_its_size_and_is_no_finding(p
     assert not set(planted.findings["kind"]) - set(KINDS)
     assert not planted.findings["text"].str.contains("friction").any()
     (said,) = [text for text in planted.warnings if text.startswith("about the model")]
-    assert "key.joint_friction.A ×" in said and "compared were force gain" in said
+    assert "joint friction of the key (key.joint_friction.A) ×" in said and "compared were force gain" in said
     assert not any("friction" in line for line in planted.verdict_lines)
 
 
