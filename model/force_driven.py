@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import as_numbers
-from model.errors import InputError
+from model.errors import InputError, make_options
 from model.files.force_table import check_force_table
 from model.inside.observe_motion import observe
 from model.parameters.action import Action, ActionLike, as_action
@@ -138,7 +138,7 @@ def simulate(
     >>> solution.to_frame().attrs["units"]["hammer_rad"]
     'rad'
     """
-    options = ForceDrivenOptions(**keywords)
+    options = make_options(ForceDrivenOptions, "model.simulate", keywords)
     preload_n = 0.0
     if force_n is None:
         times, forces, preload_n, sampled = force_table_of_trial(time_s)

@@ -18,6 +18,7 @@ from typer.main import get_command
 
 from pianorig import commands
 from pianorig.console.failures import Interrupted, how_stopped, tell_failure
+from pianorig.console.output import name_options
 from pianorig.console.progress import say, tell_when_compiling
 from pianorig.console.terminal import write_what_the_terminal_can
 from pianorig.errors import CommandInputError
@@ -154,7 +155,7 @@ def _options(
 
 def _one_line_warning(message: Warning | str, *where: Any, **more: Any) -> None:
     """A warning without the line of our source that raised it."""
-    say(f"warning: {' '.join(str(message).split())}")
+    say(f"warning: {name_options(' '.join(str(message).split()))}")
 
 
 def refuse_shadowed_packages() -> None:

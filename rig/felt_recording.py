@@ -32,7 +32,7 @@ from rig.backend import Backend
 from rig.configuration.profile import MotorCommand, Profile, motor_command, parse_profile
 from rig.configuration.rig_file import FeltConfig, Rig, RigConfig, load_rig, parse_rig
 from rig.configuration.toml_file import dump_toml
-from rig.errors import RigInputError
+from rig.errors import RigInputError, make_options
 from rig.guided_calibration import change_table
 from rig.mains_hum import fit_mains_hum
 from rig.recording.begin_session import new_session
@@ -375,7 +375,7 @@ def check_order(order: FeltOrder, config: RigConfig, source: str) -> FeltConfig:
     if felt is None:
         raise RigInputError(
             f"{source}: has no table [felt]; add radius_m and compliance_m_per_n of the arm as in the built-in rig "
-            "`virtual`"
+            "'virtual'"
         )
     if not order.speeds_m_per_s or not order.peaks_n:
         raise RigInputError("felt: allowed from one speed and one peak force on")
@@ -544,7 +544,7 @@ def record_felt(out: str | Path, order: FeltOrder, **keywords: Unpack[RecordingK
     >>> print(f"{done.presses[0].curve.peak_n:.0f} N")
     20 N
     """
-    options = RecordingOptions(**keywords)
+    options = make_options(RecordingOptions, "rig.record_felt", keywords)
     rig = options.rig_config if isinstance(options.rig_config, Rig) else load_rig(options.rig_config)
     felt = check_order(order, rig.config, rig.source)
     known = options.permission.applied_to(rig.config) if options.permission is not None else rig.config

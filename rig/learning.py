@@ -153,7 +153,7 @@ def make_target(
     if key_bottom_s is None:
         bottom = key_bottom(force, sample_rate_hz)
         if bottom is None:
-            raise RigInputError(f"{name}: no spike at key bottom was found; say when it is with --key-bottom SECONDS")
+            raise RigInputError(f"{name}: no spike at key bottom was found; say when it is (`key_bottom_s`, s)")
     else:
         if not quiet < key_bottom_s * sample_rate_hz <= force.size - 1:
             raise RigInputError(

@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from typing import Any, TypedDict
 
 import model
+from model.errors import refuse_unknown
 from validation.conventions import Array
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.trial import U_REST_LEVEL_M
@@ -64,7 +65,7 @@ class ComparisonOptions:
     paired: bool = False
 
     @classmethod
-    def from_keywords(cls, keywords: CompareOptions) -> ComparisonOptions:
+    def from_keywords(cls, keywords: CompareOptions, function: str = "validation.compare") -> ComparisonOptions:
         """The record of the keywords of a public function."""
         values: dict[str, Any] = dict(keywords)
         if "suspect" in values:
@@ -72,6 +73,7 @@ class ComparisonOptions:
                 "suspect: is now explain (True: always, False: never, None: where a difference shows), and for "
                 '"parts" effects=False'
             )
+        refuse_unknown(function, values, CompareOptions.__annotations__)
         injected = {field.name: values.pop(field.name) for field in fields(StandIns) if field.name in values}
         return cls(stand_ins=StandIns(**injected), **values)
 

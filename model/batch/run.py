@@ -20,7 +20,7 @@ from model.batch.job import Job, Member, make_jobs
 from model.batch.lanes import group_jobs, run_job_group, select_lane_jobs, warm_up_lanes
 from model.batch.store import Store
 from model.codegen.load import load_kernel, load_kernels
-from model.errors import InputError
+from model.errors import InputError, make_options
 from model.parameters.action import ActionLike, as_action
 from model.simulation.options import BatchKeywords, BatchOptions
 from model.simulation.statics import RestState
@@ -273,7 +273,7 @@ def simulate_many(
     [('forte', 'printed', None), ('forte', 'heavy', None)]
     """
     action = as_action(action)
-    options = BatchOptions(**keywords)
+    options = make_options(BatchOptions, "model.simulate_many", keywords)
     sets = {"": {}} if parameter_sets is None else _label_items(parameter_sets)
     jobs = make_jobs(action, _label_items(trials), sets, options, initial)
     members = run_jobs(

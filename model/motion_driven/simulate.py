@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
 from model.arrays import ArrayRecord, as_numbers
-from model.errors import InputError
+from model.errors import InputError, make_options
 from model.files.force_table import LARGEST_FORCE_N
 from model.force_driven import check_output_times
 from model.motion_driven.prescribed_key import PrescribedRun, rest_angle, run_prescribed
@@ -185,7 +185,7 @@ def simulate_motion(
     True
     """
     action = as_action(action)
-    options = MotionDrivenOptions(**keywords)
+    options = make_options(MotionDrivenOptions, "model.simulate_motion", keywords)
     action, choice = options.resolve(action)
     check_prescribed(choice)  # before the rest angle, for which the scene's kernels may have to be compiled
     rest = rest_angle(action, choice)

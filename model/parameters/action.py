@@ -144,7 +144,7 @@ class Action(Tabular):
             raise InputError(_unknown_path(path, {**self.quantities, **self.effects}))
         return found.value
 
-    def with_values(self, overrides: Mapping[str, float], where: str = "--set") -> Action:
+    def with_values(self, overrides: Mapping[str, float], where: str = "`overrides`") -> Action:
         """Return a copy with other values; ``{"contact04.friction": 0}`` switches that law off.
 
         ``where`` is the source of the values in messages.
@@ -215,7 +215,7 @@ def _expand(path: str, value: float, quantities: Mapping[str, Quantity]) -> list
     if not keys or any(k not in quantities for k in keys):
         raise InputError(_unknown_path(path, quantities))
     if value != 0:
-        raise InputError(f"--set {path}: found {value:g}, allowed 0 (switches it off); or set {', '.join(keys)}")
+        raise InputError(f"`overrides` {path}: found {value:g}, allowed 0 (switches it off); or set {', '.join(keys)}")
     return keys
 
 
@@ -301,7 +301,7 @@ def load_action(name_or_path: str | Path = TEMPLATE, overrides: Mapping[str, flo
 
     Parameters
     ----------
-    name_or_path : built-in name or TOML file
+    name_or_path : ``hirschkorn2004`` (as printed in the thesis), ``hirschkorn2004-regulated``, or a TOML file
     overrides : path -> value, applied after reading
 
     Returns
@@ -318,6 +318,7 @@ def load_action(name_or_path: str | Path = TEMPLATE, overrides: Mapping[str, flo
     >>> action = model.load_action("hirschkorn2004", {"contact04.friction.A": 0.3})
     >>> action["contact04.friction.A"], action.quantities["hammer.mass"].unit
     (0.3, 'kg')
+    >>> path = action.save("mine.toml")
     """
     path = find_action(name_or_path)
     table = dict(read_toml(path))

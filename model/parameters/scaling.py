@@ -86,13 +86,13 @@ def scale_parameters(action: ActionLike, factors: Mapping[str, float]) -> Action
     action = as_action(action)
     for name, factor in factors.items():
         if not math.isfinite(factor):
-            raise InputError(f"--scale {name}: factor found {factor}, allowed a finite number")
-        named = named_paths(action, name, "--scale")
+            raise InputError(f"`factors` {name}: factor found {factor}, allowed a finite number")
+        named = named_paths(action, name, "`factors`")
         paths = [path for path in named if len(named) == 1 or action.felt_has(path)]
         idle = ", ".join(f"{path} (law {action.law(path.partition('.')[0])})" for path in named if path not in paths)
         if not paths:
-            raise InputError(f"--scale {name}: would change nothing, found {idle}; choose another law or leave it out")
+            raise InputError(f"`factors` {name}: would change nothing, found {idle}; choose another or leave it out")
         if idle:
-            warnings.warn(f"--scale {name}: leaves out what its felt's law does not have: {idle}", stacklevel=2)
-        action = action.with_values({path: factor * action[path] for path in paths}, f"--scale {name}={factor:g}")
+            warnings.warn(f"`factors` {name}: leaves out what its felt's law does not have: {idle}", stacklevel=2)
+        action = action.with_values({path: factor * action[path] for path in paths}, f"`factors` {name}={factor:g}")
     return action

@@ -123,7 +123,7 @@ class SceneChoice:
         if self.input_column != "force_n" or set(BODIES) - set(self.bodies):
             raise InputError(
                 f"{name}: found a scene of {', '.join(self.bodies)} driven by {self.input_column}, "
-                "allowed one with all bodies driven by force_n; choose another (--scene)"
+                "allowed one with all bodies driven by force_n; choose another (`scene`)"
             )
 
     def check(self, action: Action) -> None:

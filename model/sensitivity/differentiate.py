@@ -43,8 +43,8 @@ def sensitivities(
     action : parameter set, or its name or file
     blow : times (k,), s, and forces (k,), N, as `model.simulate` takes them; the motor's torque with a motor arm; or a
         recorded trial
-    parameters : names (P,): paths as ``--set`` takes them, or laws, groups and patterns as ``--scale`` does
-        (``friction``, ``contact02`` or ``felt:contact02``, ``*.mass``), which stand for a factor of 1
+    parameters : names (P,): paths such as ``hammer.mass``, or laws, groups and patterns (``friction``, ``contact02`` or
+        ``felt:contact02``, ``*.mass``), which stand for a factor of 1
     options : tolerances, times, scene and what else to give
     inputs : changes (k, m) of the blow's force at its times, and (m,) of the input it rests under, by which it is to be
         differentiated, too
@@ -75,6 +75,7 @@ def sensitivities(
     (3501, 5, 2)
     >>> print(f"{0.01 * found.d_events['strike_m_per_s'][1]:.3f} m/s for 1 % more friction")
     -0.001 m/s for 1 % more friction
+    >>> table, ax = found.to_frame(), found.plot("hammer")
     """
     chosen = as_action(action)
     options = SensitivityOptions() if options is None else options

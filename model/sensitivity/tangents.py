@@ -408,8 +408,8 @@ class RecordedMotion:
             what = "rate of a memory" if remembering else "force"
             raise InputError(
                 f"sensitivities: {names}: the {what} jumps at t = {kinks[k, 0]:.6g} s, where felt begins or ceases to "
-                "press or a `where` of the law turns; derivatives need a law that is continuous there: let `rates` and "
-                "`alone` agree where the force is 0, as in model/elements/laws/stulov.py, or choose another law"
+                "press or a 'where' of the law turns; derivatives need a law that is continuous there: let 'rates' and "
+                "'alone' agree where the force is 0, as in model/elements/laws/stulov.py, or choose another law"
             )
 
     def remembered_slopes(self, followed: TangentResult, count: int) -> Array:

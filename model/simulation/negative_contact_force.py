@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 AHEAD_S = (0.0, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8)
 """Beyond the last state that a run took, in which its shortest steps failed."""
-ADVICE = "say in `force` where it presses, each factor by itself, such as (slow > 0.0) & (factor > 0.0), slow * factor"
+ADVICE = "say in 'force' where it presses, each factor by itself, such as (slow > 0.0) & (factor > 0.0), slow * factor"
 
 
 def check_pushes(scene: Scene, time_s: Array, contact: Array, memory: Array | None) -> None:

@@ -56,9 +56,9 @@ LARGEST_ANGLE, LARGEST_SPEED = 1e3, 1e6  # rad, rad/s
 
 _ADVICE = {
     STEP_TOO_SMALL: "the step fell below 1e-12 s; check that no bodies overlap at the start, "
-    "then stiffness and friction thresholds; or loosen --tolerance",
+    "then stiffness and friction thresholds; or loosen `tolerance`",
     NOT_FINITE: "the equations gave a value that is not finite; check the input and the geometry",
-    TOO_MANY_STEPS: "too many steps; loosen --tolerance or shorten the run",
+    TOO_MANY_STEPS: "too many steps; loosen `tolerance` or shorten the run",
 }
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-from pianorig.console.output import print_json
+from pianorig.console.output import name_options, print_json
 from pianorig.console.terminal import LIVE
 
 KINDS = {1: "defect", 2: "bad input", 3: "hardware or safety", 130: "interrupted"}
@@ -35,7 +35,7 @@ def tell_failure(problem: BaseException, as_json: bool) -> int:
         message = f"defect: {type(problem).__name__}: {problem} (run again with --debug before the command)"
     else:
         message = str(problem)
-    message, code = " ".join(message.split()), 1 if code is None else int(code)
+    message, code = name_options(" ".join(message.split())), 1 if code is None else int(code)
     LIVE.clear()
     if as_json:
         error = {"message": message, "kind": KINDS.get(code, "defect"), "exit_code": code}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -42,13 +43,27 @@ def print_json(item: Mapping[str, Any]) -> None:
     print(json_text(item), flush=True)
 
 
+OPTION = {
+    "overrides": "set", "factors": "scale", "fixed": "fix", "priors": "prior", "budget_s": "budget",
+    "camera": "calibration", "rows_per_s": "shutter", "frame_rate_hz": "frame-rate", "key_bottom_s": "key-bottom",
+    "first_frame": "from", "last_frame": "to",
+}  # fmt: skip
+"""Options whose name is not that of the Python argument; the packages below name arguments, `in backticks`."""
+ARGUMENT = re.compile(r"`([a-z][a-z_]*)`")
+
+
+def name_options(text: str) -> str:
+    """A message of a package with the command's options in place of Python's arguments."""
+    return ARGUMENT.sub(lambda found: "--" + OPTION.get(found[1], found[1].replace("_", "-")), text)
+
+
 def tell(as_json: bool, facts: Mapping[str, Any], lines: Iterable[str]) -> None:
     """What a command found, for programs as one JSON object, or for people as lines, which are made only then."""
     if as_json:
         print_json(facts)
         return
     for line in lines:
-        print(line)
+        print(name_options(line))
 
 
 MOST_COLUMNS, MOST_ROWS = 80, 20

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from validation.pipeline.part_names import part_name
 
 import model
 from model.files.force_library import KNOTS
@@ -113,10 +114,23 @@ def action_facts(name: str, scene: str = "whole") -> dict[str, Any]:
     for path, quantity in model.quantities_of(given).items():
         low, high = reach(path, quantity.value, quantity.unit)
         about = contacts.get(path.split(".")[0], "")
-        facts = {"path": path, "value": quantity.value, "unit": quantity.unit, "u": quantity.u, "about": about}
+        facts = {
+            "path": path,
+            "name": _name(path, given),
+            "value": quantity.value,
+            "unit": quantity.unit,
+            "u": quantity.u,
+            "about": about,
+        }
         of_scene = path not in given.quantities
         parameters.append({**facts, "low": low, "high": high, "of_scene": of_scene, "count": path in COUNTS})
     return {"name": name, "description": given.description, "screws": screws, "parameters": parameters}
+
+
+def _name(path: str, action: model.Action) -> str:
+    """What a technician calls a parameter, with what tells namesakes apart; its path where it has no name."""
+    part, (_, *rest) = part_name(path, action), path.split(".")
+    return path if not part else part if len(rest) < 2 else f"{part}, {'.'.join(rest)}"
 
 
 def reach(path: str, value: float, unit: str) -> tuple[float, float]:

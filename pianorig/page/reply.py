@@ -15,7 +15,7 @@ from tornado.iostream import StreamClosedError
 from tornado.web import HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
-from pianorig.console.output import json_text
+from pianorig.console.output import ARGUMENT, json_text
 from pianorig.console.progress import say
 from pianorig.page.access import Access, Refused
 from pianorig.page.catalogue import Catalogue, UnknownName
@@ -74,7 +74,7 @@ class Guarded(RequestHandler):
         """End the answer with a reason in one line."""
         self.set_status(status)
         self.set_header("Content-Type", "application/json")
-        self.finish(json.dumps({"error": reason}))
+        self.finish(json.dumps({"error": ARGUMENT.sub(lambda found: found[1].replace("_", " "), reason)}))
 
     def log_exception(self, *error: Any) -> None:
         """A defect is one line on the terminal, too; what is refused is told to the page only."""

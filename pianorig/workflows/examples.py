@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -26,6 +27,8 @@ FELT_LOSS = 0.12
 PRESS_BETA, PRESS_ETA = (0.15,), (0.2,)
 """Half width of the loop as a share of the force, and the reach of its memory as a share of the depth."""
 NOISE_N = 0.02
+KEPT = ("", ".csv", ".h5", ".jsonl", ".md", ".toml", ".txt")
+"""Endings of what was recorded and is said of it; reports and curves are made again."""
 
 
 def force_table(name: str) -> Table:
@@ -183,6 +186,8 @@ EXAMPLES = {
     "target.mraw": "film of a checkerboard, 9x6 corners 5 mm apart: calibrate camera",
     "plan.toml": "piano and forte in random order: record --plan",
     "my_rig.toml": "a bench on one PCIe-6363, to be changed into yours: --rig",
+    "sessions/planted_faults": "nine simulated blows with one known fault each: validate",
+    "sessions/kawai_kg3c": "a real action, positions of key and hammer (Piano-Data, MIT): validate --action",
 }
 """Every file and the commands it is for."""
 
@@ -235,6 +240,7 @@ def write_examples(folder: Path, working: Callable[[str], None] = lambda words: 
     CommandInputError : a file is there already, or the folder cannot be written; nothing was written
     """
     paths = {name: folder / name for name in EXAMPLES}
+    sessions = {name: paths.pop(name) for name in EXAMPLES if name.startswith("sessions/")}
     there = [path for path in (*paths.values(), folder / "film.cihx", folder / "target.cihx") if path.exists()]
     if there:
         raise CommandInputError(f"{there[0]}: is there already and would be written over; name another folder")
@@ -259,7 +265,21 @@ def write_examples(folder: Path, working: Callable[[str], None] = lambda words: 
     working("filming")
     write_blow_film(paths["film.mraw"], paths["bodies.toml"], blow)
     write_target_film(paths["target.mraw"])
-    return paths
+    for name, place in sessions.items():
+        if not place.exists():
+            _copy_session(name, place)
+    return paths | sessions
+
+
+def _copy_session(name: str, place: Path) -> None:
+    """Copy a session that comes with the package, without what can be made from it again."""
+    package = Path(__file__).parents[1]
+    source = next(path for path in (package / name, package.parent / name) if path.is_dir())  # a wheel's, a checkout's
+    for file in sorted(source.rglob("*")):
+        at = file.relative_to(source)
+        if file.is_file() and (len(at.parts) == 1 or at.parts[:2] == ("derived", "angles")) and file.suffix in KEPT:
+            (place / at).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(file, place / at)
 
 
 def _encoder(body: str) -> str:

@@ -55,7 +55,8 @@ def read_hdf5(path: Path) -> ChannelTable:
     further = {}
     if no_force and data.channel_values is not None:
         further = {info.name: data.channel_values[:, k] for k, info in enumerate(data.channels)}
-    force = {} if no_force else {"force_n": data.raw_force_n - baseline_n}
+    acted = np.empty(0) if no_force else data["force_n"]
+    force = {} if no_force else {"force_n": acted if np.isfinite(acted).all() else data.raw_force_n - baseline_n}
     columns = {"time_s": data.time_s, **force, "motor_command_v": data.motor_command_v, **angles, **further}
     clock = Clock(1.0 / data.sample_rate_hz)
     units = {"time_s": "s", "force_n": "N", "motor_command_v": "V", **dict.fromkeys(angles, "rad")}

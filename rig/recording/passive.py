@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from rig.backend import Backend, Block, Timing
 from rig.configuration.profile import MotorCommand
 from rig.configuration.rig_file import Rig, RigConfig, load_rig
-from rig.errors import RigInputError
+from rig.errors import RigInputError, make_options
 from rig.recording.begin_session import new_session
 from rig.recording.clock_watch import ClockWatch
 from rig.recording.options import Progress, RecordingKeywords, RecordingOptions
@@ -237,7 +237,7 @@ def record_passive(
     >>> [trial.number for trial in session.trials]
     [1, 2]
     """
-    options = RecordingOptions(**keywords)
+    options = make_options(RecordingOptions, "rig.record_passive", keywords)
     if strokes is not None and not 1 <= strokes <= MAX_TRIALS:
         raise RigInputError(f"strokes = {strokes}, allowed 1 to {MAX_TRIALS}")
     if duration_s is not None and not 0 < duration_s < float("inf"):

@@ -13,6 +13,7 @@ from typing import Unpack
 
 from rig.configuration.profile import Profile, load_profile, motor_command
 from rig.configuration.rig_file import Rig, load_rig
+from rig.errors import refuse_unknown
 from rig.recording.begin_session import new_session
 from rig.recording.options import RecordingKeywords, RecordingOptions
 from rig.recording.record_entries import record_entries
@@ -84,9 +85,10 @@ def record(out: str | Path, options: RecordingOptions | None = None, **keywords:
     --------
     >>> import rig
     >>> session = rig.record("sessions/two", profile="forte", trials=2, operator="me")
-    >>> print(f"{session.trial(1).read().force_n.max():.0f} N")
+    >>> print(f"{session[1].force_n.max():.0f} N")
     34 N
     """
+    refuse_unknown("rig.record", keywords, RecordingKeywords.__annotations__)
     given = replace(options or RecordingOptions(), **keywords)
     rig = given.rig_config if isinstance(given.rig_config, Rig) else load_rig(given.rig_config)
     profile = given.profile if isinstance(given.profile, Profile) else load_profile(given.profile)

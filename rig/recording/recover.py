@@ -29,7 +29,7 @@ from rig.backend import Backend, check_contract
 from rig.configuration import toml_file
 from rig.configuration.profile import parse_profile
 from rig.configuration.rig_file import Rig, parse_rig
-from rig.errors import RigInputError
+from rig.errors import RigInputError, make_options
 from rig.recording.options import RecordingOptions, ResumeKeywords
 from rig.recording.passive import StrokeDetector, StrokeSettings
 from rig.recording.record_entries import record_entries
@@ -383,7 +383,7 @@ def resume(
     """
     if unknown := sorted(set(keywords) - set(ResumeKeywords.__annotations__)):
         raise TypeError(f"resume() got unexpected keyword arguments {', '.join(unknown)}")
-    options = RecordingOptions(**keywords)
+    options = make_options(RecordingOptions, "rig.resume", keywords)
     check_contract(backend)
     recover(path)
     session = Session.open(path, require_trials=False)

@@ -56,13 +56,13 @@ def confirm(rig: Rig, address: str, *, yes: bool, ask: Callable[[str], str | Non
     if yes:
         if not rig.config.safety.allow_yes:
             raise NotPermitted(
-                f"{rig.source}: --yes is not permitted (safety.allow_yes = false); confirm by typing the rig's name"
+                f"{rig.source}: `yes` is not permitted (safety.allow_yes = false); confirm by typing the rig's name"
             )
         return "--yes"
     question = f"The motor at {address} will move. Nobody near the arm? Type the rig's name, {name}, to go on: "
     typed = None if ask is None else ask(question)
     if typed is None:
-        raise NotPermitted(f"{address}: nobody to confirm that the motor may move; run it in a terminal, or see --yes")
+        raise NotPermitted(f"{address}: nobody to confirm that the motor may move; run it in a terminal, or see `yes`")
     if typed.strip() != name:
         raise NotPermitted(f"{address}: typed {typed.strip()!r}, expected {name!r}; nothing has moved")
     return "typed"

@@ -17,7 +17,7 @@ from scipy.optimize import minimize_scalar
 from scipy.special import fdtri
 
 from rig.arrays import as_numbers
-from rig.errors import RigInputError
+from rig.errors import RigInputError, make_options
 from rig.mains_hum import HARMONICS, hum_terms
 
 Array = NDArray[np.float64]
@@ -488,7 +488,7 @@ def correct_force(
     >>> print(f"{corrected.force_n.max():.0f} N")
     33 N
     """
-    channel = ForceChannel(**declared)
+    channel = make_options(ForceChannel, "rig.correct_force", declared)
     time, force = _two_columns(time_s, force_n)
     _refuse_lost(time, force)
     hum = fit_hum(time[: quiet.stop], force[: quiet.stop], channel.mains_hz)

@@ -33,7 +33,7 @@ def report_folder(sessions: Sequence[str | Path], out: str | Path | None) -> Pat
     if out is not None:
         return Path(out)
     if len(sessions) != 1:
-        raise ValidationInputError(f"{len(sessions)} sessions: name a folder for their report with --out")
+        raise ValidationInputError(f"{len(sessions)} sessions: name a folder for their report with `out`")
     return Path(sessions[0])
 
 

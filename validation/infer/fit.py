@@ -143,7 +143,7 @@ def fit(
     z = np.clip(np.zeros(len(problem.unknowns.moved)) if start is None else start, low, high)
     curves = curves_at(problem, z)
     if curves is None:
-        raise ValidationInputError("identify: the model cannot run at the start; use other values with --set")
+        raise ValidationInputError("identify: the model cannot run at the start; use other values (`overrides`)")
     columns = Columns(problem) if columns is None else columns
     sizes, steps, idle = (Sizes.tight if tight else Sizes.start)(problem.families, problem.seen), 0, 0
     floor, damping, learnt = (FLOOR if tight else FIRST_FLOOR), 0.0, False
@@ -620,7 +620,7 @@ def fit_alike(problem: Problem, z: Array, sizes: Sizes | None = None) -> Fitted:
     """The linear model at z with all trials alike, its variance components from those given; no step is taken."""
     curves, blocks = curves_at(problem, z), _blocks(Columns(problem), z, True)
     if curves is None:
-        raise ValidationInputError("identify: the model cannot run at the start; use other values with --set")
+        raise ValidationInputError("identify: the model cannot run at the start; use other values (`overrides`)")
     linear, here = linear_residuals(problem, blocks, curves, z), residuals(problem.trials, curves)
     sizes = Sizes.start(problem.families, problem.seen) if sizes is None else sizes
     marginal = learn(blocks, linear, sizes, ROUNDS)

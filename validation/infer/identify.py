@@ -9,7 +9,7 @@ from typing import Any, Unpack
 import numpy as np
 
 import model
-from model.errors import ModelError
+from model.errors import ModelError, make_options
 from rig.session import Session
 from validation.cache.content_hash import code_sha256
 from validation.conventions import Array
@@ -56,12 +56,23 @@ def identify(
     sessions : Session or path, or a sequence of them
         Sessions of one action; one kind of stroke each.
     parameters : str or sequence of str
-        Names as ``--set`` and ``--scale`` know them, ``felt:contact02``, or groups: ``friction``, ``joint_friction``,
-        ``damping``, ``stiffness``, ``springs``.
+        Paths or laws (``hammer.mass``, ``hammer.joint_friction``), ``felt:contact02``, or groups: ``friction``,
+        ``joint_friction``, ``damping``, ``stiffness``, ``springs``.
     action : model.Action, name or path
         Values to start from; their uncertainties are the prior.
     **keywords
-        See `validation.infer.sources.IdentifyOptions`.
+        fixed, hold_out, hold_out_trials : tuple
+            Names held at the action's values; sessions, and numbers of trials, that are only predicted.
+        priors : dict
+            Standard uncertainty before, by name; relative for friction, felt and springs, SI else.
+        starts : int, default 1
+            Points that the fit starts from.
+        profiles : tuple of str, optional
+            Names to make a profile of; all that were asked for by default, ``()`` for none.
+        condition, motion_driven, film
+            As for `validation.compare` (``by_motion``); also fit jack and lever as tracked on films.
+        budget_s, progress, executor, tolerance, phases, now
+            See `validation.infer.sources.IdentifyOptions`.
 
     Returns
     -------
@@ -82,10 +93,11 @@ def identify(
     --------
     >>> import validation
     >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], profiles=())
-    >>> found.estimates[0].name
+    >>> found.to_frame()["name"][0]
     'hammer.joint_friction.A'
+    >>> path = found.save("identified.toml")
     """
-    options = IdentifyOptions(**keywords)
+    options = make_options(IdentifyOptions, "validation.identify", keywords)
     sessions = [sessions] if isinstance(sessions, Session | str | Path) else sessions
     parameters = [parameters] if isinstance(parameters, str) else parameters
     start = model.load_action(action) if isinstance(action, str | Path) else action
@@ -98,7 +110,7 @@ def identify(
         problem, columns = at_start(start, asked, sources.fitted, response)
     except ModelError as error:
         why = str(error).removeprefix("identification: ")
-        raise ValidationInputError(f"identify: {start.name}: {why}; use other values with --set") from None
+        raise ValidationInputError(f"identify: {start.name}: {why}; use other values (`overrides`)") from None
     before = look_before(problem, columns)
     stuck = bounds_not_run(problem)
     for line in [*stuck, *before]:
@@ -162,14 +174,14 @@ def look_before(problem: Problem, columns: Columns) -> list[str]:
     curves = problem.response.curves([zero])[0]
     if curves is None:
         raise ValidationInputError(
-            f"identify: the model {problem.action.name} cannot run these strokes; use other values with --set"
+            f"identify: the model {problem.action.name} cannot run these strokes; use other values (`overrides`)"
         )
     blocks = columns.blocks(zero)
     effect = np.max([np.abs(b.moved).max(axis=0) for b in blocks], axis=0)
     for name, size in zip(names, effect, strict=False):
         if size < LEAST_EFFECT_RAD:
             raise ValidationInputError(
-                f"--parameters {name}: has no effect in these strokes (no angle moves by {LEAST_EFFECT_RAD:g} rad); "
+                f"`parameters` {name}: has no effect in these strokes (no angle moves by {LEAST_EFFECT_RAD:g} rad); "
                 "leave it out, or record a stroke in which it acts"
             )
     tight, n = Sizes.tight(problem.families, problem.seen), len(names)
@@ -229,7 +241,7 @@ def _end(best: Fitted, names: Sequence[str], covariance: Array, determined: Sequ
 def _of_fit(best: Fitted, end: End, fits: Sequence[Fitted], sources: Sources) -> list[str]:
     said = [PROVISIONAL, *sources.refused, *sources.notes]
     if not best.converged:
-        said.insert(0, f"{end}; these values are the best so far, their intervals too narrow; give a larger --budget")
+        said.insert(0, f"{end}; these values are the best so far, their intervals too narrow; give more (`budget_s`)")
     if end.kind == BIFURCATION:
         said.append(
             f"{end}: there a third of a standard uncertainty turns the motion by more than twice the noise; what "
@@ -244,7 +256,7 @@ def _of_fit(best: Fitted, end: End, fits: Sequence[Fitted], sources: Sources) ->
     apart = [f.alike - best.alike for f in fits]
     if max(apart) > SAME:
         other = sum(a > SAME for a in apart)
-        better = "" if best.is_slight else "; more starts (--starts) may find a better one"
+        better = "" if best.is_slight else "; more starts (`starts`) may find a better one"
         said.append(f"{other} of {len(fits)} fits ended in a worse minimum and are not used{better}")
     if len(sources.fitted) < 5:
         said.append(

@@ -99,7 +99,7 @@ class Supported:
             beside = " or nothing" if len(names) < len(self.let_in) else ""
             what = (
                 f"each of these, let in alone, takes it away: {'; '.join(names)}{beside}; these strokes do not tell "
-                "them apart: --plan ranks strokes that do"
+                "them apart; a plan ranks strokes that do"
             )
         inside = "in spite of the lack, whichever it is, " if len(self.let_in) > 1 else "in spite of the lack "
         values = {e.name: f"{e.name} {e.value:.4g} ({e.low:.4g} to {e.high:.4g})" for e in self.estimates}

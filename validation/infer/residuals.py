@@ -14,6 +14,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 import model
+from model.errors import make_options
 from rig.session import Session
 from validation.conventions import Array
 from validation.errors import ValidationInputError
@@ -127,7 +128,7 @@ def residual_problem(
     >>> sorted(problem.values(found.x))
     ['hammer.joint_friction.A']
     """
-    options = IdentifyOptions(**keywords)
+    options = make_options(IdentifyOptions, "validation.residual_problem", keywords)
     start = model.load_action(action) if isinstance(action, str | Path) else action
     asked = unknowns(start, parameters, options.fixed, options.priors)
     trials = collect(sessions, start, options).fitted

@@ -463,7 +463,9 @@ class ModelResponse:
         for j, curves in zip(asked, ends, strict=True):
             if curves is None:
                 what = self.parameters[j].name if j < at.shape[1] else "what drives a trial"
-                raise ModelError(f"identification: the model cannot run with a small change of {what}; --fix it")
+                raise ModelError(
+                    f"identification: the model cannot run with a small change of {what}; hold it (`fixed`)"
+                )
             for derivative, curve, here in zip(out, curves, base, strict=True):
                 derivative[:, :, columns.index(j)] = (curve - here) / steps[j]
         return out

@@ -51,7 +51,7 @@ def _what_was_found(found: Identification) -> str:
 def _held_out(found: Identification) -> list[str]:
     held = [name for name in found.scores if name != FITTED]
     if not held:
-        return ["No trial was held out, so how well the values predict other strokes is not known (--hold-out)."]
+        return ["No trial was held out, so how well the values predict other strokes is not known (`hold_out`)."]
     said = []
     for name in held:
         by = found.events.get(name)

@@ -200,9 +200,9 @@ def _unused_words(trials: Sequence[MeasuredTrial], options: IdentifyOptions) -> 
     """Lines on channels that were recorded and are not used."""
     filmed, out = sum(m.film is not None for m in trials), []
     if filmed and not options.film:
-        out.append(f"{filmed} trials have tracked films, which are not used; --film uses jack and repetition lever")
+        out.append(f"{filmed} trials have tracked films, which are not used; `film` uses jack and repetition lever")
     if options.film and not filmed:
-        out.append("--film: no trial has a tracked film; track them with pianorig track")
+        out.append("`film`: no trial has a tracked film; track them with pianorig track")
     without = sum(not m.has_force for m in trials)
     if without and without < len(trials) and not options.motion_driven:
         out.append(f"{without} trials have no force and are driven by their key's motion, with all of their session")
@@ -223,7 +223,7 @@ def _names(sessions: Sequence[Session]) -> list[str]:
 def _no_trials_message(measured: MeasuredSession, name: str, held: int) -> str:
     if held:
         return (
-            f"{name}: no usable trial to fit ({held} held out by --hold-out-trials); leave at least one of them to fit"
+            f"{name}: no usable trial to fit ({held} held out by `hold_out_trials`); leave at least one of them to fit"
         )
     numbers: dict[str, list[int]] = {}
     for number, why in measured.refused.items():
@@ -239,7 +239,7 @@ def _refuse_absent(wanted: Sequence[int], of_sessions: Sequence[MeasuredSession]
     absent = [n for n in wanted if n not in there]
     if absent:
         raise ValidationInputError(
-            f"--hold-out-trials {absent[0]}: no session to fit has a trial of this number; found "
+            f"`hold_out_trials` {absent[0]}: no session to fit has a trial of this number; found "
             f"{', '.join(map(str, sorted(there))) or 'none'}"
         )
 
@@ -249,7 +249,7 @@ def _refuse_twice(opened: Sequence[Session]) -> None:
     for place in places:
         if places.count(place) > 1:
             raise ValidationInputError(
-                f"{place}: session given twice; name each session once, to fit or with --hold-out"
+                f"{place}: session given twice; name each session once, to fit or with `hold_out`"
             )
 
 

@@ -22,7 +22,7 @@ from validation.measurement.position_sensors import POSITION_ERRORS
 
 FELT = "felt:"
 STIFFNESS = ("a", "b", "c")
-PARAMETERS = "--parameters"
+PARAMETERS = "`parameters`"
 NORMAL = (".second.normal.x", ".second.normal.y")
 BELONGS: Mapping[str, Callable[[str, Sequence[str]], bool]] = {
     "friction": lambda name, paths: name.endswith(".friction.A"),
@@ -95,7 +95,7 @@ def expand(action: model.Action, asked: Sequence[str], option: str = PARAMETERS)
             members = [n for n in (felt, f"{felt}.normal.D") if n in names]
         elif text in names:
             members = [text]
-        elif f"{text}.A" in names:  # a law by its name, as in --scale
+        elif f"{text}.A" in names:  # a law by its name, as in `scale_parameters`
             members = [f"{text}.A"]
         elif not members:
             members = [n for n in names if fnmatchcase(n, text)] if "*" in text else []
@@ -106,7 +106,7 @@ def expand(action: model.Action, asked: Sequence[str], option: str = PARAMETERS)
             raise ValidationInputError(_unknown_message(action, text, option))
         found |= dict.fromkeys(members)
     if not found:
-        raise ValidationInputError(f"{option}: no parameter given; allowed names of --set, or {', '.join(GROUPS)}")
+        raise ValidationInputError(f"{option}: none given; allowed names of `overrides`, or {', '.join(GROUPS)}")
     return list(found)
 
 
@@ -130,7 +130,7 @@ def _unknown_message(action: model.Action, text: str, option: str) -> str:
         if path in model.quantities_of(action):
             return (
                 f"{option} {path}: its value is {action[path]:g}, so nothing says how large it may be (no prior); "
-                "set it to its order of magnitude with --set, or leave it out"
+                "set it to its order of magnitude with `overrides`, or leave it out"
             )
     known = [*GROUPS, *single_names(action)]
     near = difflib.get_close_matches(text.removeprefix(FELT), known, n=1)
@@ -247,7 +247,7 @@ def parameter_of(
     law = any(belongs(name, paths) for belongs in BELONGS.values())
     if given is not None:
         factor = law or name in THRESHOLDS
-        return Parameter(name, paths, given, factor, "given with --prior")
+        return Parameter(name, paths, given, factor, "given")
     if lead.u <= 0.0:
         return None
     if law and lead.basis == PRINTED:
@@ -273,18 +273,18 @@ def unknowns(
         A name is unknown, asked for and fixed, or has no prior; a prior is not above zero.
     """
     wanted = expand(action, asked)
-    held = expand(action, fixed, "--fix") if fixed else []
+    held = expand(action, fixed, "`fixed`") if fixed else []
     given = _parse_priors(action, priors or {})
     for name in fixed:  # a group or pattern means the rest of it
         if name.strip() in wanted:
-            raise ValidationInputError(f"--fix {name}: found it in --parameters, too; allowed in one of the two")
+            raise ValidationInputError(f"`fixed` {name}: found it in `parameters`, too; allowed in one of the two")
     held = [name for name in held if name not in wanted]
     names, found = single_names(action), []
     for name in wanted:
         one = parameter_of(action, name, names[name], given.get(name))
         if one is None:
             raise ValidationInputError(
-                f"--parameters {name}: its stated uncertainty is 0, so it has no prior; give one, --prior {name}=0.1"
+                f"`parameters` {name}: its stated uncertainty is 0, so it has no prior; give one, `priors` {name}=0.1"
             )
         found.append(one)
     rest = [n for n in names if n not in wanted and n not in held]
@@ -298,6 +298,6 @@ def _parse_priors(action: model.Action, priors: Mapping[str, float]) -> dict[str
     out: dict[str, float] = {}
     for text, u in priors.items():
         if not (math.isfinite(u) and u > 0.0):
-            raise ValidationInputError(f"--prior {text}: standard uncertainty found {u:g}, allowed above 0")
-        out |= dict.fromkeys(expand(action, [text], "--prior"), float(u))
+            raise ValidationInputError(f"`priors` {text}: standard uncertainty found {u:g}, allowed above 0")
+        out |= dict.fromkeys(expand(action, [text], "`priors`"), float(u))
     return out

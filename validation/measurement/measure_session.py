@@ -125,7 +125,7 @@ def measure_session(
     if condition is None and len(usable) > 1:
         raise ValidationInputError(
             f"{session.path}: trials of several conditions found: {found}; allowed one, for different motions have no "
-            "common repeatability; choose it with --condition"
+            "common repeatability; choose it with `condition`"
         )
     if condition is not None and usable and condition not in usable:
         raise ValidationInputError(f"{session.path}: no usable trial of the condition {condition!r}; found {found}")

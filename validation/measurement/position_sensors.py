@@ -133,7 +133,7 @@ class PositionSensors:
             if self.sensors.get(name) != place:
                 raise TrialError(
                     f"{name} is {self.sensors.get(name)!r}, the identified set holds for {place!r}; identify a set on "
-                    "this session, or compare with another --action"
+                    "this session, or compare with another `action`"
                 )
 
     def errors(self, away: Array | None = None) -> Array:

@@ -65,6 +65,7 @@ def compare(
     Returns
     -------
     ValidationResult
+        ``to_frame()`` has the curves, ``to_frame("quantities")`` those of the verdict; ``plot("hammer")``, ``save()``.
 
     Raises
     ------
@@ -129,7 +130,7 @@ def compare_many(
     from validation.options import ComparisonOptions
     from validation.pipeline.compare_sessions import compare_every
 
-    return compare_every(sessions, actions, ComparisonOptions.from_keywords(options))
+    return compare_every(sessions, actions, ComparisonOptions.from_keywords(options, "validation.compare_many"))
 
 
 def validate_sessions(
@@ -174,7 +175,7 @@ def validate_sessions(
     from validation.options import CompareOptions, ComparisonOptions
     from validation.report.files import check_folder
 
-    chosen = ComparisonOptions.from_keywords(options)
+    chosen = ComparisonOptions.from_keywords(options, "validation.validate_sessions")
     folder = report_folder([s.path if isinstance(s, Session) else s for s in sessions], out)
     check_folder(folder)  # before any work is done
     side = compare_many(sessions, actions, **CompareOptions({"further": True, **options}))

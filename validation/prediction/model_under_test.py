@@ -136,7 +136,7 @@ class ModelUnderTest:
         except ModelError as error:
             raise ValidationInputError(
                 f"{self.action.name}: the model cannot run from rest under {preload_n:g} N on the key ({error}); "
-                "use other values with --set"
+                "use other values (`overrides`)"
             ) from None
 
 

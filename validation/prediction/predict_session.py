@@ -274,7 +274,7 @@ def _warn_of_missed_tolerance(found: PredictedAngles, tolerance: float) -> str:
     return (
         f"the requested error of the simulation is missed: angles off by about {found.error_rad:.1e} rad, "
         f"{found.error_rad / tolerance:.0f} x the requested {tolerance:g}; small errors grow under this force, "
-        "tighten --tolerance"
+        "tighten `tolerance`"
     )
 
 

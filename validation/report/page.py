@@ -47,7 +47,7 @@ GLOSSARY: tuple[tuple[str, str], ...] = (
         "found by the one test of all primary quantities together, which a model without error fails in one session of "
         "twenty. Alone: excluded by the quantity's own interval, not by that test.",
     ),
-    ("limit of relevance", "from which a difference matters (--relevant)."),
+    ("limit of relevance", "from which a difference matters; it can be chosen."),
     ("sᵣ", "repeatability standard deviation: how much the trials differ from each other."),
     ("RMSE", "root mean square of the difference over the evaluation window."),
     ("perfect model", "a model that differs from the trials only by errors of force and sensors."),

@@ -32,7 +32,7 @@ def _verdict(row: Row) -> str:
 
 
 COLUMNS = (
-    Column("name", "", "Parameter, as of --set and --scale", str),
+    Column("name", "", "Parameter, a path or the name of a law", str),
     Column("part", "", "The same in words", str, head="parameter", text=lambda row: f"{row['part']} ({row['name']})"),
     Column("unit", "", "Unit of the value; 1 means a factor", str),
     Column("factor", "", "Whether it is moved by a factor, so that its prior uncertainty is relative", bool),

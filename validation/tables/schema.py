@@ -51,7 +51,7 @@ ACTION = {
     "name": _text("Name"),
     "origin": _text("File"),
     "values_sha256": _text("SHA-256 of all values and of the structure"),
-    "changed": _each("Parameter path → value given by --set, SI", {"type": "number"}),
+    "changed": _each("Parameter path → value changed after reading, SI", {"type": "number"}),
     "fitted_to": _list("Trials of this comparison that the values were fitted to (pianorig identify), by their hashes"),
 }
 WINDOW = {

@@ -198,7 +198,7 @@ class CineFilm(Film):
         if beyond.size and not (allow_truncated and beyond[0]):
             raise FilmError(
                 f"{self.path}: image {beyond[0]} of {n} lies beyond the end of the file ({self._file.size} bytes); "
-                "copy the film again, or read what is whole with --allow-truncated"
+                "copy the film again, or read what is whole with `allow_truncated`"
             )
         whole = table[: beyond[0]] if beyond.size else table
         for index in (0, len(whole) - 1):

@@ -303,7 +303,7 @@ class MrawFilm(Film):
         wrong = find_contradiction(header)
         if wrong is not None:
             warnings.warn(
-                f"{header_path}: {wrong}; its frame times are not believed: give --frame-rate",
+                f"{header_path}: {wrong}; its frame times are not believed: give `frame_rate_hz`",
                 VisionWarning,
                 stacklevel=3,
             )

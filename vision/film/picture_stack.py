@@ -170,7 +170,7 @@ def _sort_by_number(folder: Path, files: list[Path], number: re.Pattern[str], al
         before, after = files[gaps[0]].name, files[gaps[0] + 1].name
         raise FilmError(
             f"{folder}: pictures are missing between {before} and {after} ({len(gaps)} gaps); copy them again, or "
-            "read up to the gap with --allow-truncated"
+            "read up to the gap with `allow_truncated`"
         )
     return files[: gaps[0] + 1] if gaps else files
 

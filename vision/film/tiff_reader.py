@@ -65,7 +65,7 @@ class TiffFilm(Film):
         if not allow_truncated and not chain_is_whole(path):
             raise FilmError(
                 f"{path}: the file ends before its last page; copy it again, or read what is whole with "
-                "--allow-truncated"
+                "`allow_truncated`"
             )
         try:
             self._tiff = tifffile.TiffFile(path)
@@ -180,7 +180,7 @@ class TiffFilm(Film):
         if not allow_truncated and found < said:
             raise FilmError(
                 f"{self.path}: its header says {said} images and holds {found}; the file is cut short: copy it again, "
-                "or read what is whole with --allow-truncated"
+                "or read what is whole with `allow_truncated`"
             )
         self._at = [(series, page) for page in range(min(found, said))]
         self.n_frames = len(self._at)
@@ -195,7 +195,7 @@ class TiffFilm(Film):
                 found = "" if channel is None else f", {channel} is none"
                 only = "" if n_along else "; were they frames, save them along time"
                 raise FilmError(
-                    f"{self.path}: holds {n_channels} channels{found}; choose one by its number (--channel 1 to "
+                    f"{self.path}: holds {n_channels} channels{found}; choose one by its number (`channel` 1 to "
                     f"{n_channels}){only}"
                 )
             return int(channel or 1) - 1
@@ -243,7 +243,7 @@ class TiffFilm(Film):
                 return
             raise FilmError(
                 f"{self.path}: frame {index} of {self.n_frames} lies beyond the end of the file; copy it again, or "
-                "read what is whole with --allow-truncated"
+                "read what is whole with `allow_truncated`"
             )
 
     def _decode_page(self, index: int) -> NDArray[Any]:

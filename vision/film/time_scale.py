@@ -214,7 +214,7 @@ def refuse_ramp(path: Path, time_s: F64) -> None:
     raise FilmError(
         f"{path}: its time stamps change pace, from {1.0 / max(paces):.4g} to {1.0 / min(paces):.4g} frames/s, as "
         "slow-motion ramps of play-back do; no constant factor gives true times: export it without the ramp, or track "
-        "a part of one pace (--from, --to)"
+        "a part of one pace (`first_frame`, `last_frame`)"
     )
 
 
@@ -243,7 +243,7 @@ def _compare_with_camera(film: FrameSource, time_s: F64, frame_rate_hz: float) -
         words = f", and {describe_spacing(Spacing('gaps', 1.0 / saved, multiple - 1), getattr(film, 'first_frame', 0))}"
     raise FilmError(
         f"{film.path}: a rate of {frame_rate_hz:.9g} frames/s is stated, the camera's own times say "
-        f"{saved:.9g}{words}; leave out the rate (--frame-rate): its own times are used"
+        f"{saved:.9g}{words}; leave out the rate (`frame_rate_hz`): its own times are used"
     )
 
 

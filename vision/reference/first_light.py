@@ -44,5 +44,5 @@ def check_first_light(film: FrameSource, region: NDArray[np.bool_]) -> None:
     which = "frame 0 is" if first == 1 else f"frames 0 to {first - 1} are"
     raise TrackingError(
         f"{film.path}: {which} {'flashed (too bright)' if is_bright[0] else 'dark'}: mean grey value "
-        f"{grey[0].mean():.0f}, in the frames after {usual.mean():.0f}; leave them out (--from {first})"
+        f"{grey[0].mean():.0f}, in the frames after {usual.mean():.0f}; leave them out (`first_frame` {first})"
     )

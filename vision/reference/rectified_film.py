@@ -51,7 +51,7 @@ class RectifiedFilm(Corrected):
         super().__init__(film)
         if not ASPECTS[0] <= pixel_aspect <= ASPECTS[1]:
             raise VisionInputError(
-                f"{film.path}: pixel aspect {pixel_aspect:g}; allowed {ASPECTS[0]:g} to {ASPECTS[1]:g} (--pixel-aspect)"
+                f"{film.path}: pixel aspect {pixel_aspect:g}; allowed {ASPECTS[0]:g} to {ASPECTS[1]:g} (`pixel_aspect`)"
             )
         self.aspect, self.projection, self.field = pixel_aspect, projection, field
         self.pixel_aspect, self.is_interlaced = 1.0, False

@@ -120,7 +120,7 @@ def _warn_of_motion(ready: PreparedFilm, n_still: int) -> None:
             what = f"is lost from frame {count} on"
         warnings.warn(
             f"{ready.film.path}: body {template.name} {what}, within the {n_still} frames given as still: the zero of "
-            f"its angle is off by part of that; give --n-still {count}, or leave it out",
+            f"its angle is off by part of that; give `n_still` {count}, or leave it out",
             VisionWarning,
             stacklevel=5,
         )

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vision.angles import ccw_to_picture
 from vision.bodies.outlines import BodiesLike, as_bodies
-from vision.errors import VisionInputError
+from vision.errors import VisionInputError, make_options
 from vision.film.open import open_or_use
 from vision.film.source import FrameSource
 from vision.fitting.pose_covariance import PATTERN_EXCESS
@@ -78,7 +78,7 @@ def retrack_frames(
     >>> vision.retrack_frames("film.mraw", bodies, [50], [near]).frame
     array([50])
     """
-    settings = FitSettings(**options)
+    settings = make_options(FitSettings, "vision.retrack_frames", options)
     with open_or_use(path_or_source, settings.first_frame, settings.last_frame) as film:
         time_s = frame_times(film, frame_time_s, settings.frame_rate_hz)
         wrong = [frame for frame in frames if not 0 <= frame < film.n_frames]
@@ -146,7 +146,7 @@ def preview(
     >>> len(result.frame), int(result.is_lost.sum())
     (3, 0)
     """
-    settings = FitSettings(**options)
+    settings = make_options(FitSettings, "vision.preview", options)
     with open_or_use(path_or_source, settings.first_frame, settings.last_frame) as film:
         time_s = frame_times(film, frame_time_s, settings.frame_rate_hz)
         if isinstance(count, bool) or count < 1:

@@ -25,7 +25,7 @@ def refuse_interlaced(film: FrameSource) -> None:
     if getattr(film, "is_interlaced", False):
         raise VisionInputError(
             f"{film.path}: frames are interlaced: even and odd rows were exposed half a frame apart; give the "
-            "progressive film, or track bodies by one field of each frame (--deinterlace)"
+            "progressive film, or track bodies by one field of each frame (`deinterlace`)"
         )
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vision.bodies.outlines import BodiesLike, Body, as_bodies
-from vision.errors import VisionWarning
+from vision.errors import VisionWarning, make_options
 from vision.film.open import open_or_use
 from vision.film.source import Corrected, FrameSource
 from vision.film.time_scale import count_missing_frames
@@ -126,7 +126,7 @@ def track(
     >>> ax = result.plot()
     >>> path = result.save("angles.csv")
     """
-    settings = TrackSettings(**options)
+    settings = make_options(TrackSettings, "vision.track", options)
     with open_or_use(path_or_source, settings.first_frame, settings.last_frame) as film:
         return _track(film, as_bodies(bodies), frame_time_s, settings)
 
@@ -248,7 +248,7 @@ def _settle_fields(
     )
     if tracked == "none":
         words = f"{told}, and its file says nothing of it: angles are about {abs(lag.frames) / 2.0:.2f} frames late, "
-        words += "which is in u (term interlace): track one field (--deinterlace)"
+        words += "which is in u (term interlace): track one field (`deinterlace`)"
         ready, found = replace(ready, u_field_frames=abs(lag.frames) / 2.0), None
     elif settings.first_field is not None:
         words = f"{told}, {settings.first_field} rows are given as first; what that may cost is in u (term interlace)"
@@ -278,7 +278,7 @@ def _reject_untextured(ready: PreparedFilm, table: PoseTable) -> None:
             continue
         warnings.warn(
             f"{ready.film.path}: body {template.name}: the noise ({ready.reference.noise_grey:.1f} grey) hides its "
-            "texture, so that all its rows are lost; film with more light, or more frames at rest (--n-still)",
+            "texture, so that all its rows are lost; film with more light, or more frames at rest (`n_still`)",
             VisionWarning,
             stacklevel=4,
         )
@@ -297,7 +297,7 @@ def _measure_stretch(ready: PreparedFilm, table: PoseTable, settings: TrackSetti
             f"{ready.film.path}: bodies change their shape with their angle, as in a picture stretched along x against "
             f"y by {1.0 / stretch.pixel_aspect:.4f} (u {2.0 * stretch.u:.4f}); the error of the angles is in u (term "
             f"aspect). Pixels of width over height {used * stretch.pixel_aspect:.4f}, not {used:g}, would do so "
-            "(--pixel-aspect), and so would a lens or a tilted camera (--calibration), and a body that bends",
+            "(`pixel_aspect`), and so would a lens or a tilted camera (`camera`), and a body that bends",
             VisionWarning,
             stacklevel=4,
         )

@@ -70,7 +70,7 @@ def rms(values: NDArray[np.float64]) -> float:
 def shutter_text(rows_per_s: float | None) -> str:
     """What is declared of a sensor's shutter, as a line; rows per second, infinite for a global one."""
     if rows_per_s is None:
-        return "shutter not declared (--shutter): taken as global, term rows as 0; no film shows a rolling one"
+        return "shutter not declared (`rows_per_s`): taken as global, term rows as 0; no film shows a rolling one"
     if math.isinf(rows_per_s):
         return "global shutter: all rows of a frame are of one time"
     return f"rolling shutter, {rows_per_s:g} rows/s; frame times are those of the first row; term rows is not corrected"

@@ -11,6 +11,8 @@ import { download, say } from "./user.js";
 
 const MOST_UNDONE = 200, QUIET_MS = 80, LONGEST_MS = 400, MOST_BEFORE = 10;
 const WHOLE = "whole", SAME = "this scene", OWN = "of your own";
+/** Units of the sliders, and how many of them one of the model's is. */
+const SHOWN = { m: ["mm", 1e3], "N*m": ["mN m", 1e3], kg: ["g", 1e3], "kg*m^2": ["g cm²", 1e7], "1": ["", 1], "N/m": ["N/mm", 1e-3], rad: ["mrad", 1e3] };
 const EXAMPLE = 'effects = ["balance_rail"]\n\n[contact02]\nlaw = "hysteresis"\nhysteresis.beta = 0.3\n';
 
 export async function showAction(main, values) {
@@ -49,7 +51,7 @@ export async function showAction(main, values) {
   const ofScene = facts.parameters.filter((one) => one.of_scene);
   const scenePart = make("fieldset", { hidden: !ofScene.length }, make("legend", {}, "Parameters of the scene"));
   const otherPart = make("fieldset", {}, make("legend", {}, "Other parameters"));
-  const paths = make("datalist", { id: "paths" }, ...facts.parameters.filter((one) => !screws.has(one.path) && !one.of_scene).map((one) => make("option", { value: one.path }, one.about)));
+  const paths = make("datalist", { id: "paths" }, ...facts.parameters.filter((one) => !screws.has(one.path) && !one.of_scene).map((one) => make("option", { value: one.path }, one.name === one.path ? one.about : one.name)));
   const wanted = make("input", { list: "paths", id: "wanted", size: 28, onchange: () => { if (addRow(wanted.value.trim())) wanted.value = ""; } });
   const events = make("tbody");
   const left = make("div", { class: "settings" }), right = make("div", { class: "left" });
@@ -91,35 +93,35 @@ export async function showAction(main, values) {
     return true;
   }
 
-  /** A slider and a number of one parameter; lengths in mm. */
+  /** A slider and a number of one parameter: how far it is from the action as given, 0 where it is as given. */
   function slider(path, { low, high, count, name: title }) {
-    const one = given.get(path), unit = one.unit === "m" ? "mm" : one.unit === "1" ? "" : one.unit, times = one.unit === "m" ? 1000 : 1;
-    const id = `set-${path}`;
-    const range = make("input", { type: "range", id, min: low, max: high, step: count ? 1 : (high - low) / 1000 });
-    const number = make("input", { type: "number", step: "any", "aria-label": `${title || path}, ${unit}` });
-    const turned = make("span", { class: "values" });
+    const one = given.get(path), [unit, times] = SHOWN[one.unit] ?? [one.unit, 1];
+    const id = `set-${path}`, of = unit ? ` ${unit}` : "", steps_ = (value) => Number((times * (value - one.value)).toPrecision(7));
+    const range = make("input", { type: "range", id, min: steps_(low), max: steps_(high), step: count ? 1 : times * (high - low) / 1000 });
+    const number = make("input", { type: "number", step: "any", "aria-label": `${title}, change${unit ? ` in ${unit}` : ""}` });
+    const told = make("span", { class: "values" });
     let begun = false;
-    const take = (value) => {
+    const take = (change) => {
       if (!begun) { keep(); begun = true; }
-      if (value === one.value) set.delete(path); else set.set(path, value);
+      if (change === 0) set.delete(path); else set.set(path, one.value + change / times);
       show();
       changed();
     };
     function show() {
-      const value = set.get(path) ?? one.value;
-      range.value = value;
-      if (document.activeElement !== number) number.value = Number((times * value).toPrecision(7));
-      const away = value - one.value;
-      turned.textContent = away === 0 ? "as given" : one.unit === "m" ? `${away > 0 ? "+" : ""}${(1000 * away).toFixed(3)} mm` : one.value ? `× ${(value / one.value).toPrecision(4)}` : "changed";
-      range.setAttribute("aria-valuetext", `${number.value} ${unit}, ${turned.textContent}`);
+      const value = set.get(path) ?? one.value, change = steps_(value);
+      range.value = change;
+      if (document.activeElement !== number) number.value = change;
+      const share = change !== 0 && one.value && one.unit !== "m" && !count ? `, × ${(value / one.value).toPrecision(4)}` : "";
+      told.textContent = `${change === 0 ? "as given" : "now"}: ${Number((times * value).toPrecision(6))}${of}${share}`;
+      range.setAttribute("aria-valuetext", `${change > 0 ? "+" : ""}${change}${of}, ${told.textContent}`);
     }
     range.addEventListener("input", () => take(Number(range.value)));
     range.addEventListener("change", () => { begun = false; });
-    number.addEventListener("input", () => { if (number.value !== "" && Number.isFinite(Number(number.value))) take(Number(number.value) / times); });
+    number.addEventListener("input", () => { if (number.value !== "" && Number.isFinite(Number(number.value))) take(Number(number.value)); });
     number.addEventListener("change", () => { begun = false; show(); });
     const target = screws.get(path)?.target;
-    const row = make("div", { class: "slider" }, make("label", { for: id, title: one.about }, title || path), range,
-      make("span", {}, number, ` ${unit} `), turned,
+    const row = make("div", { class: "slider" }, make("label", { for: id, title: `${path}${one.about ? `, ${one.about}` : ""}` }, title), range,
+      make("span", {}, number, ` ${unit} `), told,
       target ? make("button", { type: "button", onclick: () => stepTable(steps, `/api/action/${at(name)}/step?${query()}`, target, title) }, "What does it do?") : null);
     rows.set(path, { show, focus: () => range.focus() });
     show();
@@ -223,7 +225,7 @@ export async function showAction(main, values) {
     make("div", { class: "scroll" }, make("table", { id: "events" }, make("caption", {}, `Events of the blow${latest.events.length ? "" : ": they need all bodies"}`), make("thead", {}, make("tr", {},
       ...["Event", givenAs, "now"].map((title, k) => make("th", { scope: "col", class: k ? "number" : null }, title)))), events)),
     touch.element, make("details", {}, make("summary", {}, "Keys"), make("p", {}, `${KEYS} Ctrl-Z takes the last change back. Nothing is written; “Save as TOML” gives a file for  --action.`)));
-  curves = await Curves.show(place, panels, { from, to, pick: (t) => { player.run(false); player.go(t); } });
+  curves = await Curves.show(place, panels, { from, to, name: `${name}-${blow}`, pick: (t) => { player.run(false); player.go(t); } });
   curves.zoom(from, Math.min(to, from + 0.35));
   tell();
   player.draw();

@@ -1,7 +1,7 @@
 // The frame of the page: the list of views, the view that the address names, help, who may write.
 // elements.js and the moving action's scripts are shared with exported animations: pianorig/player/web.
 import { showAction } from "./action.js";
-import { address } from "./address.js";
+import { address, link } from "./address.js";
 import { make } from "./elements.js";
 import { helpOf } from "./help.js";
 import { showLive } from "./live.js";
@@ -25,6 +25,22 @@ const VIEWS = {
   action: { title: "Action", show: showAction, keys: [...TIME, ["Ctrl-Z", "takes the last change back"]],
     words: "Turn screws and parameters; the blow follows. Nothing is written: the address holds what is set, \u201cSave as TOML\u201d gives a file for --action." },
 };
+const SESSION = "chosen session";
+/** What was chosen last, also after a view that shows no session. */
+function chosen(values) {
+  const name = values.get("session") || values.get("film"), trial = values.get("trial");
+  if (name) sessionStorage.setItem(SESSION, JSON.stringify({ name, trial: trial === "0" ? null : trial }));
+  return JSON.parse(sessionStorage.getItem(SESSION) || "{}");
+}
+
+/** The address of a view, with the session and the trial that were chosen. */
+function carried(view, { name, trial }) {
+  if (!name || view === "action") return `#${view}`;
+  const values = view === "outlines" ? { film: name } : { session: name };
+  if (trial && (view === "review" || view === "outlines")) values.trial = trial;
+  return link(view, values);
+}
+
 const views = document.getElementById("views"), helped = document.getElementById("helped");
 let main = document.getElementById("main"), turn = 0, leave = null;
 
@@ -38,7 +54,7 @@ async function show() {
   leave?.();
   leave = null;
   views.replaceChildren(...Object.entries(VIEWS).map(([name, { title }]) =>
-    make("li", {}, make("a", { href: `#${name}`, "aria-current": name === view ? "page" : null }, title))));
+    make("li", {}, make("a", { href: carried(name, chosen(values)), "aria-current": name === view ? "page" : null }, title))));
   document.title = `${VIEWS[view].title} – piano action bench`;
   for (const key of Object.keys(place.dataset)) delete place.dataset[key];
   main.replaceWith(place);

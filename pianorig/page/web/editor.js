@@ -59,12 +59,10 @@ export class OutlineEditor {
 
   /** Film pixel under the pointer. */
   where(event) {
-    const box = this.panel.canvas.getBoundingClientRect(), film = this.panel.film;
-    const tenth = (x) => Math.round(10 * x) / 10;
-    return [tenth((event.clientX - box.left) / box.width * film.width - 0.5), tenth((event.clientY - box.top) / box.height * film.height - 0.5)];
+    return this.panel.pixel(event).map((x) => Math.round(10 * x) / 10);
   }
 
-  reach() { return REACH_PX * this.panel.film.width / this.panel.canvas.getBoundingClientRect().width; }
+  reach() { return REACH_PX * this.panel.film.width / this.panel.canvas.getBoundingClientRect().width / this.panel.zoom; }
 
   down(event) {
     if (event.button !== 0) return;
@@ -207,13 +205,13 @@ export class OutlineEditor {
   forgetPlaces() { this.placed.clear(); this.last = null; }
 
   draw(pen, index) {
-    const k = this.panel.scale, to = ([x, y]) => [k * (x + 0.5), k * (y + 0.5)];
+    const { scale: k, zoom } = this.panel, to = ([x, y]) => [k * (x + 0.5), k * (y + 0.5)];
     const path = (points, color, width, dash = []) => {
       pen.beginPath();
       for (const point of points) pen.lineTo(...to(point));
       if (points.length > 2) pen.closePath();
-      pen.setLineDash(dash);
-      for (const [shade, broad] of [["#000000", width + 1.8], [color, width]]) { pen.strokeStyle = shade; pen.lineWidth = broad; pen.stroke(); }
+      pen.setLineDash(dash.map((d) => d / zoom));
+      for (const [shade, broad] of [["#000000", width + 1.8], [color, width]]) { pen.strokeStyle = shade; pen.lineWidth = broad / zoom; pen.stroke(); }
       pen.setLineDash([]);
     };
     for (const body of this.panel.bodies) if (this.placed.has(body.name)) path(this.corners(body, this.pose(body, index)), "#ffffff", 1.8, [6, 4]);
@@ -225,11 +223,11 @@ export class OutlineEditor {
       body.points.forEach((point, n) => {
         const [x, y] = to(point);
         pen.beginPath();
-        pen.arc(x, y, n === this.point ? 6 : 4, 0, 7);
+        pen.arc(x, y, (n === this.point ? 6 : 4) / zoom, 0, 7);
         pen.fillStyle = n === this.point ? "#ffffff" : this.color(i);
         pen.fill();
         pen.strokeStyle = "#000000";
-        pen.lineWidth = 1.2;
+        pen.lineWidth = 1.2 / zoom;
         pen.stroke();
       });
     });

@@ -67,7 +67,7 @@ export async function showLive(main, values) {
   const window_ = make("select", { onchange: () => { length = Number(window_.value); dirty = true; } }, ...WINDOWS_S.map((s) => make("option", { value: s }, `${s} s`)));
   const select = make("select", { onchange: () => { location.hash = link("live", { session: select.value }); } }, ...sessions.map((row) => make("option", { value: row.name }, row.name)));
   const scales = make("div", { class: "row" }), trials = trialsPart(), bar = make("progress", { max: 1, value: 0, hidden: true, "aria-label": "This trial" });
-  let socket = null, state = null, ring = null, closed = false, paused = false, held = null, length = seconds, frozen = 0, dirty = true, scale = [], timer = 0;
+  let socket = null, state = null, seen = null, ring = null, closed = false, paused = false, held = null, length = seconds, frozen = 0, dirty = true, scale = [], timer = 0;
   const judged = make("section", { hidden: true, "aria-label": "The last trial beside the model" }), said = make("pre", { class: "judged", role: "status" }), beside = make("canvas", { width: 1200, height: STRIP_PX, role: "img", "aria-label": "Measured and predicted angles of the last trial" });
   judged.append(make("h3", {}, "The last trial beside the model"), said, beside, make("p", { class: "hint" }, "Broad: measured; thin: predicted."));
   window_.value = seconds;
@@ -108,6 +108,7 @@ export async function showLive(main, values) {
       }
     }
     state = now;
+    if (now.recording) seen = now; // its channels, rate and number stay on the scope when the trial has ended
     lamp.textContent = now.recording ? "● recording" : "○ nothing is being recorded";
     lamp.className = `lamp ${now.recording ? "on" : ""}`;
     canvas.hidden = !ring;
@@ -141,8 +142,8 @@ export async function showLive(main, values) {
 
   /** Least and largest value of each column of pixels, for every channel. */
   function picture() {
-    if (!ring || !state) return null;
-    const width = canvas.width - 2 * LEFT_PX, rate = state.rate_hz || 5000, n = Math.round(length * rate), end = paused ? frozen : ring.end;
+    if (!ring || !seen) return null;
+    const width = canvas.width - 2 * LEFT_PX, rate = seen.rate_hz, n = Math.round(length * rate), end = paused ? frozen : ring.end;
     const low = [], high = [];
     for (let c = 0; c < ring.columns; c++) {
       const least = new Float32Array(width).fill(NaN), most = new Float32Array(width).fill(NaN);
@@ -170,7 +171,7 @@ export async function showLive(main, values) {
     pen.clearRect(0, 0, canvas.width, canvas.height);
     if (!now) return;
     pen.font = `${13 * ratio}px system-ui, sans-serif`;
-    state.channels.forEach((channel, c) => {
+    seen.channels.forEach((channel, c) => {
       const top = c * strip, head = 18 * ratio, room = strip - 22 * ratio;
       let [from, to] = scale[c] || [Infinity, -Infinity];
       if (!scale[c]) for (const one of [now, held].filter(Boolean)) for (let x = 0; x < one.low[c]?.length; x++) { if (one.low[c][x] < from) from = one.low[c][x]; if (one.high[c][x] > to) to = one.high[c][x]; }
@@ -203,11 +204,11 @@ export async function showLive(main, values) {
       pen.fillText(`${from.toPrecision(3)} to ${to.toPrecision(3)} ${channel.unit}`, canvas.width - LEFT_PX, top + 13 * ratio);
       pen.textAlign = "left";
     });
-    const rate = state.rate_hz || 1;
-    const planned = state.trial <= state.trials ? ` of ${state.trials}` : "";
-    told.textContent = `trial ${state.trial}${planned}${state.condition ? `, ${state.condition}` : ""}, ${(now.end / rate).toFixed(1)} s${state.planned_s ? ` of ${state.planned_s.toFixed(1)} s` : ""}${ring.lost ? `, ${ring.lost} samples not seen here` : ""}`;
-    bar.hidden = !state.recording || !state.planned_s;
-    bar.value = Math.min(now.end / rate / (state.planned_s || 1), 1);
+    const { rate_hz: rate, planned_s } = seen;
+    const planned = seen.trial <= seen.trials ? ` of ${seen.trials}` : "";
+    told.textContent = `${state.recording ? "trial" : "last: trial"} ${seen.trial}${planned}${seen.condition ? `, ${seen.condition}` : ""}, ${(now.end / rate).toFixed(1)} s${planned_s ? ` of ${planned_s.toFixed(1)} s` : ""}${ring.lost ? `, ${ring.lost} samples not seen here` : ""}`;
+    bar.hidden = !state.recording || !planned_s;
+    bar.value = Math.min(now.end / rate / (planned_s || 1), 1);
     canvas.dataset.samples = now.end;
     canvas.dataset.last = now.last[0];
     canvas.dataset.drawn = performance.timeOrigin + performance.now();

@@ -25,7 +25,8 @@ export async function showOutlines(main, values) {
     main.append(make("p", {}, "No film here. Put a film into the folder of the sessions, or attach one to a trial:  pianorig attach"));
     return null;
   }
-  const wanted = films.find((one) => one.owner === values.get("film") && String(one.trial) === (values.get("trial") || "0")) || films[0];
+  const wanted = films.find((one) => one.owner === values.get("film") && String(one.trial) === (values.get("trial") || "0"))
+    || films.find((one) => one.owner === values.get("film")) || films[0];
   const { owner, trial } = wanted, base = `/api/outlines/${at(owner)}/${trial}`;
   const select = make("select", { onchange: () => { const one = films[select.value]; location.hash = link("outlines", { film: one.owner, trial: one.trial }); } },
     ...films.map((one, i) => make("option", { value: i }, one.title)));

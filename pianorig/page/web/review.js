@@ -105,11 +105,12 @@ export async function showReview(main, values) {
   main.append(player.element, beside ? make("div", { class: "pair" }, ...pictures) : "", make("div", { class: beside ? "review wide" : "review" }, left, right.childElementCount ? right : ""),
     make("details", {}, make("summary", {}, "Keys and signs"), make("p", {}, KEYS),
       make("p", {}, `Angles are changes since rest with the thesis's signs. Solid: measured; dashed: model, dotted: the second model; below each, model less measured. Force is corrected for offset, hum and delay.${late ? ` The trial beside is grey and moved by ${(1000 * shift).toFixed(2)} ms, so that “${late.title}” falls together.` : ""}`)));
-  curves = await Curves.show(left, panels, { from, to, pick: (t) => { player.run(false); player.go(t); } });
+  curves = await Curves.show(left, panels, { from, to, name: `${name}-trial-${trial}`, pick: (t) => { player.run(false); player.go(t); } });
   player.draw();
   main.dataset.ready = "true";
   window.benchPlayer = player; // for tests of the page
   window.benchFilm = shown[0].film;
+  window.benchCurves = curves;
   return () => { clearTimeout(writing); player.close(); curves.close(); for (const each of shown) each.film?.close(); delete main.dataset.ready; };
 }
 

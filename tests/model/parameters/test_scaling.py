@@ -48,13 +48,13 @@ def test_factors_multiply_in_turn(action: model.Action) -> None:
 def test_a_felt_without_damping_is_left_out_of_a_group(action: model.Action) -> None:
     """A law of felt that has no D: a group that scales it says what it leaves out."""
     some, every = (action.with_laws(dict.fromkeys(names, "stulov")) for names in (["contact02"], CONTACTS))
-    with pytest.warns(UserWarning, match=r"--scale damping: leaves out .* contact02.normal.D \(law stulov\)$"):
+    with pytest.warns(UserWarning, match=r"`factors` damping: leaves out .* contact02.normal.D \(law stulov\)$"):
         changed = model.scale_parameters(some, {"damping": 0.1})
     assert factors(action, changed) == {
         f"contact{i:02d}.normal.D": pytest.approx(0.1) for i in range(1, 14) if i not in (2, 12)
     }
     model.build_scene(changed)
-    with pytest.raises(model.InputError, match="--scale damping: would change nothing"):
+    with pytest.raises(model.InputError, match="`factors` damping: would change nothing"):
         model.scale_parameters(every, {"damping": 0.1})
     # an identified D of a felt that follows another law in this scene stays in the action, without effect
     kept = some.with_values({"contact02.normal.D": 5.0})
@@ -69,7 +69,7 @@ def test_a_felt_without_damping_is_left_out_of_a_group(action: model.Action) -> 
         ("contact4.friction", 0.1, "did you mean contact04.friction"),
         ("hammer.mas", 2.0, "did you mean hammer.mass"),
         ("zzz", 2.0, "groups: damping"),
-        ("hammer.mass", -1.0, "--scale hammer.mass=-1: hammer.mass: found -0.01174, allowed above 0"),
+        ("hammer.mass", -1.0, "`factors` hammer.mass=-1: hammer.mass: found -0.01174, allowed above 0"),
         ("damping", float("nan"), "factor found nan"),
     ],
 )

@@ -217,3 +217,22 @@ def test_a_session_without_force_is_sent_as_plain_json(folder: Path, looking: Pa
     (state,), _ = heard(looking, "/live/no_force")
     (figures,) = json.loads(state, parse_constant=pytest.fail)["figures"]
     assert figures["peak_force_n"] is None and figures["rest_force_n"] is None and figures["turned_deg"]["key"] > 1
+
+
+def test_after_a_trial_the_scope_keeps_its_curves_and_its_seconds(browser: Any, folder: Path, looking: Page) -> None:
+    root = folder / "example_forte"
+    shade = """(() => { const c = document.querySelector('.scope');
+      const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
+      let n = 0; for (let i = 3; i < d.length; i += 4) n += d[i] > 0; return n; })()"""
+    with opened(browser, looking, f"{looking.address}#live?session=example_forte") as tab:
+        with recording(root) as made:
+            tab.get_by_text("● recording").wait_for()
+            made.append(2500)
+            until(tab, "Number(document.querySelector('.scope')?.dataset.samples) === 2500")
+            assert "trial 4 of 3" not in tab.locator(".values").first.inner_text()
+            during = tab.evaluate(shade)
+        made.session.journal_path(4).unlink()  # as when a trial is sealed
+        tab.get_by_text("nothing is being recorded").wait_for()
+        tab.wait_for_timeout(100)
+        assert tab.locator(".values").first.inner_text().startswith("last: trial 4, 0.5 s")
+        assert during > 0 and tab.evaluate(shade) == pytest.approx(during, rel=0.02)

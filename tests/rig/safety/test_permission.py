@@ -63,7 +63,7 @@ def test_the_name_must_be_typed_or_yes_permitted_by_the_rig_file(rig, edited_rig
     for answer, said in (("yes", "typed 'yes', expected 'virtual'"), ("", "typed ''"), (None, "nobody to confirm")):
         with pytest.raises(NotPermitted, match=said):
             confirm(rig, "ni://local", yes=False, ask=typing(answer))
-    with pytest.raises(NotPermitted, match="--yes is not permitted"):
+    with pytest.raises(NotPermitted, match="`yes` is not permitted"):
         confirm(rig, "ni://local", yes=True, ask=never)
     open_rig = edited_rig(("allow_yes = false", "allow_yes = true"))
     assert confirm(open_rig, "ni://local", yes=True, ask=never) == "--yes"

@@ -58,7 +58,9 @@ def test_a_parameter_that_cannot_be_free_is_refused_by_name(name: str, said: str
 @pytest.mark.processor
 def test_a_set_without_a_rest_state_is_refused_in_one_line() -> None:
     floating = ACTION.with_values({"gravity.g": 0.0})
-    with pytest.raises(ValidationInputError, match="the model cannot run .*; use other values with --set") as error:
+    with pytest.raises(
+        ValidationInputError, match="the model cannot run .*; use other values \\(`overrides`\\)"
+    ) as error:
         identify([SESSIONS / "example_forte"], ["hammer.joint_friction"], floating, fixed=("*",), phases=5)
     said = refused(error)
     with pytest.raises(ValidationInputError) as error:  # a comparison says the same
@@ -81,7 +83,7 @@ def test_tables_are_refused_by_a_set_without_a_rest_state_in_one_line(monkeypatc
 def test_a_pattern_leaves_out_what_the_geometry_fixes_and_fix_does_not() -> None:
     assert "contact04.second.normal.x" not in expand(ACTION, ["contact04.*"])
     assert "contact04.second.x" in expand(ACTION, ["contact04.*"])
-    assert "contact04.second.normal.x" in expand(ACTION, ["*"], "--fix")
+    assert "contact04.second.normal.x" in expand(ACTION, ["*"], "`fixed`")
 
 
 def test_trials_with_neither_force_nor_key_motion_are_refused_with_the_reason(tmp_path: Path) -> None:
@@ -193,7 +195,7 @@ def test_a_folder_that_takes_no_file_is_found_out_first(tmp_path: Path, monkeypa
 
 @pytest.mark.parametrize(
     ("held", "said"),
-    [((2, 77), "--hold-out-trials 77: no session to fit has .*; found 1, 2, 3"), ((1, 2, 3), "3 held out by --hold")],
+    [((2, 77), "`hold_out_trials` 77: no session to fit has .*; found 1, 2, 3"), ((1, 2, 3), "3 held out by `hold")],
 )
 def test_trials_to_hold_out_must_be_there_and_not_all_of_them(held: tuple[int, ...], said: str) -> None:
     with pytest.raises(ValidationInputError, match=said) as error:

@@ -76,7 +76,7 @@ def test_all_that_is_uncertain_takes_part_unless_fixed() -> None:
 
 def test_priors_given_win_and_must_be_positive() -> None:
     given = unknowns(ACTION, ["hammer.mass"], ["*"], {"hammer.mass": 1e-4}).asked[0]
-    assert given.u == 1e-4 and "--prior" in given.basis
+    assert given.u == 1e-4 and given.basis == "given"
     with pytest.raises(ValidationInputError, match="allowed above 0"):
         unknowns(ACTION, ["hammer.mass"], ["*"], {"hammer.mass": 0.0})
     with pytest.raises(ValidationInputError, match="allowed in one of the two"):

@@ -160,7 +160,7 @@ def test_what_cannot_be_read_is_named_in_one_line_and_the_rest_is_reported(strok
         compare_sessions([empty, folder / "nowhere"], [truth.action], **QUICK)
     with pytest.raises(InputError, match="session given 2 times"):
         compare_sessions([folder / "b", folder / "a" / ".." / "b"], [truth.action], **QUICK)
-    with pytest.raises(InputError, match="2 sessions: name a folder for their report with --out"):
+    with pytest.raises(InputError, match="2 sessions: name a folder for their report with `out`"):
         validate_sessions([folder / "a", folder / "b"], [truth.action])
 
 

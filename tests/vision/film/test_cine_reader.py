@@ -95,7 +95,7 @@ def test_a_film_cut_short(tmp_path: Path) -> None:
     write_cine(path, GREY8)
     whole = path.read_bytes()
     path.write_bytes(whole[:-700])
-    with pytest.raises(FilmError, match="image 5 of 7 lies beyond .*--allow-truncated"):
+    with pytest.raises(FilmError, match="image 5 of 7 lies beyond .*`allow_truncated`"):
         open_film(path)
     with open_film(path, allow_truncated=True) as film:
         assert film.n_frames == 5 and len(film.frame_time_s) == 5

@@ -41,7 +41,7 @@ def test_a_channel_is_asked_for_and_never_taken_for_time(
     path = tmp_path / name
     tifffile.imwrite(path, both(axis), **options)
     for asked in (None, "3", "0", "green"):
-        with pytest.raises(FilmError, match=r"holds 2 channels.*--channel 1 to 2"):
+        with pytest.raises(FilmError, match=r"holds 2 channels.*`channel` 1 to 2"):
             open_film(path, channel=asked)
     for channel, frames in (("1", FRAMES), ("2", OTHER)):
         with open_film(path, channel=channel) as film:

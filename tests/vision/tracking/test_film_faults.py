@@ -236,7 +236,7 @@ def test_the_field_exposed_first_is_tracked_whatever_the_file_says(first: str, s
 
 
 def test_interlaced_frames_are_refused_where_no_field_is_asked_for() -> None:
-    with pytest.raises(VisionInputError, match=r"interlaced.*--deinterlace"):
+    with pytest.raises(VisionInputError, match=r"interlaced.*`deinterlace`"):
         Tracked(WOVEN["even"](), deinterlace=False)
 
 
@@ -244,7 +244,7 @@ def test_interlaced_frames_are_refused_where_no_field_is_asked_for() -> None:
 def test_interlaced_frames_of_which_the_file_says_nothing_are_named(first: str, later: str) -> None:
     film = replace(WOVEN[first](), facts={}, options={})
     tracked = Tracked(film)
-    assert tracked.says(f"interlaced: {later} rows were exposed 0.") and tracked.says("--deinterlace")
+    assert tracked.says(f"interlaced: {later} rows were exposed 0.") and tracked.says("`deinterlace`")
     assert np.abs(tracked.z).max() < 5.0
     fast = np.abs(np.gradient(film.angle_rad))[STILL:] > 1e-3
     assert fast.any() and np.all(tracked.flag[fast] & int(FrameFlag.TIME_FILTERED))
@@ -267,7 +267,7 @@ def test_first_frames_of_another_light_are_named(gain: float, word: str, first: 
     drawn = draw("wood", 41)
     frames = drawn.frames.copy()
     frames[:first] = np.clip(gain * frames[:first].astype(float), 0, 255).astype(np.uint8)
-    with pytest.raises(VisionInputError, match=f"{word}.*--from {first}"):
+    with pytest.raises(VisionInputError, match=f"{word}.*`first_frame` {first}"):
         track(ArrayFilm(frames, 2000.0), [Body("bar", drawn.outline_px)])
 
 
@@ -276,7 +276,7 @@ def test_a_body_that_turns_in_frames_given_as_still_is_named() -> None:
     assert not Tracked(film, n_still=STILL).lines
     tracked = Tracked(film, n_still=30)
     assert tracked.says("body bar moves from about frame 1")
-    assert tracked.says("--n-still 1")
+    assert tracked.says("`n_still` 1")
 
 
 def _predicted(tmp_path: Path, frames: Frames) -> Any:
