@@ -24,6 +24,7 @@ from pianorig.console.progress import say
 
 LOOK_EVERY_S = 0.1
 PATIENCE_S = 60.0  # for the last trials, once the recording has ended: the first time kernels are compiled
+PATIENCE_AFTER_FAILURE_S = 2.0  # once it was stopped or has failed
 LOWER_PRIORITY = 10
 FOLDER = ("derived", "judged")
 
@@ -51,7 +52,8 @@ def judging(folder: Path, action: str, quiet: bool = False) -> Iterator[None]:
     if not is_model(action):
         yield
         return
-    load_model(action)  # refused before anything moves
+    chosen = load_model(action)  # refused before anything moves
+    model.choice_of(chosen).need_played_key(chosen.name)
     one_thread = {"OPENBLAS_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
     process = subprocess.Popen(
         [sys.executable, "-m", __name__, str(folder), action],
@@ -72,14 +74,18 @@ def judging(folder: Path, action: str, quiet: bool = False) -> Iterator[None]:
 
     listener = threading.Thread(target=pass_on, name="judged trials", daemon=True)
     listener.start()
+    patience_s = PATIENCE_S
     try:
         yield
+    except BaseException:
+        patience_s = PATIENCE_AFTER_FAILURE_S
+        raise
     finally:
         with suppress(OSError):
             assert process.stdin is not None
             process.stdin.close()
         try:
-            code = process.wait(PATIENCE_S)
+            code = process.wait(patience_s)
         except subprocess.TimeoutExpired:
             process.kill()
             code = process.wait()
@@ -130,7 +136,11 @@ def main(folder: str, action: str) -> None:
         has_ended.set()
 
     threading.Thread(target=wait_for_end, daemon=True).start()
-    judge_trials(Path(folder), action, has_ended, lambda text: print(text, flush=True))
+    try:
+        judge_trials(Path(folder), action, has_ended, lambda text: print(text, flush=True))
+    except Exception as problem:
+        print(f"judging: defect: {type(problem).__name__}: {problem}", flush=True)
+        raise SystemExit(1) from None
 
 
 if __name__ == "__main__":

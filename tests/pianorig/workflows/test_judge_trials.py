@@ -58,6 +58,9 @@ def test_words_are_no_model_and_a_file_that_is_missing_is_refused_before_anythin
     ]  # fmt: skip
     assert run("record", "--trials", "1", "--action", "missing.toml", "--out", tmp_path / "session") == 2
     assert "missing.toml" in capsys.readouterr().err and not (tmp_path / "session").exists()
+    armed = "hirschkorn2004: --scene motor-arm"  # no force on its key drives it
+    assert run("record", "--trials", "1", "--action", armed, "--out", tmp_path / "session") == 2
+    assert "force_n" in capsys.readouterr().err and not (tmp_path / "session").exists()
 
 
 def test_a_judge_that_is_killed_takes_nothing_with_it(
