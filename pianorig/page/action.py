@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from validation.pipeline.part_names import part_name
 
 import model
 from model.files.force_library import KNOTS
@@ -26,6 +25,7 @@ from validation.curves.display_signs import TITLE, degrees
 from validation.events.definitions import EVENTS
 from validation.events.detect import find_events
 from validation.measurement.geometry import geometry_of, motion_of
+from validation.part_names import part_name
 from vision.output.colours import body_colour
 
 MOST_CHANGES = 200
