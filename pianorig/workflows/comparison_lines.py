@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pianorig.console.output import table_lines, wrap_text
+from pianorig.console.output import MOST_COLUMNS, table_lines, wrap_text
 
 if TYPE_CHECKING:
     from validation import SideBySide, ValidationResult
 
 MOST_ROWS = 14
+READINGS = {
+    "differs, by less than matters": "differs, small",
+    "differs, whether by enough to matter cannot be told": "differs, size unclear",
+}
+"""Outcomes that are too long for a column."""
 HEAD = ("quantity", "model error, 95 %", "limit", "reading")
 
 
@@ -21,11 +26,14 @@ def comparison_lines(side: SideBySide) -> list[str]:
     lines: list[str] = []
     each = max(3, MOST_ROWS // len(side.results))
     rows: list[tuple[str, ...]] = []
+    titles: dict[int, str] = {}  # lines of the table that are no row of it, but name the results below
     for result in side.results:
-        own = [tuple(row) for row in quantity_rows(result)[:each]]
-        rows += own if len(side.results) == 1 else [(f"{_name(result)}:", "", "", ""), *own]
+        if len(side.results) > 1:
+            titles[len(rows) + 1] = f"{_name(result)}:"
+            rows.append(("", "", "", ""))
+        rows += [(*row[:-1], READINGS.get(row[-1], row[-1])) for row in quantity_rows(result)[:each]]
     if rows:
-        lines += table_lines(HEAD, rows)
+        lines += [titles.get(i, line)[:MOST_COLUMNS] for i, line in enumerate(table_lines(HEAD, rows))]
     for result in side.results:
         named = f"{_name(result)}: " if len(side.results) > 1 else ""
         kinds = list(dict.fromkeys(result.findings["kind"]))
@@ -38,6 +46,7 @@ def comparison_lines(side: SideBySide) -> list[str]:
     for result in side.results:
         lead, rest = verdict_parts(result)
         begin = f"verdict, {_name(result)}: " if len(side.results) > 1 else "verdict: "
+        rest = rest.removeprefix(f"{result.outcome[:1].upper()}{result.outcome[1:]}.").strip()
         lines += wrap_text(f"{result.outcome}. {lead} {rest}".strip(), begin)
     return lines
 
