@@ -354,7 +354,7 @@ def halving(row: Any) -> str:
     total = sum(squares.values())
     words = {
         "force": "the uncertainty of the force",
-        "sensors": "the uncertainty of encoders and levels",
+        "sensors": "the uncertainty of sensors and levels",
         "parameters": "the uncertainty of the parameters",
         "scatter": "the scatter",
     }
