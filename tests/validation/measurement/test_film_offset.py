@@ -20,9 +20,7 @@ def test_the_offset_planted_between_film_and_encoder_is_found_and_a_body_at_rest
     time_s, film_s = np.arange(0, 0.2, 2e-4), np.arange(0.02, 0.18, 5e-4)
     encoders = [SimpleNamespace(name=name) for name in ("key", "whippen", "hammer")]
     angles = np.column_stack([motion(time_s), motion(time_s), np.zeros_like(time_s)])
-    trial: Any = SimpleNamespace(
-        read=lambda: SimpleNamespace(time_s=time_s, encoders=encoders, angle_rad=angles)
-    )
+    trial: Any = SimpleNamespace(read=lambda: SimpleNamespace(time_s=time_s, encoders=encoders, angle_rad=angles))
     noise = np.random.default_rng(1).normal(0.0, 1e-5, (film_s.size, 2))
     tracked: Any = SimpleNamespace(
         bodies=("whippen", "hammer"),
