@@ -131,6 +131,21 @@ def test_tutorials_run_and_print_what_they_show(name: str, tmp_path: Path, monke
     assert made.outputs(made.run(page)) == made.outputs(page.read_text(encoding="utf-8"))
 
 
+def test_the_glossary_has_each_term_once_and_names_that_exist() -> None:
+    page = (DOCS / "glossary.md").read_text(encoding="utf-8")
+    packages = ("model", "rig", "vision", "validation", "pianorig")
+    code = "\n".join(f.read_text(encoding="utf-8") for p in packages for f in (ROOT / p).rglob("*.py"))
+    rows = [[cell.strip() for cell in line.split(" | ")] for line in page.splitlines() if line.startswith("| ")]
+    terms = [row[0].removeprefix("| ") for row in rows if row[0] != "| term"] + re.findall(r"^(.+)\n: ", page, re.M)
+    assert len(terms) > 100 and sorted(set(terms)) == sorted(terms)
+    for name in (name for row in rows for name in re.findall("`([^`]+)`", row[-1])):
+        if "/" in name:
+            assert any((ROOT / part / name).exists() for part in ("", *packages)), name
+        else:
+            for part in name.split("."):
+                assert re.search(rf"\b{part}" + r"\b" * (not part.endswith("_")), code), name
+
+
 def test_the_architecture_is_drawn_from_todays_imports() -> None:
     made = script("make_architecture")
     for package in made.PACKAGES:
