@@ -1,9 +1,10 @@
-"""Print how many number literals in the packages' code somebody has chosen, by package and place.
+"""Print how many numbers in the packages' code somebody has chosen, by package and place, and what is exempt.
 
-    python docs/count_thresholds.py [-v] [FOLDER ...]        (-v: each literal with file and line)
+    python docs/count_thresholds.py [-v] [-u] [FOLDER ...]     (-v: each with file and line; -u: those without a reason)
 
-Not counted: numbers that give a formula or a unit its form (`FORM`), subscripts, ranges and shapes, type annotations,
-arguments such as ``ndim``; files and names of formats, codes, tableaux, series, physical constants and tables of data.
+A number is a choice unless one of `EXEMPTIONS` says otherwise; each of them prints how much it takes away. A bare value
+at module level (``LIMIT = 3.0``) is a choice whatever its size, except 0 and 1; in a formula the numbers of `FORM` are
+none. A choice has a *reason* where a comment or a docstring stands at it: on its line, on the line above, or below.
 """
 
 from __future__ import annotations
@@ -13,67 +14,174 @@ import re
 import subprocess
 import sys
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 PLACES = ("module", "inline", "field", "default")
-FORM = {0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 60.0, 100.0, 180.0, 360.0, 1e3, 1e6, 1e9, 1e-3, 1e-6, 1e-9}
-FILES = re.compile(
-    r"methods\.py|layout|workspace|signatures|mraw|cine_|avi_|tiff_|video_index|machine_code|elementary|banded|flags"
-    r"|orientation|colours|figure|/page/|plots|drawing|daqmx|status|/rpc/|product|journal|tdms|lvm|messages|force_library"
-    r"|/quantity\.py"
-)
-NAMES = re.compile(r"_?(DEG|RAD|UNITS?|UNIT_\w+|G|SCHEMA\w*|VERSION\w*|\w*FORMAT\w*|CODES?|EXIT\w*|GAUSS\w*|PORT)")
-ARGUMENTS = re.compile(r"ndim|axis|stacklevel|digits|indent|width|height|dpi|fontsize|lw|linewidth|alpha|maxlen|ddof")
-SHAPES = ("range", "slice", "round", "np.zeros", "np.empty", "np.ones")
+EXEMPTIONS = {
+    "formats and codes": "files, masks, powers of two, seeds, ports, codes, enumerations, bounds of a file's fields",
+    "tableaux and series": "files, divisors, mathematical constants such as 1.4826",
+    "units and physical constants": "conversions, gravity, declared parameters of a law or a screw",
+    "sizes of plots": "files, figure sizes, fonts, lines",
+    "indices and shapes": "subscripts, ranges, shapes, axes, type annotations",
+    "form of a formula": "halves, squares, powers of ten of a unit, inside an expression",
+    "range of a double": "up to 1e-12 or from 1e100 inside an expression: they keep it finite",
+}
+FORM = {0.25, 0.5, 1.5, 2.0, 3.0, 4.0, 60.0, 100.0, 180.0, 360.0, 1e3, 1e6, 1e9, 1e-3, 1e-6, 1e-9}
+MATHEMATICAL = {1.4826, 0.6745, 0.4549, 0.158655, 1.96, 700.0, 0.3186}
+PHYSICAL = {9.81, 9.80665, 9.80665e-3, 4.448222, 4.4482216152605}
+FILES = {
+    "tableaux and series": r"methods\.py|elementary|banded|force_library",
+    "sizes of plots": r"figure|plots|drawing|colours|report/.*layout",
+    "formats and codes": r"layout|workspace|signatures|mraw|cine_|avi_|tiff_|video_index|machine_code|orientation"
+    r"|daqmx\.py|status|/rpc/|product|journal_records|tdms|lvm|messages|/flags|/quantity\.py|/native\.py|daq/faults",
+}
+NAMES = {
+    "units and physical constants": r"_?(DEG|RAD|UNITS?|UNIT_\w+|G|NEWTON\w*|SECONDS|FACTORS|OUTLINES_M)",
+    "formats and codes": r"_?(SCHEMA\w*|VERSION\w*|\w*FORMAT\w*|CODES?|EXIT\w*|\w*PORT|\w*SEED|\w*STREAM"
+    r"|DOTS|INTERRUPTED)",
+    "tableaux and series": r"_?(GAUSS\w*|QUARTIC)",
+    "sizes of plots": r"(SIZE_IN|ROW_IN|WIDTH_IN|DPI|MODEL_DASHES)",
+}
+ARGUMENTS = {
+    "indices and shapes": r"ndim|axis|stacklevel|maxlen|ddof|align|shape",
+    "formats and codes": r"ge|gt|le|lt|multiple_of|digits",
+    "sizes of plots": r"indent|width|height|dpi|\w*fontsize|labelsize|lw|linewidths?|\w*alpha|pad|figsize|rotation"
+    r"|height_ratios|shrink|borderaxespad",
+}
+CALLS = {
+    "indices and shapes": tuple("range slice round np.zeros np.empty np.ones np.full np.eye np.diff".split()),
+    "units and physical constants": ("Number", "Screw"),
+    "formats and codes": ("ir.IntType", "KINDS", "chr", "OSError", "IsADirectoryError"),
+    "sizes of plots": ("new_sheet", "_write_label"),
+}
 
 
-def is_choice(value: object) -> bool:
-    """Whether a literal is a number that is not in `FORM`."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) not in FORM
+class Literal(NamedTuple):
+    """A number in a file: where it stands, and the exemption that takes it, if any."""
+
+    line: int
+    place: str
+    value: float
+    exemption: str
 
 
-def is_exempt(node: ast.AST, place: str) -> bool:
-    """Whether a whole argument, call or assignment is left out by its name."""
-    if isinstance(node, ast.Assign):
-        return place == "module" and NAMES.fullmatch(ast.unparse(node.targets[0])) is not None
+def find_name(table: dict[str, str], text: str) -> str:
+    """Exemption of a table whose pattern the whole text matches."""
+    return next((exemption for exemption, pattern in table.items() if re.fullmatch(pattern, text)), "")
+
+
+def find_exemption(node: ast.AST, place: str) -> str:
+    """Exemption of a whole assignment, argument, call or expression by its name or its form."""
+    if isinstance(node, ast.Assign | ast.AnnAssign) and place == "module":
+        return find_name(NAMES, ast.unparse(node.targets[0] if isinstance(node, ast.Assign) else node.target))
     if isinstance(node, ast.keyword):
-        return ARGUMENTS.fullmatch(node.arg or "") is not None
-    return isinstance(node, ast.Call) and ast.unparse(node.func) in SHAPES
+        return find_name(ARGUMENTS, node.arg or "")
+    if isinstance(node, ast.Call):
+        called = ast.unparse(node.func)
+        return next((exemption for exemption, names in CALLS.items() if called in names), "")
+    if isinstance(node, ast.Tuple) and place == "module":
+        values = [part.value if isinstance(part, ast.Constant) else None for part in node.elts]
+        is_enumeration = len(values) > 1 and values in (list(range(len(values))), list(range(1, len(values) + 1)))
+        return "formats and codes" if is_enumeration else ""
+    if isinstance(node, ast.BinOp) and isinstance(node.left, ast.Constant):
+        is_power = isinstance(node.op, ast.LShift) or (isinstance(node.op, ast.Pow) and node.left.value == 2)
+        return "formats and codes" if is_power else ""
+    return ""
 
 
-def find_literals(node: ast.AST, place: str = "module") -> list[tuple[int, str, object]]:
-    """Line, place and value of each literal below a node that counts."""
+def classify_number(node: ast.Constant, text: str, place: str, inside: str) -> str:
+    """Exemption of one literal by its value and what it stands in: '' for a choice."""
+    size = abs(float(node.value))  # type: ignore[arg-type]
+    if text[:2].lower() in ("0x", "0o", "0b"):
+        return "formats and codes"
+    if size in PHYSICAL:
+        return "units and physical constants"
+    if size in MATHEMATICAL or (inside == "divisor" and size == round(size) and size % 10):
+        return "tableaux and series"
+    if size in (0.0, 1.0) or (inside and size in FORM):
+        return "form of a formula"
+    return "range of a double" if inside and (size <= 1e-12 or size >= 1e100) else ""
+
+
+def list_parts(node: ast.AST, place: str, inside: str) -> Iterator[tuple[ast.AST, str, str, str]]:
+    """Each child of a node with its place, what it stands in, and the exemption that takes all below it."""
+    for name, field in ast.iter_fields(node):
+        for child in field if isinstance(field, list) else [field]:
+            if not isinstance(child, ast.AST):
+                continue
+            here, form, exemption = place, inside, ""
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                here = "inline" if name == "body" else place
+                form = "body" if name == "body" else inside
+                exemption = "indices and shapes" if name in ("returns", "decorator_list") else ""
+            elif isinstance(node, ast.arguments):
+                here = "default" if name in ("defaults", "kw_defaults") else place
+                exemption = "" if here == "default" else "indices and shapes"
+            elif isinstance(node, ast.ClassDef):
+                here = "field"
+            elif (name == "annotation") or (isinstance(node, ast.Subscript) and name == "slice"):
+                exemption = "indices and shapes"
+            elif isinstance(node, ast.BinOp):
+                divides = isinstance(node.op, ast.Div) and name == "right"
+                form = "divisor" if divides else inside or "formula"
+            elif isinstance(node, ast.Call) and ast.unparse(node.func) in ("np.sqrt", "math.sqrt"):
+                form = "divisor"
+            elif isinstance(node, ast.Call | ast.Compare):
+                form = inside or "formula"
+            yield child, here, form, exemption
+
+
+def find_literals(
+    node: ast.AST, source: str, *, place: str = "module", inside: str = "", taken: str = ""
+) -> list[Literal]:
+    """Every number below a node, with its exemption."""
     if isinstance(node, ast.Constant):
-        return [(node.lineno, place, node.value)] if is_choice(node.value) else []
-    parts: list[tuple[ast.AST, str]] = [(child, place) for child in ast.iter_child_nodes(node)]
-    if isinstance(node, ast.Subscript):
-        parts = [(node.value, place)]
-    elif is_exempt(node, place):
-        parts = []
-    elif isinstance(node, ast.AnnAssign):
-        parts = [(node.value, place)] if node.value else []
-    elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-        defaults = [d for d in (*node.args.defaults, *node.args.kw_defaults) if d]
-        parts = [*((d, "default") for d in defaults), *((child, "inline") for child in node.body)]
-    elif isinstance(node, ast.ClassDef):
-        parts = [(child, "field") for child in node.body]
-    return [found for part, inner in parts for found in find_literals(part, inner)]
+        if isinstance(node.value, bool) or not isinstance(node.value, int | float):
+            return []
+        text = ast.get_source_segment(source, node) or ""
+        return [Literal(node.lineno, place, node.value, taken or classify_number(node, text, place, inside))]
+    taken = taken or find_exemption(node, place)
+    return [
+        found
+        for child, here, form, exemption in list_parts(node, place, inside)
+        for found in find_literals(child, source, place=here, inside=form, taken=taken or exemption)
+    ]
+
+
+def has_reason(lines: list[str], line: int) -> bool:
+    """Whether a comment or a docstring stands on a line, above it, or below it."""
+    above, here, below = (lines[i].strip() if 0 <= i < len(lines) else "" for i in (line - 2, line - 1, line))
+    return "  # " in here or above.startswith("# ") or below.startswith('"""')
 
 
 def main(arguments: list[str]) -> None:
-    folders = [a for a in arguments if a != "-v"] or ["model", "rig", "vision", "validation", "pianorig"]
+    folders = [a for a in arguments if not a.startswith("-")] or ["model", "rig", "vision", "validation", "pianorig"]
     counts: dict[str, Counter[str]] = {"all": Counter()}
+    exempt: Counter[str] = Counter()
     files = subprocess.run(["git", "ls-files", *folders], capture_output=True, text=True, check=True).stdout.split()
-    for name in files:
-        if name.endswith(".py") and not FILES.search(name):
-            for line, place, value in find_literals(ast.parse(Path(name).read_text(encoding="utf-8"))):
-                counts.setdefault(name.split("/")[0], Counter())[place] += 1
-                counts["all"][place] += 1
-                if "-v" in arguments:
-                    print(f"{name}:{line} {place} {value}")
-    print(f"{'package':12}", *(f"{place:>8}" for place in PLACES), "     sum")
+    for name in (file for file in files if file.endswith(".py")):
+        source = Path(name).read_text(encoding="utf-8")
+        lines = source.splitlines()
+        whole = next((exemption for exemption, pattern in FILES.items() if re.search(pattern, name)), "")
+        for found in find_literals(ast.parse(source), source, taken=whole):
+            if found.exemption:
+                exempt[found.exemption] += 1
+                continue
+            reason = has_reason(lines, found.line)
+            for of in (counts["all"], counts.setdefault(name.split("/")[0], Counter())):
+                of[found.place] += 1
+                of["no reason"] += not reason
+            if "-v" in arguments or ("-u" in arguments and not reason):
+                print(f"{name}:{found.line} {found.place} {found.value}")
+    print(f"{'package':12}", *(f"{place:>8}" for place in PLACES), "     sum   without a reason")
     for package, of in counts.items():
-        print(f"{package:12}", *(f"{of[place]:8}" for place in PLACES), f"{of.total():8}")
+        total = sum(of[place] for place in PLACES)
+        print(f"{package:12}", *(f"{of[place]:8}" for place in PLACES), f"{total:8} {of['no reason']:18}")
+    print("\nexempt")
+    for exemption, meaning in EXEMPTIONS.items():
+        print(f"{exempt[exemption]:6}  {exemption}: {meaning}")
 
 
 if __name__ == "__main__":
