@@ -79,7 +79,8 @@ def describe_skills(skill: Mapping[str, Skill], fitted: str) -> tuple[str, ...]:
     of = []
     for channel, one in skill.items():
         n = "" if one.interval else f"; {one.strokes} trial{'s' if one.strokes > 1 else ''}: no interval"
-        of.append(f"{channel} {one.skill:.2f}{one.interval} ({CALLED[one.rival].removeprefix('the ')}{n})")
+        size = f"{one.skill:.2f}".replace("-", "−")
+        of.append(f"{channel} {size}{one.interval} ({CALLED[one.rival].removeprefix('the ')}{n})")
     rivals = f"null model, values before the fit, black boxes fitted to {fitted}"
     return (f"Skill, 1 − RMSE over that of the best rival ({rivals}): {', '.join(of)}.",)
 

@@ -86,5 +86,5 @@ def test_skill_is_against_the_best_rival_paired_by_stroke():
     (line,) = describe_skills(
         {"key": found, "jack": few}, "the other trials"
     )  # of a film in fewer trials than the encoder
-    assert line.endswith(f": key 0.50{found.interval} (FIR filter), jack -1.00 (FIR filter; 3 trials: no interval).")
+    assert line.endswith(f": key 0.50{found.interval} (FIR filter), jack −1.00 (FIR filter; 3 trials: no interval).")
     assert compute_skill(model, {}) is None and compute_skill(np.full(2, np.nan), {"fir": model[:2]}) is None
