@@ -24,7 +24,7 @@ from validation.infer.observations import ENCODERS
 
 REFITTED = 12  # causes of each size that are refitted, the best of the linear model first
 SECOND = 2  # best single causes beside which a second one is looked for
-RUNS = 128  # draws of the scatter between trials that are run
+RUNS = 256  # draws of the scatter between trials that are run: half for the curvature, half for the threshold
 ROUNDS = 12  # of Gauss–Newton, at most
 FELTS = 4  # whose hereditary laws are tried, those whose damping shows most: each compiles a scene of its own
 AMOUNTS = (0.5, 1.0, 2.0)  # of what their files state, at which effects are first run
