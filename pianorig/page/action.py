@@ -128,9 +128,10 @@ def action_facts(name: str, scene: str = "whole") -> dict[str, Any]:
 
 
 def _name(path: str, action: model.Action) -> str:
-    """What a technician calls a parameter, with what tells namesakes apart; its path where it has no name."""
+    """What a technician calls a parameter, with what tells namesakes apart."""
     part, (_, *rest) = part_name(path, action), path.split(".")
-    return path if not part else part if len(rest) < 2 else f"{part}, {'.'.join(rest)}"
+    told = rest if rest[0] in ("first", "second") else rest[1:]
+    return f"{part}, {'.'.join(told)}" if told else part
 
 
 def reach(path: str, value: float, unit: str) -> tuple[float, float]:

@@ -89,7 +89,7 @@ def test_choose_a_scene_and_turn_it(browser: Any, looking: Page) -> None:
         assert tab.evaluate(rebound) != rigid
         assert tab.evaluate(rebound.replace("child(3)", "child(2)")) == rigid  # beside the whole action
         strung = tab.evaluate(rebound)
-        tab.get_by_role("spinbutton", name="string.mass").fill("4.066")
+        tab.get_by_role("spinbutton", name="mass of the string, change in g").fill("4.066")
         until(tab, f"{rebound} !== '{strung}'")
         until(tab, "location.hash.includes('string.mass')")
         tab.locator("#choose-scene").select_option("motor-arm")
