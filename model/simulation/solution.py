@@ -99,7 +99,8 @@ class Contacts(tuple[str, ...]):
         return ContactForce(name, self._normal_n[:, k], self._friction_n[:, k])
 
     def __repr__(self) -> str:
-        return ", ".join(t if t == n else f"{t} ({n.removeprefix('contact')})" for t, n in self._titles.items())
+        names = (t if t == n else f"{t} ({n.removeprefix('contact')})" for t, n in self._titles.items())
+        return ", ".join(names) or "none: their forces were not computed"
 
 
 class Moved(Tabular):

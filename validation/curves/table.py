@@ -230,7 +230,10 @@ def write_curves(table: pd.DataFrame, netcdf: bytes, path: Path) -> Path:
         elif path.suffix == ".parquet":
             table.to_parquet(path, index=False)
         else:
-            raise ValidationInputError(f"{path}: ending {path.suffix!r} found, allowed .nc, .csv or .parquet")
+            raise ValidationInputError(
+                f"{path}: ending {path.suffix!r} found, allowed .nc, .csv or .parquet; "
+                "a report is written by validation.write_report"
+            )
     except ImportError as error:
         raise ValidationInputError(
             f"{path}: Parquet needs pyarrow; install it with  pip install piano-action-rig[parquet]  or write .nc"

@@ -241,6 +241,10 @@ class Film:
     in_order = False
     _file: FileWindow
 
+    def __repr__(self) -> str:
+        rate = "" if self.frame_rate_hz is None else f", {self.frame_rate_hz:g} frames/s"
+        return f"<{type(self).__name__} {self.path}: {self.n_frames} frames of {self.width} x {self.height} px{rate}>"
+
     @property
     def frame_time_s(self) -> NDArray[np.float64] | None:
         """Middle of each exposure, s; None when the file states no frame rate."""
