@@ -67,7 +67,7 @@ LOSSES = {
     "string": W.POWER_STRING, "drive": W.POWER_DRIVE,
 }  # fmt: skip
 Row = list[Expression]
-Slopes = tuple[list[Callable[[Expression], Expression]], ...]
+Differentiators = tuple[list[Callable[[Expression], Expression]], ...]
 """Derivatives by each coordinate and by each speed."""
 ALWAYS = {"energy", "given", "felt", "friction", "joints"}
 
@@ -188,8 +188,8 @@ class StepPrograms:
         if s.pin:
             out += [Assign(slot("w", W.ACC + i), a[i]) for i in range(s.own)]
         out += later
-        out += self._smooth_slopes(e, (by_q, by_v), moving, pa)
-        out += self._input_slopes(e, pv, pa, jerk)
+        out += self._linearise_contactless(e, (by_q, by_v), moving, pa)
+        out += self._differentiate_by_input(e, pv, pa, jerk)
         return Program(self._arguments("u"), out, "touching")
 
     def _columns(self, e: Elements) -> set[tuple[int, int]]:
@@ -210,7 +210,7 @@ class StepPrograms:
         self,
         statements: list[Statement],
         e: Elements,
-        by: Slopes,
+        differentiators: Differentiators,
         chain: list[int],
         memories: list[int],
     ) -> list[Statement]:
@@ -228,7 +228,7 @@ class StepPrograms:
                 return out
             if text in forces:
                 i = forces[text]
-                for start, slope in ((self._stiff, by[0]), (self._damp, by[1])):
+                for start, slope in ((self._stiff, differentiators[0]), (self._damp, differentiators[1])):
                     found = [(j, slope[j](s.value)) for j in chain]
                     out += [Accumulate(self._entry(start, i, j), d) for j, d in found if d is not ZERO]
                 for m in memories:
@@ -239,7 +239,7 @@ class StepPrograms:
                 m = rates[text]
                 out.append(Assign(slot("w", W.Z_RATE + m), s.value))
                 out.append(Assign(slot("w", W.Z_FADE + m), differentiator({e.state.z[m]: ONE})(s.value)))
-                for start, slope in ((W.Z_TURN, by[0]), (W.Z_SPEED, by[1])):
+                for start, slope in ((W.Z_TURN, differentiators[0]), (W.Z_SPEED, differentiators[1])):
                     places = [slot("w", start + W.LINKS * m + k) for k in range(len(chain))]
                     out += [Assign(place, slope[j](s.value)) for place, j in zip(places, chain, strict=True)]
             return out
@@ -250,17 +250,17 @@ class StepPrograms:
         self,
         e: Elements,
         contact: Contact,
-        by: Slopes,
+        differentiators: Differentiators,
         ease: dict[int, Expression],
     ) -> list[Statement]:
         """Force and derivatives of a contact where it touches; its gap and how fast that changes in any case."""
         s, c = self._s, contact.c
         where_ = s.place[c]
         if isinstance(contact, StringContact):
-            return self._linearise_string(e, contact, by, ease)
+            return self._linearise_string(e, contact, differentiators, ease)
         chain = list(contact.ways)
         memories = contact.memories
-        forces = self._differentiate_statements(contact.forces(), e, by, chain, memories)
+        forces = self._differentiate_statements(contact.forces(), e, differentiators, chain, memories)
         *before, touch = forces
         assert isinstance(touch, If)
         pressing, force = contact.felt
@@ -348,8 +348,13 @@ class StepPrograms:
             out.append(Assign(slot("w", W.Z_WEIGHT + m), worth))
         return out
 
-    def _smooth_slopes(self, e: Elements, by: Slopes, moving: Expression, pa: Row) -> list[Statement]:
-        """K, D and df/du of everything but contacts, once accelerations are known; the mass matrix."""
+    def _linearise_contactless(
+        self, e: Elements, differentiators: Differentiators, is_moving: Expression, prescribed_acceleration: Row
+    ) -> list[Statement]:
+        """Statements that add K and D of all but contacts to the workspace, and set df/du and the mass matrix.
+
+        Accelerations are known by then. ``is_moving`` is 1, and 0 in statics, where inertia adds nothing.
+        """
         s = self._s
         out: list[Statement] = []
         forces = [ZERO] * s.n
@@ -357,12 +362,15 @@ class StepPrograms:
             assert isinstance(line, Accumulate)
             i = int(str(line.place[1])[1:])
             forces[i] = forces[i] + line.value
-        prescribed = dict(zip(range(s.own, len(s.bodies)), pa, strict=True))
+        prescribed = dict(zip(range(s.own, len(s.bodies)), prescribed_acceleration, strict=True))
         accelerations = [prescribed[i] if i in prescribed else read("w", self._acceleration(i)) for i in range(s.n)]
         inertia = e.bodies.inertia(accelerations)
         for i in s.solved:
             for j in range(s.n):
-                stiff, damp = by[0][j](forces[i]) - moving * by[0][j](inertia[i]), by[1][j](forces[i])
+                stiff, damp = (
+                    differentiators[0][j](forces[i]) - is_moving * differentiators[0][j](inertia[i]),
+                    differentiators[1][j](forces[i]),
+                )
                 out += [] if stiff is ZERO else [Accumulate(self._entry(self._stiff, i, j), stiff)]
                 out += [] if damp is ZERO else [Accumulate(self._entry(self._damp, i, j), damp)]
             u = e.state.u
@@ -377,7 +385,7 @@ class StepPrograms:
                 out.append(Assign(slot("w", W.M_UP + max(i, j, key=lambda k: s.parent[k])), m))
         return out
 
-    def _input_slopes(self, e: Elements, pv: Row, pa: Row, jerk: Row) -> list[Statement]:
+    def _differentiate_by_input(self, e: Elements, pv: Row, pa: Row, jerk: Row) -> list[Statement]:
         """Statements for df/du of forces and internal variables; u may be the time of a prescribed motion."""
         s = self._s
         moved = list(s.bodies)[s.own :]
@@ -637,7 +645,7 @@ class StepPrograms:
         self,
         e: Elements,
         contact: StringContact,
-        by: Slopes,
+        differentiators: Differentiators,
         ease: dict[int, Expression],
     ) -> list[Statement]:
         s = self._s
@@ -648,14 +656,17 @@ class StepPrograms:
         turns, open_turns = contact.turns(), contact.open_turns()
         coupled: list[Statement] = []
         for k, j in enumerate(chain):
-            coupled += [Assign(slot("w", W.S_ALONG + k), turns[j]), Assign(slot("w", W.S_ANGLES + k), by[0][j](force))]
-            coupled += [Assign(slot("w", W.S_SPEEDS + k), by[1][j](force))]
+            coupled += [
+                Assign(slot("w", W.S_ALONG + k), turns[j]),
+                Assign(slot("w", W.S_ANGLES + k), differentiators[0][j](force)),
+            ]
+            coupled += [Assign(slot("w", W.S_SPEEDS + k), differentiators[1][j](force))]
         pushes = [Accumulate(variable(f"f{k}"), p) for k, p in contact.push(force, ZERO).items()]
         press = [
             Assign(slot("w", W.S_FORCE), force), Assign(slot("w", W.S_HARD), along_x(force)),
             Assign(slot("w", W.S_LOSSY), along_rate(force)),
             Assign(variable("worth"), along_x(force) * largest_acceleration(turns, ease)),
-            *self._differentiate_statements(list(pushes), e, by, chain, []), *coupled,
+            *self._differentiate_statements(list(pushes), e, differentiators, chain, []), *coupled,
         ]  # fmt: skip
         stiff = contact.number(L.K_C)
         inside = [

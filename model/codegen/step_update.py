@@ -231,16 +231,16 @@ def _interpolate(x: Expression, start: Expression, end: Expression, inner: Expre
     return y * start + x * (end + y * inner)
 
 
-def _time_to_zero(c: Expression, most: Expression) -> list[Statement]:
+def _time_to_zero(c: Expression, latest: Expression) -> list[Statement]:
     """``until``: first time in (0, most) at which a gap g + r t + a t^2 / 2 changes sign; most where there is none."""
     gap = _w(W.GAP, c)
     below = gap < 0.0
     x, rate, acc = (where(below, -y, y) for y in (gap, _w(W.GAP_RATE, c), _w(W.GAP_ACC, c)))
-    clear = x + most * (minimum(rate, 0.0) + 0.5 * most * minimum(acc, 0.0)) > 0.0
+    clear = x + latest * (minimum(rate, 0.0) + 0.5 * latest * minimum(acc, 0.0)) > 0.0
     square = rate * rate - 2.0 * acc * x
     down = root(square) - rate
-    found = [Assign(variable("until"), minimum(most, _divide_exactly(2.0 * x, down)))]
-    return [Assign(variable("until"), most), If(~clear, [If(square > 0.0, [If(down > 0.0, list(found))])])]
+    found = [Assign(variable("until"), minimum(latest, _divide_exactly(2.0 * x, down)))]
+    return [Assign(variable("until"), latest), If(~clear, [If(square > 0.0, [If(down > 0.0, list(found))])])]
 
 
 def _fit_to_turn(

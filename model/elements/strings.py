@@ -300,12 +300,15 @@ class StringContact(Contact):
 
         return [If(value_of("awake") > 0.0, [loop_over("weighed", m.count, one)])]
 
-    def prepare_modes(self, inverse: Expression, gh: Expression) -> list[Statement]:
-        """Statements that eliminate the modes from the stage equations: the share of a force change that remains."""
+    def prepare_modes(self, inverse_gh: Expression, gh: Expression) -> list[Statement]:
+        """Statements that eliminate the modes from the stage equations; they set what share of a force change remains.
+
+        ``gh`` is the method's gamma times the step, ``inverse_gh`` one over it.
+        """
 
         def one(i: Expression) -> list[Statement]:
             k, c = (read("w", W.S_NUMBERS + W.MOST_MODES * n, i) for n in (1, 2))
-            ease = 1.0 / (inverse + c + gh * k)
+            ease = 1.0 / (inverse_gh + c + gh * k)
             gain = read("w", W.S_NUMBERS, i)
             return [Assign(slot("w", W.S_EASE, i), ease), Accumulate(variable("give"), ease * gain)]
 

@@ -153,7 +153,7 @@ def retire_lane(lane, width, status, members, space):
 
 @inlined_uncounted
 def fill_lanes(busy, following, width, members, space):
-    """Give each lane that is not ``busy`` the next member with something to do; which lanes are, who is next."""
+    """Load the next member with something to do into each idle lane; return the bits of busy lanes and who is next."""
     for lane in range(width):
         while not busy >> lane & 1 and following < members.angle.shape[0]:
             load_lane(lane, width, following, members, space)
@@ -169,7 +169,7 @@ def fill_lanes(busy, following, width, members, space):
 
 @inlined_uncounted
 def is_nearly_at_rest(lane, width, n, memory, number):
-    """Whether a lane moves so little, under an input that does not change, that it may be at rest."""
+    """Return whether a lane moves so little, under an input that does not change, that it may be at rest."""
     if number[SLOPE * width + lane] != 0.0:
         return False
     fastest = 0.0
@@ -180,7 +180,7 @@ def is_nearly_at_rest(lane, width, n, memory, number):
 
 @inlined_uncounted
 def skip_resting_lanes(bits, width, parent, members, space):
-    """Let members of the lanes of ``bits`` that are at rest stay until their input changes; which ones did."""
+    """Advance members at rest in the lanes of ``bits`` to where their input changes; return the bits of these lanes."""
     number, whole, memory, single = space.number, space.whole, space.step, space.single
     n = parent.shape[0]
     drive = InputTable(members.time, members.value, False)
@@ -216,7 +216,7 @@ def skip_resting_lanes(bits, width, parent, members, space):
 
 @inlined_uncounted
 def read_start_input(bits, width, n_contacts, members, space):
-    """Input at the start of the step of all lanes, read in those of ``bits``, whose forces will be linearised there."""
+    """Set the input at the start of the step, and its slope, of the lanes of ``bits``, which are linearised there."""
     number, whole, counters, memory = space.number, space.whole, members.counters, space.step
     drive = InputTable(members.time, members.value, False)
     for lane in range(width):
@@ -258,7 +258,7 @@ def read_stage_input(bits, width, node, members, space):
 
 @inlined_uncounted
 def choose_steps(bits, width, gamma, members, space):
-    """Steps that end where their member ends, in the lanes of ``bits`` shortened to kinks of their input tables."""
+    """Set the steps: they end where their member ends, in the lanes of ``bits`` at harmful kinks of their input."""
     number, whole, memory = space.number, space.whole, space.step
     n = members.angle.shape[1]
     drive = InputTable(members.time, members.value, False)
@@ -312,7 +312,7 @@ def step_end_time(lane, width, number):
 
 @inlined_uncounted
 def find_next_output(bits, width, members, space):
-    """Of the lanes of ``bits`` those with another output within their steps; sets its fraction of the step."""
+    """Return the lanes of ``bits`` with another output within their steps, and set its fraction of the step."""
     number, whole = space.number, space.whole
     asking = 0
     for lane in range(width):

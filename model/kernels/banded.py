@@ -30,7 +30,7 @@ def multiply_rows(vector, first, rows):
 
 @kernel
 def inverse_band(factor):
-    """The band of (U^T U)^-1 from the band of U (Takahashi's recursion), same form."""
+    """Return the band of (U^T U)^-1 from the band of U, ``factor``, in the same form (Takahashi's recursion)."""
     b = factor.shape[0] - 1
     n = factor.shape[1]
     out = np.zeros_like(factor)
@@ -47,7 +47,7 @@ def inverse_band(factor):
 
 @kernel
 def row_variances(inverse, first, rows):
-    """row (matrix) row^T of each row, (r,), from the band of the matrix."""
+    """Return row · matrix · row^T of each row, (r,), from the band ``inverse`` of the matrix."""
     b = inverse.shape[0] - 1
     out = np.zeros(rows.shape[0])
     for r in range(rows.shape[0]):

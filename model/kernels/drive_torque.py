@@ -12,10 +12,10 @@ SETTLING = 60  # steps of a few delays each, until the current is where the firs
 
 
 @kernel
-def integrate_torque(amplifier, lumps, largest, command, turned, interval, softness, out):
-    """Fill ``out`` (p, k), N m, at the ends of all substeps, for rows of ``lumps`` (p, 7).
+def integrate_torque(amplifier_kernel, lumps, source_limit, command, turned, interval, softness, out):
+    """Fill ``out`` (p, k) with the motor's torque, N m, at the ends of all substeps, for rows of ``lumps`` (p, 7).
 
-    Equations: `model.drive.lumps`; ``amplifier`` is the kernel of `model.codegen.single_element`; ``turned`` the angle
+    Equations: `model.drive.lumps`; ``amplifier_kernel`` is that of `model.codegen.single_element`; ``turned`` the angle
     of the motor, rad, at the ends of all substeps.
 
     Steps are exact where the circuit is linear (exponential Rosenbrock-Euler), of second order where a limit sets in.
@@ -34,13 +34,13 @@ def integrate_torque(amplifier, lumps, largest, command, turned, interval, softn
                 h, emf = 5.0 * delay, 0.0
             else:
                 out[row, k] = m
-            source = min(max(gain * command[k // SUBSTEPS], -largest[row]), largest[row])
+            source = min(max(gain * command[k // SUBSTEPS], -source_limit[row]), source_limit[row])
             asked = source - (1.0 - share) * m
             near = abs(m) > (1.0 - softness) * ceiling or abs(asked) > (1.0 - softness) * supply
             parts = MICROSTEPS if near else 1
             for _ in range(parts):
                 at[0], at[1] = source, m
-                amplifier(at, at, numbers, volts)
+                amplifier_kernel(at, at, numbers, volts)
                 pull = (share - volts[1]) / delay * h / parts
                 rate = (volts[0] - share * m - emf) / delay * h / parts
                 m += rate if pull < 1e-9 else rate * -expm1(-pull) / pull

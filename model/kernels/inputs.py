@@ -16,22 +16,22 @@ JUMP = 1e-10
 
 
 @uncounted
-def interpolate_input(t, k, first, last, drive):
-    """Input at ``t`` and its slope; ``k`` is a start for the search. Returns u, slope, k."""
+def interpolate_input(t, k, first_row, last_row, drive):
+    """Return input, slope and interval at ``t``, from rows ``first_row`` to ``last_row``, searched from ``k``."""
     time, value, held = drive
     early = 0.0 if held else JUMP
-    while k < last - 1 and t >= time[k + 1] - early:
+    while k < last_row - 1 and t >= time[k + 1] - early:
         k += 1
-    while k > first and t < time[k] - early:
+    while k > first_row and t < time[k] - early:
         k -= 1
-    while k < last - 1 and time[k + 1] - time[k] <= early and t >= time[k] - early:  # a jump: what is behind it
+    while k < last_row - 1 and time[k + 1] - time[k] <= early and t >= time[k] - early:  # a jump: what is behind it
         k += 1
     if held:
-        return value[last] if t >= time[last] else value[k], 0.0, k
-    if t < time[first]:
-        return value[first], 0.0, k
-    if t >= time[last] - early or time[last] - time[k] <= early:
-        return value[last], 0.0, k
+        return value[last_row] if t >= time[last_row] else value[k], 0.0, k
+    if t < time[first_row]:
+        return value[first_row], 0.0, k
+    if t >= time[last_row] - early or time[last_row] - time[k] <= early:
+        return value[last_row], 0.0, k
     slope = (value[k + 1] - value[k]) / (time[k + 1] - time[k])
     return value[k] + slope * (t - time[k]), slope, k
 
@@ -42,17 +42,20 @@ def interpolate_own_input(t, k, drive):
 
 
 @uncounted
-def constant_until(t, k, t_end, first, last, drive):
-    """Time up to which the input keeps its value at ``t``; ``k`` is the interval from `interpolate_input`."""
+def constant_until(t, k, t_end, first_row, last_row, drive):
+    """Time, at most ``t_end``, up to which the input keeps its value at ``t``, in rows ``first_row`` to ``last_row``.
+
+    ``k`` is the interval that `interpolate_input` returned.
+    """
     time, value, held = drive
-    if t < time[first]:
-        return min(t_end, time[first])
-    if t >= time[last]:
+    if t < time[first_row]:
+        return min(t_end, time[first_row])
+    if t >= time[last_row]:
         return t_end
     j = k
-    while j < last and value[j + 1] == value[k]:
+    while j < last_row and value[j + 1] == value[k]:
         j += 1
-    if j == last:
+    if j == last_row:
         return t_end
     return min(t_end, max(t, time[j + 1] if held else time[j]))
 
@@ -69,8 +72,8 @@ def input_gain(w, lane, width, n):
 
 
 @uncounted
-def fit_to_kinks(t, step, u0, k, last, drive, gain, bounds):
-    """Shorten ``step`` so that no kink of the table inside it can do harm; ``bounds`` are on angle and speed.
+def fit_to_kinks(t, step, u0, k, last_row, drive, gain, bounds):
+    """Return ``step``, shortened so that no kink inside it can do harm; ``bounds`` are on angle and speed.
 
     A kink of strength s, a time r before the end of the step, which began with the slope before it, bends the
     speed by at most |f_u| / M * s r^2 / 2. Where too much of that would be lost the step ends at the kink. Many weak
@@ -80,10 +83,10 @@ def fit_to_kinks(t, step, u0, k, last, drive, gain, bounds):
     angle, speed = bounds
     while True:
         end = t + step
-        u1, _, _ = interpolate_input(end, k, k, last, drive)
+        u1, _, _ = interpolate_input(end, k, k, last_row, drive)
         bend = 0.0
         j = k + 1
-        while j < last and time[j] < end:
+        while j < last_row and time[j] < end:
             before = (value[j] - value[j - 1]) / (time[j] - time[j - 1])
             after = (value[j + 1] - value[j]) / (time[j + 1] - time[j])
             reach = end - time[j]

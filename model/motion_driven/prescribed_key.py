@@ -59,7 +59,7 @@ class PrescribedRun:
 def rest_angle(action: Action, choice: SceneChoice) -> float:
     """Angle (rad) of what a motion would prescribe at rest without a force."""
     free = build_scene(choice.apply_to(action), choice)
-    return prescribed_angle(free, choice.prescribed_coordinate, solve_rest(free, whole=True), free.vector)
+    return prescribed_angle(free, choice.prescribed_coordinate, solve_rest(free, with_joints=True), free.vector)
 
 
 def prescribed_angle(free: Scene, moved: str, whole: Array, p: Array) -> float:

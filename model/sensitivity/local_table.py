@@ -127,14 +127,14 @@ def unit_of(event: str) -> str:
     return "m/s" if event.endswith("_per_s") else event.rpartition("_")[2]
 
 
-def lines(table: LocalTable, quantities: Mapping[str, str], most: int) -> list[str]:
+def lines(table: LocalTable, quantities: Mapping[str, str], max_rows: int) -> list[str]:
     """The table as text: a line a parameter, a column for each of ``quantities`` (name -> heading) that it has."""
     shown = [
         (table.quantities.index(name), heading) for name, heading in quantities.items() if name in table.quantities
     ]
-    width = max([len("parameter"), *(len(name) for name in table.parameters[:most])])
+    width = max([len("parameter"), *(len(name) for name in table.parameters[:max_rows])])
     out = [f"{'parameter':<{width}}" + "".join(f" {heading:>11}" for _, heading in shown)]
-    for i, name in enumerate(table.parameters[:most]):
+    for i, name in enumerate(table.parameters[:max_rows]):
         out.append(f"{name:<{width}}" + "".join(f" {table.percent[i, q]:>z11.4f}" for q, _ in shown))
     return out
 

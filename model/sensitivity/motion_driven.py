@@ -90,7 +90,7 @@ def motion_sensitivities(
         raise InputError("output times: found none, allowed at least one")
     carried = np.zeros(len(named))
     if from_rest:
-        at_rest = solve_rest(free, options.rest_input, whole=True)
+        at_rest = solve_rest(free, options.rest_input, with_joints=True)
         fitted = fitted.shift_angle(prescribed_angle(free, choice.moved, at_rest, free.vector))
         of_free = directions(action, choice, named)
         own = rest_derivatives(of_free, at_rest, options.rest_input)[None]

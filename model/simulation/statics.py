@@ -82,7 +82,7 @@ def balance(
 def with_pins(scene: Scene, q: NDArray[np.float64], u: float) -> NDArray[np.float64]:
     """Angles (n,), followed by what the joints give (g,) while bodies are held at these angles."""
     n = scene.size
-    return solve_rest(scene, u, np.append(q, np.zeros(len(scene.pins))), tuple(range(n)), whole=True)
+    return solve_rest(scene, u, np.append(q, np.zeros(len(scene.pins))), tuple(range(n)), with_joints=True)
 
 
 def _free_part(
@@ -105,11 +105,11 @@ def solve_rest(
     start: NDArray[np.float64] | None = None,
     held: tuple[int, ...] = (),
     *,
-    whole: bool = False,
+    with_joints: bool = False,
 ) -> NDArray[np.float64]:
-    """Angles (n,) at which the scene rests under the constant input ``u``; coordinates ``held`` stay at ``start``.
+    """Angles (n,) at rest under the constant input ``u``; ``with_joints``, then the joints' deflections: (n + g,).
 
-    With ``whole``, what joints give (g,) follows.
+    Coordinates ``held`` stay at ``start``.
     """
     if not abs(u) <= LARGEST_INPUT:
         raise InputError(f"rest state: input found {u:g}, allowed a finite number up to {LARGEST_INPUT:g}")
@@ -129,7 +129,7 @@ def solve_rest(
             q, f, stiff = _displace(q, free, step), f_new, stiff_new
         loose = _loose_direction(scene, q, u, free, stiff)
         if loose is None:
-            return q if whole else q[: scene.size]
+            return q if with_joints else q[: scene.size]
         q = _displace(q, free, KICK * loose)  # off the saddle; the next descent leaves it for good
     raise StaticsError(NO_REST)
 
@@ -210,7 +210,7 @@ def rest_state(action: ActionLike, force_n: float = 0.0, scene: Scene | None = N
     """
     action = as_action(action)
     scene = build_scene(action) if scene is None else scene
-    found = solve_rest(scene, force_n, whole=True)
+    found = solve_rest(scene, force_n, with_joints=True)
     q, give = found[: scene.size], found[scene.size :]
     scene.check_whole(q, "rest state")
     forces, _, _ = balance(scene, found, force_n)

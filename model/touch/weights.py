@@ -168,7 +168,7 @@ def _static_force(action: Action, rest: Array, press: Press, at: NDArray[np.int6
         own = scene.start.copy()
         for i, body in enumerate(scene.bodies[: scene.size]):
             own[i] = press.angle_rad[k, BODIES.index(body)] if body in BODIES else own[i]
-        found = solve_rest(scene, (angle - float(angles[0])) / turn, own, whole=True)
+        found = solve_rest(scene, (angle - float(angles[0])) / turn, own, with_joints=True)
         memory = np.concatenate([found[scene.size :], np.zeros(len(scene.pins))])[None]
         q, moved = found[None, : scene.size], np.array([[angle, 0.0]])
         whole, speeds = with_moved(still.tables, still.vector, (q, np.zeros_like(q)), moved, memory)

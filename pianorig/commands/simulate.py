@@ -302,56 +302,57 @@ def _contact_descriptions(action: model.Action) -> dict[str, str]:
     return {path[: -len(ending)]: words for path, words in action.structure.items() if path.endswith(ending)}
 
 
-def _loss_facts(seen: model.inside.Inside) -> dict[str, object]:
+def _loss_facts(inside: model.inside.Inside) -> dict[str, object]:
     contacts = [
         {
             "contact": name,
-            "largest_normal_n": seen.largest_normal_n[i],
-            "slid_m": seen.slid_m[-1, i],
-            "rubbed_j": seen.rubbed_j[-1, i],
-            "felt_j": seen.felt_j[-1, i],
+            "largest_normal_n": inside.largest_normal_n[i],
+            "slid_m": inside.slid_m[-1, i],
+            "rubbed_j": inside.rubbed_j[-1, i],
+            "felt_j": inside.felt_j[-1, i],
         }
-        for i, name in enumerate(seen.contacts)
+        for i, name in enumerate(inside.contacts)
     ]
-    joints = [{"joint": body, "rubbed_j": seen.joint_j[-1, i]} for i, body in enumerate(seen.bodies)]
+    joints = [{"joint": body, "rubbed_j": inside.joint_j[-1, i]} for i, body in enumerate(inside.bodies)]
     return {
         "contacts": contacts,
         "joints": joints,
-        "key_would_lift": [asdict(one) for one in seen.key_tensions()],
-        "key_lifts": [asdict(one) for one in seen.key_lifts()],
+        "key_would_lift": [asdict(one) for one in inside.key_tensions()],
+        "key_lifts": [asdict(one) for one in inside.key_lifts()],
     }
 
 
-def _lift_attributes(seen: model.inside.Inside) -> dict[str, list[float]]:
+def _lift_attributes(inside: model.inside.Inside) -> dict[str, list[float]]:
     """Intervals in which the key lifts or would, as attributes of the output file; none where it stays."""
     out = {}
-    for name, found in (("key_would_lift", seen.key_tensions()), ("key_lifts", seen.key_lifts())):
+    for name, found in (("key_would_lift", inside.key_tensions()), ("key_lifts", inside.key_lifts())):
         if found:
             out[f"{name}_from_s"], out[f"{name}_to_s"] = [one.start_s for one in found], [one.end_s for one in found]
     return out
 
 
-def _loss_lines(seen: model.inside.Inside, words: dict[str, str]) -> list[str]:
+def _loss_lines(inside: model.inside.Inside, words: dict[str, str]) -> list[str]:
     """Table of contacts and joints, then the intervals in which the key lifts or would."""
     lines = [f"{'contact':<34}{'largest N':>10}{'rubbed mm':>11}{'friction mJ':>13}{'felt mJ':>9}"]
-    for i, name in enumerate(seen.contacts):
+    for i, name in enumerate(inside.contacts):
         title = f"{name.removeprefix('contact')} {words[name]}" if name in words else name.replace("_", " ")
         lines.append(
-            f"{title:<34}{seen.largest_normal_n[i]:>10.2f}"
-            f"{1e3 * seen.slid_m[-1, i]:>11.3f}{1e3 * seen.rubbed_j[-1, i]:>13.4f}{1e3 * seen.felt_j[-1, i]:>9.4f}"
+            f"{title:<34}{inside.largest_normal_n[i]:>10.2f}"
+            f"{1e3 * inside.slid_m[-1, i]:>11.3f}{1e3 * inside.rubbed_j[-1, i]:>13.4f}"
+            f"{1e3 * inside.felt_j[-1, i]:>9.4f}"
         )
-    for tip_n, tip_j in zip(seen.tip_n.T, seen.tip_j.T, strict=True):
+    for tip_n, tip_j in zip(inside.tip_n.T, inside.tip_j.T, strict=True):
         tip = f"{tip_n.max(initial=0.0):>10.2f}{'':>11}{'':>13}{1e3 * tip_j[-1]:>9.4f}"
-        lines.append(f"{'tip of the ' + seen.scene.presser.replace('_', ' '):<34}{tip}")
-    joints = ", ".join(f"{body} {1e3 * seen.joint_j[-1, i]:.4f}" for i, body in enumerate(seen.bodies))
+        lines.append(f"{'tip of the ' + inside.scene.presser.replace('_', ' '):<34}{tip}")
+    joints = ", ".join(f"{body} {1e3 * inside.joint_j[-1, i]:.4f}" for i, body in enumerate(inside.bodies))
     lifts = [
         f"key would lift from its balance rail {one.start_s:.4f} to {one.end_s:.4f} s: "
         f"pull to {one.largest_n:.2f} N, {1e3 * one.impulse_ns:.2f} mN s"
-        for one in seen.key_tensions()
+        for one in inside.key_tensions()
     ]
     lifts += [
         f"key off its balance rail {gone.start_s:.4f} to {gone.end_s:.4f} s: "
         f"up to {1e3 * gone.largest_m:.3f} mm at {gone.largest_at_s:.4f} s"
-        for gone in seen.key_lifts()
+        for gone in inside.key_lifts()
     ]
     return [*lines, f"joints, friction mJ: {joints}", *(lifts or ["key stays on its balance rail"])]

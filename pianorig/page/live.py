@@ -72,7 +72,7 @@ class LiveStream:
         sealed = self.session.trials
         for trial in sealed[-MOST_FIGURES:]:
             if trial.number not in self._figures:
-                self._figures[trial.number] = _figures(trial.number, trial.path)
+                self._figures[trial.number] = _trial_figures(trial.number, trial.path)
         plan = self.session.info.plan
         free_gb = shutil.disk_usage(self.session.path).free / 1e9
         return {
@@ -137,8 +137,8 @@ def _rows(part: TrialData, first_count: Any) -> np.ndarray:
     return np.ascontiguousarray(np.concatenate(columns, axis=1), dtype="<f4")
 
 
-def _figures(number: int, path: Path) -> dict[str, Any]:
-    """Key figures of a sealed trial; only its status where it cannot be read."""
+def _trial_figures(number: int, path: Path) -> dict[str, Any]:
+    """Read the key figures of a sealed trial: forces, turns, status; only its status where it cannot be read."""
     row: dict[str, Any] = {"trial": number, "status": "unreadable", "reason": ""}
     row |= {"peak_force_n": None, "rest_force_n": None, "turned_deg": {}}
     try:

@@ -215,7 +215,7 @@ def trial_view(session: Session, number: int, actions: Sequence[str]) -> dict[st
     view["notes"] += measured.notes
     view["events"] = _events(measured, predicted)
     if predicted:
-        view["drawings"] = [_drawing(measured, model_of) for model_of, _ in predicted]
+        view["drawings"] = [_animate_trial(measured, model_of) for model_of, _ in predicted]
     return {**view, "force": _force(measured), "channels": _channels(measured, predicted)}
 
 
@@ -299,8 +299,8 @@ def _row(source: str, event: Event) -> dict[str, Any]:
     }
 
 
-def _drawing(measured: MeasuredTrial, tested: ModelUnderTest) -> dict[str, Any]:
-    """The model's action, and the same bodies at the measured angles."""
+def _animate_trial(measured: MeasuredTrial, tested: ModelUnderTest) -> dict[str, Any]:
+    """Simulate a trial; return the moving drawing of the model's action with the measured bodies over it."""
     load = tested.load(measured.force.preload_n)
     start = max(float(measured.force.time_s[0]), float(measured.time_s[0]))
     times = drawing_times(start, float(min(measured.force.time_s[-1], measured.time_s[-1])))

@@ -94,16 +94,16 @@ def motion_start_s(time_s: NDArray[Any], pose: NDArray[Any]) -> float:
     return max(float(time_s[int(np.argmax(away))]) - BEFORE_S, float(time_s[0]))
 
 
-def thin_motion(seen: SeenMotion, rows: NDArray[np.int64]) -> SeenMotion:
+def thin_motion(motion: SeenMotion, rows: NDArray[np.int64]) -> SeenMotion:
     """Some rows of a motion; each shows the largest force since the row before, so that no short peak is lost."""
     starts = np.concatenate([[rows[0]], rows[:-1] + 1])
-    peak = np.maximum.reduceat(seen.normal_n, np.minimum(starts, len(seen.normal_n) - 1), axis=0)
+    peak = np.maximum.reduceat(motion.normal_n, np.minimum(starts, len(motion.normal_n) - 1), axis=0)
     return replace(
-        seen,
-        time_s=seen.time_s[rows],
-        pose=seen.pose[rows],
-        point_m=seen.point_m[rows],
-        penetration_m=seen.penetration_m[rows],
+        motion,
+        time_s=motion.time_s[rows],
+        pose=motion.pose[rows],
+        point_m=motion.point_m[rows],
+        penetration_m=motion.penetration_m[rows],
         normal_n=peak,
     )
 

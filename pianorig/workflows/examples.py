@@ -150,20 +150,23 @@ def _target_frames() -> Iterator[NDArray[np.uint8]]:
     for k in range(VIEWS):
         turn = 2.0 * np.pi * k / VIEWS
         place = 0.5 * np.array([CAMERA.width, CAMERA.height]) + room * np.array([np.cos(turn), np.sin(turn)])
-        picture = _checkerboard(place, 0.12 * np.sin(3.0 * turn), pitch_px)
+        picture = _draw_checkerboard(place, 0.12 * np.sin(3.0 * turn), pitch_px)
         noisy = picture + random.normal(0.0, NOISE, picture.shape)
         yield np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
 
 
-def _checkerboard(place_px: NDArray[np.float64], turn_rad: float, pitch_px: float) -> NDArray[np.float64]:
-    """One picture (height, width), each pixel the mean of points within it."""
+def _draw_checkerboard(centre_px: NDArray[np.float64], turn_rad: float, pitch_px: float) -> NDArray[np.float64]:
+    """Draw the calibration target as a picture of the camera's (height, width), each pixel the mean of points within.
+
+    ``centre_px`` (x, y) is the middle of the target, ``pitch_px`` the width of a square.
+    """
     (columns, rows), c, s = GRID, np.cos(turn_rad), np.sin(turn_rad)
     y, x = np.indices((CAMERA.height, CAMERA.width), dtype=float)
     total = np.zeros(x.shape)
     shifts = (np.arange(SUBPIXELS) + 0.5) / SUBPIXELS - 0.5
     for dx in shifts:
         for dy in shifts:
-            east, south = x + dx - place_px[0], y + dy - place_px[1]
+            east, south = x + dx - centre_px[0], y + dy - centre_px[1]
             u = (c * east + s * south) / pitch_px + 0.5 * (columns - 1)
             v = (-s * east + c * south) / pitch_px + 0.5 * (rows - 1)
             inside = (np.abs(u - 0.5 * (columns - 1)) < 0.5 * (columns + 1)) & (

@@ -50,7 +50,7 @@ def recording_facts(path: Path, out: Path | None = None) -> dict[str, Any]:
             "channel": name,
             "unit": table.units.get(name, "") or "not stated",
             "samples": values.size,
-            "rate_hz": _rate(table, name),
+            "rate_hz": _rate_text(table, name),
             "from": f"{np.nanmin(values):.6g}" if np.isfinite(values).any() else "nan",
             "to": f"{np.nanmax(values):.6g}" if np.isfinite(values).any() else "nan",
             "segment": number,
@@ -116,8 +116,8 @@ def _read(path: Path) -> tuple[tuple[ChannelTable, ...], dict[str, Any]]:
     return (table,), {key: value for key, value in stated.items() if value}
 
 
-def _rate(table: ChannelTable, name: str) -> str:
-    """Return the rate of a channel by the file's clock or a column of times, Hz, and "not stated" without either."""
+def _rate_text(table: ChannelTable, name: str) -> str:
+    """Return the number of Hz of a channel as text, by the file's clock or a column of times, or "not stated"."""
     size = table.channels[name].size
     if name in table.clocks:
         return f"{1.0 / table.clocks[name].interval_s:.6g}"

@@ -127,7 +127,7 @@ def propose_rig(found: Sequence[FoundDevice], name: str | None = None) -> str:
     body = re.sub(r'(?m)^name = "\w+"$', f'name = "{own_name}"', body, count=1)
     renamed = _pair_device_names(device, pattern.config.device.name)
     any_name = "|".join(map(re.escape, renamed))  # all at once: a found name may be another one of the pattern
-    return _head(device) + re.sub(rf"\b({any_name})\b", lambda match: renamed[match[0]], body)
+    return _rig_file_comments(device) + re.sub(rf"\b({any_name})\b", lambda match: renamed[match[0]], body)
 
 
 def _pair_device_names(device: FoundDevice, pattern_name: str) -> dict[str, str]:
@@ -143,7 +143,8 @@ def _pair_device_names(device: FoundDevice, pattern_name: str) -> dict[str, str]
     return {**renamed, pattern_name: device.name}
 
 
-def _head(device: FoundDevice) -> str:
+def _rig_file_comments(device: FoundDevice) -> str:
+    """Comment lines at the head of a proposed rig file."""
     lines = [
         f"# Proposed by  pianorig info --propose  for {device.name}, {device.product}, serial number {device.serial}.",
         *(f"#   slot {m.slot}: {m.name}, {m.product}, serial number {m.serial}" for m in device.modules),

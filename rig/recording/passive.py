@@ -277,8 +277,8 @@ class _Stream:
         self._began = datetime.now(UTC)
         self._clocks = ClockWatch(options.wall_s, options.now_s)
 
-    def run(self, most: int, duration_s: float) -> None:
-        """Record until ``most`` strokes are sealed or ``duration_s`` has passed."""
+    def run(self, max_strokes: int, duration_s: float) -> None:
+        """Record until ``max_strokes`` strokes are sealed or ``duration_s`` has passed."""
         backend, config = self._backend, self._config
         error: BaseException | None = None
         with termination_as_interrupt():
@@ -290,7 +290,7 @@ class _Stream:
                 backend.arm(enable_drive=False)
                 self._began = datetime.now(UTC)
                 backend.start()
-                self._follow(timing, settings, detector, most, duration_s)
+                self._follow(timing, settings, detector, max_strokes, duration_s)
             except BaseException as ended:
                 error = ended
             with defer_interrupts():
@@ -307,7 +307,7 @@ class _Stream:
             raise error
 
     def _follow(
-        self, timing: Timing, settings: StrokeSettings, detector: StrokeDetector, most: int, duration_s: float
+        self, timing: Timing, settings: StrokeSettings, detector: StrokeDetector, max_strokes: int, duration_s: float
     ) -> None:
         rate = timing.sample_rate_hz
         shortest = max(
@@ -315,7 +315,7 @@ class _Stream:
         )
         calm = max(shortest, int(CALM_BLOCK_S * rate))
         read, sealed = 0, 0
-        while sealed < most and read / rate < duration_s:
+        while sealed < max_strokes and read / rate < duration_s:
             # nothing moves that a limit could stop: what nobody plays is read in few calls
             size = shortest if detector.playing else calm
             block = self._backend.read_block(size, size / rate + LATE_S)
@@ -332,7 +332,7 @@ class _Stream:
                     late = f"not at rest {settings.longest_s:g} s after it began (passive.longest_s)"
                     trial = self._seal(stroke, stroke.status, "" if stroke.status == "complete" else late)
                     sealed += 1
-                    if sealed < most:
+                    if sealed < max_strokes:
                         self._open_journal(timing, settings)
                 if self._options.after_trial is not None:
                     self._options.after_trial(trial)

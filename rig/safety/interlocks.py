@@ -94,6 +94,7 @@ class Interlocks:
         raise LimitExceeded(message, phase="interlock")
 
     def _check_force(self, first: int, old: int) -> None:
+        """Stop at a force, or a rate of it, outside the limits; ``old`` samples of those kept were checked before."""
         limits, force = self._limits, self._force
         new = force[old:]
         outside = ~((new >= limits.force_min_n) & (new <= limits.force_max_n))  # NaN is outside

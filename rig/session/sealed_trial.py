@@ -312,6 +312,7 @@ def _attributes(info: ForceInfo | ChannelInfo) -> dict[str, Any]:
 
 
 def _write_camera(content: Content, group: h5py.Group, camera: CameraInfo) -> None:
+    """Write the camera's data and frame times into ``group`` through ``content``, which keeps their digests."""
     content.describe(group, **asdict(camera))
     time = content.quantity(
         group, "time", camera.frame_time_s, "s", "middle of each exposure since the AI start trigger"

@@ -67,7 +67,7 @@ def engine_of(device: DeviceState, task: SimulatedTask) -> Engine | None:
     if clock is None:
         return None
     if not task.has_own_clock:
-        return _engine_behind(device, clock.source, {task.name})
+        return _find_engine(device, clock.source, {task.name})
     if not task.progress.live:
         return None
     limit = clock.samples if task.is_finite else float("inf")
@@ -82,19 +82,19 @@ def drift(device: DeviceState, task: SimulatedTask) -> float:
     return (1.0 + own.clock_error) / (1.0 + device.timebase.clock_error)
 
 
-def _engine_behind(device: DeviceState, terminal: str, seen: set[str]) -> Engine | None:
-    """Return the engine whose ticks a terminal carries; ``seen`` names the tasks on the way, against loops."""
+def _find_engine(device: DeviceState, terminal: str, visited: set[str]) -> Engine | None:
+    """Return the engine whose ticks a terminal carries, or None; ``visited`` are the tasks on the way."""
     terminal = device.source_terminal(terminal)
     owner = device.inventory.owner_of(terminal) if terminal.startswith("/") else device.inventory
     stem, _, signal = device.inventory.own_name(terminal).partition("/")
-    others = [task for task in device.tasks.values() if task.name not in seen and task.progress.live]
+    others = [task for task in device.tasks.values() if task.name not in visited and task.progress.live]
     if signal == "SampleClock":
         for task in others:
             own = task.channels and device.inventory.owner_of(task.channels[0].physical.name) is owner
             if own and task.type == stem.upper() and task.clock is not None:
                 if task.has_own_clock:
                     return engine_of(device, task)
-                return _engine_behind(device, task.clock.source, {*seen, task.name})
+                return _find_engine(device, task.clock.source, {*visited, task.name})
         return None
     for task in others:
         if task.type == "CO" and terminal in output_terminals(device, task):

@@ -90,13 +90,13 @@ def find_candidate_spikes(m: MeasuredTrial) -> list[Spike]:
     return found
 
 
-def _find_stretches(excess: Array, least: Array | float, most: int) -> list[Spike]:
+def _find_stretches(excess: Array, least: Array | float, max_samples: int) -> list[Spike]:
     """Stretches of at most so many samples in which a force exceeds what is usual."""
     found = []
     for sign in (1.0, -1.0):
         edges = np.flatnonzero(np.diff(np.concatenate([[False], sign * excess > least, [False]]).astype(np.int8)))
         pairs = zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
-        found += [Spike(first, excess[first:end]) for first, end in pairs if end - first <= most]
+        found += [Spike(first, excess[first:end]) for first, end in pairs if end - first <= max_samples]
     return found
 
 

@@ -72,9 +72,9 @@ class JointDraw:
 
 
 def chosen_trials(
-    trials: Sequence[MeasuredTrial], without: Collection[tuple[int, str]] = (), most: int = MOST_TRIALS
+    trials: Sequence[MeasuredTrial], without: Collection[tuple[int, str]] = (), max_trials: int = MOST_TRIALS
 ) -> list[MeasuredTrial]:
-    """At most ``most`` trials, by lot, one of them filmed if any is; those with a channel left out come last.
+    """At most ``max_trials`` trials, by lot, one of them filmed if any is; those with a channel left out come last.
 
     Each trial draws its lot from its own recorded data, and the lowest are taken: a trial that is added or rejected
     changes at most one of the others (docs/explanation/uncertainty.md).
@@ -82,7 +82,7 @@ def chosen_trials(
     faulty = {number for number, _ in without}
     order = sorted(trials, key=lambda m: (m.number in faulty, *_lot(m)))
     filmed = [m for m in order if m.film is not None][:1]
-    chosen = filmed + [m for m in order if not any(m is f for f in filmed)][: most - len(filmed)]
+    chosen = filmed + [m for m in order if not any(m is f for f in filmed)][: max_trials - len(filmed)]
     return sorted(chosen, key=lambda m: m.number)
 
 

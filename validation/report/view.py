@@ -76,19 +76,19 @@ class SessionView:
         return common[0] if common else next(iter(own))
 
 
-def shown_trials(view: SessionView, most: int) -> list[int]:
+def shown_trials(view: SessionView, max_trials: int) -> list[int]:
     """Trials to show when not all can be: the drawn one, filmed ones, the worst and best of each channel, then others
     evenly through the session."""
     trials = list(view.first.traces)
-    if len(trials) <= most:
+    if len(trials) <= max_trials:
         return trials
     wanted = [view.shown_trial(), *view.first.film_traces]
     for _, part in view.first.scores.groupby("channel", sort=False):
         known = part.dropna(subset=["rmse_rad"]).sort_values("rmse_rad", kind="stable")["trial"]
         wanted += [int(t) for t in (*known.iloc[-1:], *known.iloc[:1])]
-    step = len(trials) / most
-    wanted += [trials[int(i * step)] for i in range(most)]
-    chosen = [t for t in dict.fromkeys(wanted) if t in view.first.traces][:most]
+    step = len(trials) / max_trials
+    wanted += [trials[int(i * step)] for i in range(max_trials)]
+    chosen = [t for t in dict.fromkeys(wanted) if t in view.first.traces][:max_trials]
     return sorted(chosen, key=trials.index)
 
 

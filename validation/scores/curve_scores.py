@@ -57,13 +57,13 @@ def score_curve(time_s: Array, trial: Array, model: Array) -> dict[str, float]:
 
 
 def choose_trial_pairs(
-    n: int, most: int = MOST_PAIRS, seed: int = PAIR_SEED, kinds: Sequence[int] | None = None
+    n: int, max_pairs: int = MOST_PAIRS, seed: int = PAIR_SEED, kinds: Sequence[int] | None = None
 ) -> list[tuple[int, int]]:
     """Pairs of n trials of one kind of stroke, all of them or a seeded sample of `most`."""
     pairs = [(i, j) for i, j in combinations(range(n), 2) if kinds is None or kinds[i] == kinds[j]]
-    if len(pairs) <= most:
+    if len(pairs) <= max_pairs:
         return pairs
-    chosen = np.random.default_rng(seed).choice(len(pairs), most, replace=False)
+    chosen = np.random.default_rng(seed).choice(len(pairs), max_pairs, replace=False)
     return [pairs[i] for i in sorted(chosen)]
 
 

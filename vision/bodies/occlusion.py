@@ -26,12 +26,15 @@ GROUP = 64
 
 @cached_njit(_nrt=False)
 def relative_pose(
-    here: NDArray[np.float64], centre: NDArray[np.float64], there: NDArray[np.float64], other: NDArray[np.float64]
+    pose: NDArray[np.float64],
+    centre: NDArray[np.float64],
+    other_pose: NDArray[np.float64],
+    other_centre: NDArray[np.float64],
 ) -> tuple[float, float, float]:
-    """Pose of a body at ``here`` relative to another at ``there``: turn, and shift of centres in the other's axes."""
-    cosine, sine = math.cos(there[0]), math.sin(there[0])
-    x, y = centre[0] + here[1] - other[0] - there[1], centre[1] + here[2] - other[1] - there[2]
-    return here[0] - there[0], cosine * x + sine * y, cosine * y - sine * x
+    """Turn, and shift (x, y) of centres in the other's axes, of a body at ``pose`` relative to another."""
+    cosine, sine = math.cos(other_pose[0]), math.sin(other_pose[0])
+    x, y = centre[0] + pose[1] - other_centre[0] - other_pose[1], centre[1] + pose[2] - other_centre[1] - other_pose[2]
+    return pose[0] - other_pose[0], cosine * x + sine * y, cosine * y - sine * x
 
 
 @cached_njit(fastmath=FAST)

@@ -198,13 +198,13 @@ def angle_errors(
 
 
 def _fit_camera(
-    film: FrameSource, target: Target, seen: Sequence[NDArray[np.float64]]
+    film: FrameSource, target: Target, corners_px: Sequence[NDArray[np.float64]]
 ) -> tuple[CalibratedCamera, float, NDArray[np.float64]]:
     """The camera, the residual of a point (px), and those of all, shape (views, points, 2)."""
     board = target.points_m() - target.points_m().mean(axis=0)
     centre = build_projection(np.zeros(5), film.width, film.height).centre_px
     scales, places = [], []
-    for points in seen:
+    for points in corners_px:
         flat = board @ np.linalg.lstsq(board, points - points.mean(axis=0), rcond=None)[0]
         turn = _rigid_turn(board, flat)
         scales.append(float(np.sum((board @ turn_matrix(turn).T) * flat) / np.sum(board**2)))
@@ -214,13 +214,13 @@ def _fit_camera(
     def residuals(x: NDArray[np.float64]) -> NDArray[np.float64]:
         projection = build_projection(np.array([*x[:4], np.clip(x[4], -0.2, 0.2)]), film.width, film.height)
         off = []
-        for i, points in enumerate(seen):
+        for i, points in enumerate(corners_px):
             turn, tx, ty = x[6 + 3 * i : 9 + 3 * i]
             plane = centre + np.array([tx, ty]) + x[5] * (board @ turn_matrix(turn).T)
             off.append(projection.to_picture(plane) - points)
         return np.concatenate(off).ravel()
 
-    step = np.concatenate([np.full(5, 1e-3), [1e-3 * start[1][0]], np.tile([1e-3, 1.0, 1.0], len(seen))])
+    step = np.concatenate([np.full(5, 1e-3), [1e-3 * start[1][0]], np.tile([1e-3, 1.0, 1.0], len(corners_px))])
     found = least_squares(residuals, np.concatenate(start), x_scale=step, method="lm", xtol=1e-13, ftol=1e-13)
     rest = found.fun
     freedom = rest.size - found.x.size
@@ -238,7 +238,7 @@ def _fit_camera(
         )
     scale, u_scale = float(found.x[5]), float(np.sqrt(covariance[5, 5]))
     camera = CalibratedCamera(film.width, film.height, found.x[:5], covariance[:5, :5], scale, u_scale)
-    return camera, float(np.sqrt(rest @ rest / freedom)), rest.reshape(len(seen), -1, 2)
+    return camera, float(np.sqrt(rest @ rest / freedom)), rest.reshape(len(corners_px), -1, 2)
 
 
 def _rigid_turn(before: NDArray[np.float64], after: NDArray[np.float64]) -> float:

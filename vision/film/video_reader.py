@@ -74,7 +74,7 @@ class VideoFilm(Film):
         elif index.is_limited:
             self.white_grey = 235 << (self.bit_depth - 8)
         self._orient(index)
-        self._read_compression(index)
+        self._set_compression(index)
         for remark in index.remarks:
             warnings.warn(f"{path}: {remark}", VisionWarning, stacklevel=3)
 
@@ -147,7 +147,8 @@ class VideoFilm(Film):
             self.pixel_aspect = 1.0 / self.pixel_aspect if self.pixel_aspect else None
         warnings.warn(f"{self.path}: its file wants the picture {words}, which is done", VisionWarning, stacklevel=4)
 
-    def _read_compression(self, index: VideoIndex) -> None:
+    def _set_compression(self, index: VideoIndex) -> None:
+        """Set what the codec loses, ``compression``; warn where its loss cannot be stated."""
         if index.codec == "mjpeg":
             self.compression = jpeg_compression(self.path, index.first_packet, stacklevel=4)
         if index.is_lossless or self.compression is not None:

@@ -215,7 +215,9 @@ class IcgnFitter:
                 break
             result = self._solve(coefficient, (y0, x0), result.pose, hidden)
         for k in range(0 if self._clipped else LIGHT_ROUNDS):
-            if not result.converged or not self._light.update(result, self._work, self._changes, k == 0):
+            if not result.converged or not self._light.update(
+                result, self._work[1], self._work[2], self._changes, k == 0
+            ):
                 break
             # its squares say all that the gradients did
             self._changes = with_even_illumination(self._changes)

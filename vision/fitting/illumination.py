@@ -481,28 +481,35 @@ class LocalIllumination:
         self.light = Illumination(shade, arrays["glow"], bool(arrays["glows"])) if shade.size else None
         self._shown = shown if shown.size else None
 
-    def update(self, fit: Fit, work: NDArray[np.float32], slow: Changes, first: bool) -> bool:
-        """Update the illumination from a fit's residuals; return whether another fit is needed."""
+    def update(
+        self,
+        fit: Fit,
+        visible: NDArray[np.float32],
+        residual: NDArray[np.float32],
+        changes: Changes,
+        is_first_fit: bool,
+    ) -> bool:
+        """Update ``light`` from a fit's residuals; return whether it changed, so that another fit is needed."""
         hidden = fit.seen - fit.inlier > HIDDEN_SUSPECTED
         suspected = hidden or any(one > SUSPECTED for one in fit.coherence.ratio[-1].tolist())
-        if self.light is None and not (first and suspected):
-            if first:
+        if self.light is None and not (is_first_fit and suspected):
+            if is_first_fit:
                 self._shown = None
             return False
         field, noise = self._squares(), self._noise(fit.gain)
         if self.light is not None:
-            light = field.update(self.light, work[1], work[2], fit.gain, noise)
+            light = field.update(self.light, visible, residual, fit.gain, noise)
         else:
             change = (
-                field.detect(work[1], work[2], fit.gain, noise)
+                field.detect(visible, residual, fit.gain, noise)
                 if field.variance_inflation()[0] <= MAX_VARIANCE_INFLATION
                 else None
             )
             before, self._shown = self._shown, change
             if change is None or before is None or np.corrcoef(before.ravel(), change.ravel())[0, 1] < ALIKE:
                 return False
-            factor = illumination_factor(slow, *(field.middles_px() / self._template.radius_px))
-            light = field.start(factor, work[1], work[2], fit.gain, noise)
+            factor = illumination_factor(changes, *(field.middles_px() / self._template.radius_px))
+            light = field.start(factor, visible, residual, fit.gain, noise)
         if light is None:
             return False
         self.light, self._shown = light, None

@@ -113,7 +113,7 @@ BASIS = ((-SIXTH, 0.5, -0.5, SIXTH), (0.5, -1.0, 0.5, 0.0), (-0.5, 0.0, 0.5, 0.0
 
 
 @cached_njit(nogil=True)
-def solve5(matrix: F64, right: F64, solution: F64) -> bool:
+def solve5(matrix: F64, rhs: F64, solution: F64) -> bool:
     """Solve a symmetric positive 5 x 5 system by Cholesky with Jacobi scaling; False when it is not positive."""
     scale = np.empty(5)
     factor = np.zeros((5, 5))
@@ -133,7 +133,7 @@ def solve5(matrix: F64, right: F64, solution: F64) -> bool:
             else:
                 factor[i, j] = total / factor[j, j]
     for i in range(5):
-        total = right[i] * scale[i]
+        total = rhs[i] * scale[i]
         for k in range(i):
             total -= factor[i, k] * solution[k]
         solution[i] = total / factor[i, i]
@@ -229,7 +229,7 @@ def mean_noise_gain(places: Places, visible: F32, gain_table: F64) -> float:
 
 
 @cached_njit(nogil=True, fastmath=FAST)
-def normal_equations(columns: F32, value: F32, weight: F32, visible: F32, matrix: F64, right: F64) -> None:
+def normal_equations(columns: F32, value: F32, weight: F32, visible: F32, matrix: F64, rhs: F64) -> None:
     at, ax, ay, ref = columns[0], columns[1], columns[2], columns[3]
     # named sums, so that the compiler keeps them in vector registers
     h00 = h01 = h02 = h03 = h04 = h11 = h12 = h13 = h14 = h22 = h23 = h24 = h33 = h34 = h44 = 0.0
@@ -248,7 +248,7 @@ def normal_equations(columns: F32, value: F32, weight: F32, visible: F32, matrix
     for i in range(5):
         for j in range(i, 5):
             matrix[i, j], matrix[j, i], k = upper[k], upper[k], k + 1
-    right[0], right[1], right[2], right[3], right[4] = b0, b1, b2, b3, b4
+    rhs[0], rhs[1], rhs[2], rhs[3], rhs[4] = b0, b1, b2, b3, b4
 
 
 @cached_njit(nogil=True)
@@ -319,13 +319,13 @@ def weighted_sums(residual: F32, weight: F32, value: F32, visible: F32, scale: f
 
 
 @inner_njit()
-def step_over_uncertainty(matrix: F64, q: F64, sums: ResidualSums, right: F64, column: F64) -> float:
+def step_over_uncertainty(matrix: F64, q: F64, sums: ResidualSums, rhs: F64, column: F64) -> float:
     """Largest of turn, x and y of a step, each over its standard uncertainty."""
     largest = 0.0
     for k in range(3):
-        right[:] = 0.0
-        right[k] = 1.0
-        if not solve5(matrix, right, column):
+        rhs[:] = 0.0
+        rhs[k] = 1.0
+        if not solve5(matrix, rhs, column):
             return np.inf
         largest = max(largest, abs(q[k]) / math.sqrt(max(column[k] * sums.squares / max(sums.weight, 1.0), 1e-30)))
     return largest

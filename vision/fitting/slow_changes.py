@@ -154,7 +154,7 @@ class SlowChanges:
         return terms
 
     def _solve_terms(
-        self, terms: NDArray[np.float64], rows: NDArray[np.intp], w: NDArray[np.float64], right: NDArray[np.float64]
+        self, terms: NDArray[np.float64], rows: NDArray[np.intp], w: NDArray[np.float64], rhs: NDArray[np.float64]
     ) -> NDArray[np.float64] | None:
         """Amplitudes of some of the terms; None where the pixels do not tell them apart."""
         normal = np.empty((rows.size, rows.size))
@@ -165,7 +165,7 @@ class SlowChanges:
         scale = 1.0 / np.sqrt(np.maximum(normal.diagonal(), 1e-300))
         if np.linalg.eigvalsh(normal * scale[:, None] * scale)[0] < 1e-3:
             return None
-        return np.asarray(np.linalg.solve(normal, right[rows]))
+        return np.asarray(np.linalg.solve(normal, rhs[rows]))
 
     def offset_px(self, changes: Changes) -> NDArray[np.float32]:
         """Places of the template's pixels on a body of another scale and tilt."""

@@ -378,7 +378,7 @@ def _refuse_impossible(law: Law, states: Sequence[_State], seen: Sequence[Any]) 
             )
 
 
-def _jump_between(press: _Press, ends: tuple[_State, _State], most: tuple[float, list[float]]) -> str:
+def _jump_between(press: _Press, ends: tuple[_State, _State], magnitude: tuple[float, list[float]]) -> str:
     """Bisect between two states for each condition that changes; return the first discontinuity of force or rate."""
     a, b = ends
     meets = a.depth <= 0.0 < b.depth  # memories are those of the open felt until it is touched
@@ -397,11 +397,11 @@ def _jump_between(press: _Press, ends: tuple[_State, _State], most: tuple[float,
             high = middle
     at_high, state = press.evaluate(interpolate(high)), interpolate(high)
     where = f"at depth {1e3 * state.depth:.3g} mm and rate {state.rate:.3g} m/s"
-    if abs(at_high[0] - at_low[0]) > JUMP * most[0]:
+    if abs(at_high[0] - at_low[0]) > JUMP * magnitude[0]:
         return f"its force jumps by {at_high[0] - at_low[0]:.3g} N {where}"
     if press.law.anew is not None and not at_high[2][1]:
         return ""  # parted, its memory starts anew whatever the rate was
-    for k, (x, y, largest) in enumerate(zip(at_low[1], at_high[1], most[1], strict=True)):
+    for k, (x, y, largest) in enumerate(zip(at_low[1], at_high[1], magnitude[1], strict=True)):
         if abs(y - x) > JUMP * largest:
             return f"the rate of memory {k + 1} jumps by {y - x:.3g} {where}"
     return ""

@@ -172,7 +172,7 @@ CARRY = types.void(_numbers, CHANNELS)
 
 @uncounted_loop(FILL)
 def fill_channels(m, w, channels):
-    """Take over what linearising left in ``w``, as node ``m``."""
+    """Copy the derivatives that linearising left in the workspace ``w`` to node ``m`` of the channels."""
     modes = channels.modes
     for c in range(channels.many.shape[0]):
         felt = c < channels.many.shape[0] - modes.awake.shape[0]
@@ -189,7 +189,7 @@ def fill_channels(m, w, channels):
 
 @uncounted_loop(LOAD_MODES)
 def load_modes(m, size, by_number, modes):
-    """Fill row ``m`` of the modes' loads from the derivatives by numbers, ``size`` of each (`loads`)."""
+    """Fill row ``m`` of ``modes.load`` from the derivatives by the modes' parameters, ``size`` of each (`loads`)."""
     many, blocks = modes.number.shape[1], modes.load.shape[2] // LANES
     load, moved = rows(modes.load, LANES), rows(modes.moved, LANES)
     for i in range(many):
@@ -202,7 +202,7 @@ def load_modes(m, size, by_number, modes):
 
 @inlined_uncounted
 def invert(a, out):
-    """Invert a matrix (S, S), which is lost; False where it is singular."""
+    """Fill ``out`` with the inverse of ``a`` (S, S), which is overwritten."""
     n = a.shape[0]
     for i in range(n):
         for j in range(n):
@@ -229,7 +229,7 @@ def invert(a, out):
 
 @inlined_uncounted
 def multiply(a, b, out):
-    """Product of matrices (S, S)."""
+    """Fill ``out`` with the product of ``a`` and ``b`` (S, S)."""
     for i in range(a.shape[0]):
         for j in range(a.shape[0]):
             sum_ = 0.0
@@ -240,7 +240,7 @@ def multiply(a, b, out):
 
 @inlined_uncounted
 def prepare_modes(h, channels):
-    """How the modes answer in a step of ``h``, and the force's tangent to what enters."""
+    """Fill ``start``, ``forced`` and ``force`` of ``channels.modes`` for a step of ``h``."""
     modes, matrix, inverse, by_force = channels.modes, channels.small[0], channels.small[1], channels.small[2]
     for m in range(STAGES):
         for j in range(STAGES):
@@ -274,7 +274,7 @@ def prepare_modes(h, channels):
 
 @uncounted_loop(ANSWERS)
 def prepare_channels(h, channels):
-    """Fill ``operator`` and ``free`` for a step of ``h``."""
+    """Fill ``operator``, ``free`` and the modes' matrices of ``channels`` for a step of ``h``."""
     modes, matrix, inverse = channels.modes, channels.small[0], channels.small[1]
     felts = channels.many.shape[0] - modes.awake.shape[0]
     for c in range(felts):
@@ -298,7 +298,7 @@ def prepare_channels(h, channels):
 
 @uncounted_loop(COUPLE)
 def add_channel_coupling(h, n, a, channels):
-    """Add the coupling of joints through the channels to their system matrix ``a``."""
+    """Add the coupling of joints through the channels to the system matrix ``a`` (S n, S n) of a step of ``h``."""
     answer = channels.small[0]
     for c in range(channels.many.shape[0]):
         if c == channels.many.shape[0] - channels.modes.awake.shape[0] and channels.modes.awake[0] == 0:
@@ -328,7 +328,7 @@ def add_channel_coupling(h, n, a, channels):
 
 @uncounted_loop(KNOW)
 def predict_free_channels(h, tangent, carried, channels):
-    """Fill ``known`` and ``entered`` as if the joints went on without acceleration from ``tangent`` (2, n, P)."""
+    """Fill ``known`` and ``entered`` of ``channels`` as if joints went on from ``tangent`` (2, n, P) unaccelerated."""
     n, blocks = tangent.shape[1], tangent.shape[2] // LANES
     modes, count = channels.modes, channels.many.shape[0]
     felts = count - modes.awake.shape[0]
@@ -384,9 +384,10 @@ def predict_free_channels(h, tangent, carried, channels):
 
 
 @uncounted_loop(PUSH)
-def add_known_forces(n, row_of, right, channels):
-    blocks, count = right.shape[1] // LANES, channels.many.shape[0]
-    known, to = rows(channels.known, LANES), rows(right, LANES)
+def add_known_forces(n, row_of, rhs, channels):
+    """Add the forces of the ``known`` channels to the right-hand side ``rhs`` (S n, P), in its order ``row_of``."""
+    blocks, count = rhs.shape[1] // LANES, channels.many.shape[0]
+    known, to = rows(channels.known, LANES), rows(rhs, LANES)
     for c in range(count):
         if c == count - channels.modes.awake.shape[0] and channels.modes.awake[0] == 0:
             continue
@@ -401,7 +402,7 @@ def add_known_forces(n, row_of, right, channels):
 
 @uncounted_loop(FIND)
 def solve_channels(h, slopes, channels):
-    """Fill ``value`` and complete ``entered`` once nu' at the nodes, ``slopes`` (S n, P), are known."""
+    """Fill ``value`` and complete ``entered`` of ``channels`` by nu' at the nodes, ``slopes`` (S n, P)."""
     n, blocks, count = slopes.shape[0] // STAGES, slopes.shape[1] // LANES, channels.many.shape[0]
     felts = count - channels.modes.awake.shape[0]
     nu = rows(slopes, LANES)
@@ -435,7 +436,7 @@ def solve_channels(h, slopes, channels):
 
 @uncounted_loop(ADVANCE)
 def advance_channels(channels):
-    """Go on to the end of the step whose values are found."""
+    """Replace the start values of felt and modes in ``channels`` by those at the end of the solved step."""
     modes, count = channels.modes, channels.many.shape[0]
     felts, blocks = count - modes.awake.shape[0], channels.inner.shape[1] // LANES
     value, inner, entered = rows(channels.value, LANES), rows(channels.inner, LANES), rows(channels.entered, LANES)
@@ -464,6 +465,7 @@ def advance_channels(channels):
 
 @inlined_uncounted
 def channel_start(c, b, channels):
+    """Return block ``b`` of s of channel ``c`` at the start of the step."""
     modes, blocks = channels.modes, channels.inner.shape[1] // LANES
     out = broadcast_like(0.0, rows(channels.inner, LANES)[0])
     if c < channels.many.shape[0] - modes.awake.shape[0]:
@@ -477,7 +479,7 @@ def channel_start(c, b, channels):
 
 @uncounted_loop(AT)
 def interpolate_channels(x, channels, out):
-    """s (C, P) at the fraction ``x`` of the step whose values are found, on the polynomial through start and nodes."""
+    """Fill ``out`` (C, P) with s at the fraction ``x`` of the solved step, by its polynomial."""
     count, blocks = channels.many.shape[0], channels.inner.shape[1] // LANES
     value, to = rows(channels.value, LANES), rows(out, LANES)
     for c in range(count):
@@ -497,7 +499,7 @@ def interpolate_channels(x, channels, out):
 
 @uncounted_loop(CARRY)
 def propagate_free_modes(carried, channels):
-    """Advance the tangents of free string modes by the transition numbers ``carried`` (K `CARRIED`,)."""
+    """Advance ``channels.modes.tangent`` of a free string by the transition numbers ``carried`` (K `CARRIED`,)."""
     modes = channels.modes
     many, blocks = modes.number.shape[1], channels.inner.shape[1] // LANES
     tangent, moved = rows(modes.tangent, LANES), rows(modes.moved, LANES)

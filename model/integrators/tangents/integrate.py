@@ -48,9 +48,10 @@ NODE = numba_kernel(linearise_node, LINEARISE_NODE)
 
 @inlined_uncounted
 def copy_elements(out, given):
-    """Number by number: an assigned row brings the text of numba's message about shapes, seconds to compile.
+    """Copy the elements of ``given`` that ``out`` has a place for into ``out``, (n, P) both.
 
-    What fills ``given`` up to whole lanes is left out where ``out`` has no place for it.
+    Number by number, as an assigned row brings the text of numba's message about shapes, seconds to compile. What
+    fills ``given`` up to whole lanes is left out where ``out`` has no place for it.
     """
     for i in range(out.shape[0]):
         for k in range(out.shape[1]):
@@ -72,7 +73,10 @@ def fill_remaining_outputs(out, until, wanted, tangent, channels):
 
 @inlined_uncounted
 def linearise_at(t, m, place, motion, drive, linear, linearise):
-    """Linearise at ``t`` into row ``m``; ``place`` is where the step and the input were found last."""
+    """Fill row ``m`` of ``linear`` with the linearised equations at ``t``; return the step and input interval of ``t``.
+
+    The searches for these start from ``place``, which holds those returned before.
+    """
     k = interpolate_state(t, place[0], motion, linear.space.point)
     u, _, k_in = interpolate_own_input(t, place[1], drive)
     changes = linear.input_slope
@@ -86,6 +90,7 @@ def linearise_at(t, m, place, motion, drive, linear, linearise):
 
 @inlined_uncounted
 def step_end_limit(t, k, motion, stride):
+    """Return the end of the step of the motion ``stride`` - 1 after that at ``t``; the search begins at ``k``."""
     steps = motion.step
     last = steps.shape[0] - 1
     while k > 0 and t < steps[k, 0]:
@@ -105,7 +110,7 @@ def fit_step(h, left):
 
 @inlined_uncounted
 def accept_step(tangent, reached, largest):
-    """Take over the tangents that were reached, and note how large they have been."""
+    """Copy ``reached`` into ``tangent`` and update ``largest``, the largest magnitudes so far."""
     n = tangent.shape[1]
     for half in range(2):
         for i in range(n):
@@ -117,7 +122,7 @@ def accept_step(tangent, reached, largest):
 
 @inlined_uncounted
 def reuse_end_node(space):
-    """The last node of a step is the start of the next."""
+    """Copy what was linearised at the last node of a step to node 0, the start of the next."""
     copy_elements(space.mass[0], space.mass[STAGES])
     copy_elements(space.stiff[0], space.stiff[STAGES])
     copy_elements(space.damp[0], space.damp[STAGES])
@@ -137,7 +142,7 @@ def reuse_end_node(space):
 
 @inlined_uncounted
 def load_string_tangents(row, motion, linear):
-    """Carry the tangents of a string's modes over the time in which they were free, or leave them."""
+    """Advance the tangents of a string's modes, in place, over the time in which they were free."""
     modes, loads = linear.space.channels.modes, linear.loads
     modes.awake[0] = 0 if row[1] < 0.0 else 1
     if row[1] >= 0.0:
@@ -150,7 +155,7 @@ def load_string_tangents(row, motion, linear):
 
 @inlined_uncounted
 def clear_released_memories(channels):
-    """Felt that is left remembers nothing of its parameters."""
+    """Set the internal variables' tangents of felt that was left to 0: it remembers nothing of its parameters."""
     for c in range(channels.before.shape[0]):
         if channels.began[c] == 1:
             for j in range(channels.inner.shape[1]):

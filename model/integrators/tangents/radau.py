@@ -32,9 +32,9 @@ from model.kernels.lanes import broadcast_like, rows
 
 @inlined
 def factor(space, n):
-    """LU factors with row exchanges of the first ``n`` rows and columns; False where singular.
+    """Factor the first ``n`` rows and columns of ``space.matrix`` into LU; return False where it is singular.
 
-    The upper one in place, inverses of the diagonal and the lower one in ``lower``.
+    The upper one in place, inverses of the diagonal and the lower one in ``lower``, exchanges of rows in ``order``.
     """
     a, lower, order = space.matrix, space.lower, space.order
     width = a.shape[1] // LANES
@@ -69,7 +69,7 @@ def factor(space, n):
 
 @inlined
 def substitute(space, n, x, first, blocks):
-    """Solve with the factors for ``n`` rows of lanes, ``blocks`` apart, in place and in the factors' order."""
+    """Replace ``n`` rows of ``x``, ``blocks`` apart, in the factors' order, by the solution with the factors."""
     a, lower = space.matrix, space.lower
     for i in range(n):
         sum_ = x[first + i * blocks]
@@ -183,7 +183,7 @@ def solve_step(h, tangent, space):
 
 @uncounted_loop(ESTIMATED_ERROR)
 def estimate_error(h, tangent, wanted, space):
-    """The error of a step, of what is allowed in any column: the difference from a method of lower order."""
+    """Return the largest error of a step in any column over its tolerance, by a method of lower order."""
     n = tangent.shape[1]
     blocks = tangent.shape[2] // LANES
     a, order = space.matrix, space.order
@@ -236,7 +236,7 @@ def estimate_error(h, tangent, wanted, space):
 
 @uncounted_loop(AT_FRACTION)
 def interpolate_step(x, h, tangent, space, angle, speed):
-    """Derivatives of angles and speeds (n, P) at the fraction ``x`` of a step, on the polynomial through its nodes."""
+    """Fill ``angle`` and ``speed`` (n, P) with derivatives at the fraction ``x`` of a step, by its polynomial."""
     n = tangent.shape[1]
     blocks = tangent.shape[2] // LANES
     sigma, slopes = rows(tangent, LANES), rows(space.slopes, LANES)

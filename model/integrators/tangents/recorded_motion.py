@@ -89,29 +89,29 @@ def interpolate_states(motion, times, state):
 
 
 @inlined
-def evaluate_regime(t, k, k_in, motion, seen):
-    """The regime at a time within or at the start of step ``k``; and where the input was found."""
-    interpolate_state(t, k, motion, seen.workspace)
-    if seen.prescribed:  # linearising finds the coordinates that are
-        u, _, k_in = interpolate_own_input(t, k_in, seen.drive)
-        seen.linearise(seen.workspace, seen.parameters, u)
-    return seen.regime(seen.workspace, seen.parameters), k_in
+def evaluate_regime(t, k, k_in, motion, observer):
+    """Return the regime at a time within or at the start of step ``k``, and the interval of the input there."""
+    interpolate_state(t, k, motion, observer.workspace)
+    if observer.prescribed:  # linearising finds the coordinates that are
+        u, _, k_in = interpolate_own_input(t, k_in, observer.drive)
+        observer.linearise(observer.workspace, observer.parameters, u)
+    return observer.regime(observer.workspace, observer.parameters), k_in
 
 
 @step_loop(FIND_KINKS)
-def find_kinks(motion, seen, kinks):
+def find_kinks(motion, observer, kinks):
     """Fill ``kinks`` (m, 2) with the last time before and the first after each kink; returns how many."""
     found = 0
     steps = motion.step
-    now, k_in = evaluate_regime(steps[0, 0], 0, 0, motion, seen)
+    now, k_in = evaluate_regime(steps[0, 0], 0, 0, motion, observer)
     for k in range(steps.shape[0] - 1):
         before, left, end = now, steps[k, 0], steps[k + 1, 0]
-        now, k_in = evaluate_regime(end, k + 1, k_in, motion, seen)
+        now, k_in = evaluate_regime(end, k + 1, k_in, motion, observer)
         while before != now and found < kinks.shape[0]:
             right = end
             while right - left > max(NARROW, 8e-16 * abs(right)):
                 middle = 0.5 * (left + right)
-                there, k_in = evaluate_regime(middle, k, k_in, motion, seen)
+                there, k_in = evaluate_regime(middle, k, k_in, motion, observer)
                 if there == before:
                     left = middle
                 else:
@@ -121,6 +121,6 @@ def find_kinks(motion, seen, kinks):
             found += 1
             if not right < end:
                 break
-            before, k_in = evaluate_regime(right, k, k_in, motion, seen)
+            before, k_in = evaluate_regime(right, k, k_in, motion, observer)
             left = right
     return found

@@ -391,6 +391,7 @@ class _Exposures:
                 yield drawn.popleft().result()
 
     def _angles_during(self, i: int) -> NDArray[np.float64]:
+        """Angles (k, m) at instants of exposure ``i``; sets its mean and counts the instants."""
         count = int(self._instants[i])
         self.n_instants += count
         if count == 1:

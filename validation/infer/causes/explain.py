@@ -128,7 +128,7 @@ def _choose_trials(sound: Sequence[MeasuredTrial]) -> list[MeasuredTrial]:
     """The trial that stands for all, then the others; so many, evenly chosen, where there are more."""
     first = representative(list(sound))
     others = [m for m in sound if m is not first]
-    return [first, *chosen_trials(others, most=MOST_TRIALS - 1)]
+    return [first, *chosen_trials(others, max_trials=MOST_TRIALS - 1)]
 
 
 def _explain(tested: ModelUnderTest, trials: Sequence[ObservedTrial], effects: bool) -> Explained:
