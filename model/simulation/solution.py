@@ -106,6 +106,7 @@ class Contacts(tuple[str, ...]):
 class Moved(Tabular):
     """A motion (m,) of bodies, effects and joints that may give, whatever drives it."""
 
+    _told, _line = ", model", "--"
     action: Action | None
     bodies: tuple[str, ...]
     angle_rad: NDArray[np.float64]

@@ -95,12 +95,18 @@ def test_a_recording_and_a_prediction_lie_on_each_other(session):
     """Axes in, axes out; angles are turns in degrees in both, so that one picture compares them."""
     trial, solution = session[1], model.simulate(ACTION, session[1])
     axes = trial.plot()
-    assert solution.plot("hammer", ax=axes, linestyle="--") is axes
+    assert solution.plot("hammer", ax=axes) is axes
     drawn = {(line.get_label(), line.get_linestyle()): line for line in axes.lines}
     np.testing.assert_allclose(drawn["hammer", "-"].get_ydata(), turned(trial.read().angle_rad[:, 2]))
-    np.testing.assert_allclose(drawn["hammer", "--"].get_ydata(), turned(solution["hammer"]))
+    np.testing.assert_allclose(drawn["hammer, model", "--"].get_ydata(), turned(solution["hammer"]))
     np.testing.assert_array_equal(trial.plot("force_n").lines[0].get_ydata(), trial.force_n)
-    assert {label for label, _ in drawn} == {"key", "whippen", "hammer"} and axes.get_xlabel() == "time, s"
+    assert solution.plot("key", ax=axes, ls=":", c="red").lines[-1].get_color() == "red"
+    assert {label for label, _ in drawn} == {
+        "key",
+        "whippen",
+        "hammer",
+        "hammer, model",
+    } and axes.get_xlabel() == "time, s"
     plt.close("all")
 
 
