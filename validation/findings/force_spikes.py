@@ -42,6 +42,8 @@ FEWEST_MISSES, FEWEST_SCATTERS = 5.0, 3.0
 over what other trials scatter by, where also the force must be unlike theirs by so many times of what they scatter."""
 FEWEST_LIKE = 3
 """Other trials of the same stroke that tell what is usual: their median stands against one that is wrong."""
+MOST_LIKE = 15
+"""Of them, the nearest by number: more change a median by less than a quarter of the trials' scatter."""
 LACKING = (0.6, 1.6)
 """Share of the answer that is lacking: 1 but for the estimated size of the spike; of a true one it is 0."""
 MOST_RUN = 4
@@ -124,6 +126,7 @@ def align_like_trials(
     there = [one for one in others if one[0].number != m.number and np.isfinite(bottom_s[one[0].number])]
     if len(there) < FEWEST_LIKE or not np.isfinite(bottom_s[m.number]):
         return None
+    there = sorted(there, key=lambda one: abs(one[0].number - m.number))[:MOST_LIKE]
     force, off = [], []
     for other, p in there:
         later = bottom_s[other.number] - bottom_s[m.number]
@@ -184,11 +187,11 @@ def find_unanswered_spikes(
     """
     key_per_impulse = 0.5 * AFTER_S * tested.action["drive.point.x"] / tested.action["key.inertia"]
     predicted = np.column_stack([p.change_rad(name) for name in BOTH]) / m.resolution_rad[: len(BOTH)]
-    asked = []
+    asked, step_s = [], _step_s(m)
     for one in _list_suspects(m, subtract_model(m, p), like):
         if one.part.size < FEWEST or m.time_s[one.part[-1]] > until_s or not np.isfinite(one.off).all():
             continue
-        answer = key_per_impulse * _step_s(m) * abs(float(one.spike.change_n.sum())) / float(m.resolution_rad[0])
+        answer = key_per_impulse * step_s * abs(float(one.spike.change_n.sum())) / float(m.resolution_rad[0])
         size = min(rms(_subtract_line(m.time_s[one.part], one.off)), LACKING[1] * answer)
         if size >= one.limit * one.missed:
             asked.append((answer / one.missed, _measure_isolation(m.force.force_n, one.spike), one))
