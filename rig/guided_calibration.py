@@ -22,13 +22,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rig.arrays import as_numbers
-from rig.backend import Backend, Block
+from rig.backend import CALL_TIMEOUT_S, Backend, Block
 from rig.configuration.rig_file import BODIES, EncoderConfig, Rig, RigConfig, parse_rig
 from rig.configuration.toml_file import toml_value
 from rig.errors import RigInputError
 from rig.selftest import SelftestBackend
 
-READ_TIMEOUT_S = 5.0
 Array = NDArray[np.float64]
 Value = str | float | int | tuple[float, float]
 
@@ -131,7 +130,7 @@ def read_quiet(
         backend.arm(enable_drive=False)
         backend.start()
         for _ in range(int(longest_s * rate) // size):
-            if take(backend.read_block(size, READ_TIMEOUT_S), rate):
+            if take(backend.read_block(size, CALL_TIMEOUT_S), rate):
                 break
     finally:
         backend.safe_stop()

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import ConfigDict, Field
 
 from rig.atomic_write import translate_os_error, write_text
-from rig.backend import Backend, Block, Capabilities, Expiry, Timing
+from rig.backend import CALL_TIMEOUT_S, Backend, Block, Capabilities, Expiry, Timing
 from rig.configuration import toml_file
 from rig.configuration.rig_file import BODIES, Number, Rig, RigConfig, SelftestConfig, Table, Text
 from rig.errors import HardwareFault, NotPermitted, RigInputError
@@ -278,7 +278,6 @@ SETTLED_S = 0.1
 CAMERA_S = 0.5
 EDGE_LEAD = 10
 """Samples before the edge of a push that are evaluated with it."""
-READ_TIMEOUT_S = 5.0
 INSTRUCTION = (
     "drive disabled: lift the arm off the key for a second, put it back, then press the key slowly to its bottom and "
     f"let it come up again, all within {PRESS_S:g} s"
@@ -315,7 +314,7 @@ class Checks:
         self.backend.arm(enable_drive=enable_drive)
         self.backend.start()
         size = max(int(round(self.config.recording.block_s * self.rate)), 1)
-        blocks = [self.backend.read_block(size, READ_TIMEOUT_S) for _ in range(-(-command_v.size // size))]
+        blocks = [self.backend.read_block(size, CALL_TIMEOUT_S) for _ in range(-(-command_v.size // size))]
         self.backend.safe_stop()
         return timing, join_blocks(blocks)
 
@@ -435,7 +434,7 @@ class Checks:
         self.backend.start()
         size = max(int(round(config.recording.block_s * self.rate)), 1)
         first = join_blocks(
-            [self.backend.read_block(size, READ_TIMEOUT_S) for _ in range(int(0.6 * self.rate) // size)]
+            [self.backend.read_block(size, CALL_TIMEOUT_S) for _ in range(int(0.6 * self.rate) // size)]
         )
         lead, settled = int(LEAD_S * self.rate), int(SETTLED_S * self.rate)
         pushed = float(first.force_n[-settled:].mean() - first.force_n[:lead].mean())

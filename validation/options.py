@@ -9,6 +9,7 @@ from typing import Any, TypedDict
 
 import model
 from model.errors import refuse_unknown
+from model.scene.string_terms import USUAL_TOLERANCE
 from validation.conventions import Array
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.trial import U_REST_LEVEL_M
@@ -48,7 +49,7 @@ class ComparisonOptions:
     sensors, which the comparison of two models needs.
     """
 
-    tolerance: float = 1e-5
+    tolerance: float = USUAL_TOLERANCE
     rivals: tuple[str, ...] = RIVALS
     budget: bool = True
     explain: bool | None = None

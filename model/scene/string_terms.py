@@ -23,7 +23,7 @@ NODE = 1e-4  # height of a mode at the hammer below which it is not moved, whate
 # forte, 0.14 of a fortissimo (tests/model/simulation/test_modes_by_tolerance.py)
 LEFT_OUT_ERROR = 0.055
 FEWEST = 8  # modes of a string
-USUAL_TOLERANCE = 1e-5  # rad, of a scene that is built without one
+USUAL_TOLERANCE = 1e-5  # rad, largest error of an angle where none is asked: half a count of the key's encoder
 
 Array = NDArray[np.float64]
 

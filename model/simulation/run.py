@@ -25,6 +25,7 @@ from model.kernels import workspace as W
 from model.kernels.signatures import Account, InputTable, Limits, Outputs, SceneNumbers, Span, StepKernels
 from model.scene.build import Scene
 from model.scene.key_motion import with_moved
+from model.scene.string_terms import USUAL_TOLERANCE
 from model.simulation.negative_contact_force import describe_jumps, describe_pull
 from model.simulation.solution import EnergyAudit
 from model.simulation.statics import with_pins
@@ -188,7 +189,7 @@ class Simulation:
 
     scene: Scene
     state: State
-    tolerance: float = 1e-5
+    tolerance: float = USUAL_TOLERANCE
     method: str = DEFAULT_METHOD
     largest_step_s: float = 0.05
     max_steps: int | None = None

@@ -15,6 +15,7 @@ from model.errors import InputError, did_you_mean
 from model.observables import head_approach_m_per_s, head_height_m, key_dip_m
 from model.parameters.action import BODIES, Action
 from model.parameters.effects import KEY_LIFT, column
+from model.scene.string_terms import USUAL_TOLERANCE
 from model.simulation.compliant_joints import CompliantJointMotion
 from model.simulation.loads_and_losses import Inside
 from model.simulation.string_motion import StringMotion
@@ -186,7 +187,7 @@ class Solution(Moved, ArrayRecord):
     contact_normal_n: NDArray[np.float64] | None = None
     contact_friction_n: NDArray[np.float64] | None = None
     counters: dict[str, int | float] = field(default_factory=dict)
-    tolerance: float = 1e-5
+    tolerance: float = USUAL_TOLERANCE
     energy: EnergyAudit | None = None
     inside: Inside | None = None
     error_rad: float | None = None

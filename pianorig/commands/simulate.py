@@ -11,7 +11,16 @@ import typer
 import model
 from pianorig import workflows
 from pianorig.console.column_file import FIGURE_ENDINGS, check_writable, run_attributes, write_columns
-from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Scale, Settings, Tolerance, complete_scene
+from pianorig.console.options import (
+    DEFAULT_ACTION,
+    DEFAULT_TOLERANCE,
+    Action,
+    AsJson,
+    Scale,
+    Settings,
+    Tolerance,
+    complete_scene,
+)
 from pianorig.console.output import file_lines, tell
 from pianorig.console.overrides import load_changed
 from pianorig.console.progress import working
@@ -49,7 +58,7 @@ def command(
     action: Action = DEFAULT_ACTION,
     set_: Settings = None,
     scale: Scale = None,
-    tolerance: Tolerance = 1e-5,
+    tolerance: Tolerance = DEFAULT_TOLERANCE,
     output_rate: Annotated[
         float | None, typer.Option("--output-rate", help="Rows per second, Hz; default: the force table's times.")
     ] = None,

@@ -9,14 +9,20 @@ import typer
 
 import validation
 from pianorig import workflows
-from pianorig.console.options import DEFAULT_ACTION, AsJson, Scene, Settings, Tolerance, complete_file
+from pianorig.console.options import (
+    DEFAULT_ACTION,
+    DEFAULT_TOLERANCE,
+    AsJson,
+    Scene,
+    Settings,
+    Tolerance,
+    complete_file,
+)
 from pianorig.console.output import tell
 from pianorig.console.overrides import load_model, split_model
 from pianorig.console.progress import say
 from pianorig.errors import CommandInputError
 from validation.cache.report_cache import StoredReport, inputs_sha256, report_folder, store_report, stored_report
-
-DEFAULT_TOLERANCE = 1e-5
 
 
 def command(

@@ -13,12 +13,12 @@ import model
 import vision
 from pianorig.console.column_file import check_writable, make_folder
 from pianorig.errors import CommandInputError
+from pianorig.workflows.foreign_file import COUNTS_PER_REVOLUTION
 from rig.atomic_write import write_text
 from rig.configuration.rig_file import FOLDER as RIGS
 from rig.simulated import ActionGeometry, CameraSettings, film_bodies, film_trial
 
 Table = dict[str, NDArray[np.float64]]
-ENCODER_COUNTS = {"key": 327680, "whippen": 327680, "hammer": 163840}
 PRELOAD_N = 0.05
 QUIET_S = 0.3
 FELT_DEPTH_M = 5e-4
@@ -43,7 +43,7 @@ def simulated_blow() -> model.Solution:
 
 def key_motion(blow: model.Solution) -> Table:
     """The key's angle since rest, in whole counts of an encoder as a bench would record it."""
-    step = 2.0 * np.pi / ENCODER_COUNTS["key"]
+    step = 2.0 * np.pi / COUNTS_PER_REVOLUTION["key"]
     turned = blow.angle_rad[:, 0] - blow.angle_rad[0, 0]
     return {"time_s": blow.time_s, "key_rad": np.round(turned / step) * step}
 
@@ -87,7 +87,7 @@ def lab_recording(blow: model.Solution) -> Table:
         "time_s": np.arange(quiet + force_n.size) / rate_hz,
         "force_n": np.concatenate([np.zeros(quiet), force_n]) + noise,
     }
-    for body, counts in ENCODER_COUNTS.items():
+    for body, counts in COUNTS_PER_REVOLUTION.items():
         angle = blow.angle_rad[:, model.BODIES.index(body)]
         turned = np.round((angle - angle[0]) * counts / (2.0 * np.pi))
         columns[f"{body}_counts"] = np.concatenate([np.zeros(quiet), turned])
@@ -257,7 +257,7 @@ def write_examples(folder: Path, working: Callable[[str], None] = lambda words: 
         "key.csv": table_text(key_motion(blow)),
         "felt.csv": table_text(felt_loading()),
         "lab.csv": table_text(lab_recording(blow)),
-        "lab.toml": MAPPING + "".join(_encoder(body) for body in ENCODER_COUNTS),
+        "lab.toml": MAPPING + "".join(_encoder(body) for body in COUNTS_PER_REVOLUTION),
         "plan.toml": PLAN,
         "my_rig.toml": (RIGS / "pcie6363.toml").read_text("utf-8").replace('name = "pcie6363"', 'name = "my_rig"', 1),
     }
@@ -288,5 +288,5 @@ def _copy_session(name: str, place: Path) -> None:
 def _encoder(body: str) -> str:
     return (
         f'\n[[encoders]]\nname = "{body}"\nchannel = "{body}_counts"\nunit = "counts"\n'
-        f"counts_per_revolution = {ENCODER_COUNTS[body]}\nsign = 1\n"
+        f"counts_per_revolution = {COUNTS_PER_REVOLUTION[body]}\nsign = 1\n"
     )

@@ -28,7 +28,7 @@ NAMES = {
     "whippen": re.compile(r".*(whippen|wippen|hebeglied|chevalet).*", re.IGNORECASE),
     "hammer": re.compile(r".*(hammer|marteau|martello).*", re.IGNORECASE),
 }
-COUNTS_PER_REVOLUTION = {"key": 327680, "whippen": 327680, "hammer": 163840}
+COUNTS_PER_REVOLUTION = {"key": 327_680, "whippen": 327_680, "hammer": 163_840}
 """Of the encoders of the built-in rig, as a place to start from."""
 STEPS_OF_ANGLES = 2**24
 """Counts of a turn in which angles are stored: 0.4 microradians, finer than encoders read."""

@@ -10,7 +10,6 @@ from rig.configuration.rig_file import BODIES
 from rig.safety.dry_run import Predict
 
 AFTER_S = 0.5
-TOLERANCE = 1e-5
 
 
 def predictor(rig: Rig, action: str | model.Action = "hirschkorn2004") -> Predict:
@@ -36,7 +35,7 @@ def predictor(rig: Rig, action: str | model.Action = "hirschkorn2004") -> Predic
         armed = nominal.with_values({f"motor_arm.{key}": value for key, value in arm.items()}, f"rig {config.name}")
         scene = model.build_scene(armed, model.SceneChoice(effects=("motor_arm",)))
         rest = model.rest_state(armed, scene=scene).angle_rad
-        run = model.Simulation(scene, model.State(0.0, rest, np.zeros(scene.size)), tolerance=TOLERANCE)
+        run = model.Simulation(scene, model.State(0.0, rest, np.zeros(scene.size)))
         rate_hz = config.device.sample_rate_hz
         force_n = np.append(profile.sample(rate_hz), np.zeros(int(AFTER_S * rate_hz)))
         edge_s = np.arange(force_n.size) / rate_hz

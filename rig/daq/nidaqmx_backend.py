@@ -27,7 +27,7 @@ from nidaqmx.system import Device
 from numpy.typing import ArrayLike
 
 from rig.arrays import as_numbers
-from rig.backend import Backend, Block, Capabilities, Expiry, Timing
+from rig.backend import CALL_TIMEOUT_S, Backend, Block, Capabilities, Expiry, Timing
 from rig.configuration.rig_file import RigConfig
 from rig.daq import tasks
 from rig.daq.discovery import FoundDevice, ServerClaim, driver_version, find_device, find_devices
@@ -119,7 +119,6 @@ def shortest_block_s(config: RigConfig, delay: CallDelay) -> float:
 
 
 SHUNT_S = 0.4
-READ_TIMEOUT_S = 5.0
 CLIENT_VERSION = version("nidaqmx")
 
 
@@ -340,7 +339,7 @@ class NidaqmxBackend(SafeBench, Backend):
                 task.ai_channels[0].ai_bridge_shunt_cal_enable = shunt
                 task.start()
                 values = np.empty(n)
-                AnalogSingleChannelReader(task.in_stream).read_many_sample(values, n, READ_TIMEOUT_S)
+                AnalogSingleChannelReader(task.in_stream).read_many_sample(values, n, CALL_TIMEOUT_S)
             settled = values[n // 4 :]  # after the step response of the module's filter
             readings.append(float(np.mean(tasks.volts_of_force(config, settled))))
         return readings[1] - readings[0]
@@ -356,7 +355,7 @@ class NidaqmxBackend(SafeBench, Backend):
             made.append(tasks.force_task(new_task, config))
             for task in made:
                 task.start()
-            counted = edges.read(n, timeout=READ_TIMEOUT_S)
+            counted = edges.read(n, timeout=CALL_TIMEOUT_S)
         return int(counted[-1]) - int(counted[0])
 
     def loopback_read(self, config: RigConfig, channel: str, command_v: ArrayLike) -> np.ndarray:
@@ -372,7 +371,7 @@ class NidaqmxBackend(SafeBench, Backend):
             loop = tasks.voltage_task(new_task, config, channel)
             motor.start()
             loop.start()
-            AnalogSingleChannelReader(loop.in_stream).read_many_sample(values, values.size, READ_TIMEOUT_S)
+            AnalogSingleChannelReader(loop.in_stream).read_many_sample(values, values.size, CALL_TIMEOUT_S)
         return values
 
     def let_watchdog_expire(self, n_samples: int, blocks: int) -> Expiry:
@@ -384,7 +383,7 @@ class NidaqmxBackend(SafeBench, Backend):
         tripped: int | None = None
         for index in range(blocks):
             try:
-                read.append(self._read_inputs(n_samples, READ_TIMEOUT_S))
+                read.append(self._read_inputs(n_samples, CALL_TIMEOUT_S))
             except HardwareFault:
                 if not self._has_expired():
                     raise

@@ -32,7 +32,7 @@ from nidaqmx.stream_writers import AnalogSingleChannelWriter, DigitalSingleChann
 from nidaqmx.system import Device
 from nidaqmx.system.watchdog import AOExpirationState, DOExpirationState, WatchdogTask
 
-from rig.backend import Timing
+from rig.backend import CALL_TIMEOUT_S, Timing
 from rig.configuration.rig_file import RigConfig
 from rig.daq import tasks
 from rig.daq.faults import translate_faults
@@ -87,7 +87,6 @@ def reset_device(channel: grpc.Channel | None, name: str) -> None:
 
 
 ZERO, DRIVE = "motor_zero", "drive_enable"
-WRITE_TIMEOUT_S = 5.0
 
 
 class SafeOutputs:
@@ -104,7 +103,7 @@ class SafeOutputs:
         def write(task: nidaqmx.Task) -> None:
             writer = AnalogSingleChannelWriter(task.out_stream, auto_start=True)
             writer.verify_array_shape = False  # saves a call
-            writer.write_one_sample(0.0, timeout=WRITE_TIMEOUT_S)
+            writer.write_one_sample(0.0, timeout=CALL_TIMEOUT_S)
 
         self._write(ZERO, add, write)
 
@@ -119,7 +118,7 @@ class SafeOutputs:
         def write(task: nidaqmx.Task) -> None:
             writer = DigitalSingleChannelWriter(task.out_stream, auto_start=True)
             writer.verify_array_shape = False
-            writer.write_one_sample_one_line(enabled, timeout=WRITE_TIMEOUT_S)
+            writer.write_one_sample_one_line(enabled, timeout=CALL_TIMEOUT_S)
 
         self._write(DRIVE, add, write)
 

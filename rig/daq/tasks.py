@@ -28,7 +28,7 @@ from nidaqmx.stream_readers import AnalogMultiChannelReader, CounterReader
 from nidaqmx.stream_writers import AnalogSingleChannelWriter
 from numpy.typing import NDArray
 
-from rig.backend import Block
+from rig.backend import CALL_TIMEOUT_S, Block
 from rig.configuration.rig_file import CameraConfig, EncoderConfig, OppositeHeadConfig, RigConfig
 from rig.daq.faults import translate_faults
 from rig.errors import HardwareFault, RigInputError, refuse
@@ -212,7 +212,6 @@ def volts_of_force(config: RigConfig, force_n: NDArray[np.float64]) -> NDArray[n
     return _interpolate_line(force_n, config.force.physical_n, config.force.electrical)
 
 
-WRITE_TIMEOUT_S = 5.0
 MOTOR, CAMERA, EDGES, OPPOSITE, VOLTAGE = "motor", "camera", "exposures", "encoder_key_opposite", "voltage"
 """Names of the tasks."""
 CHECK = "check_{}"
@@ -298,7 +297,7 @@ def load_command(task: nidaqmx.Task, command_v: NDArray[np.float64]) -> None:
     """Load the whole command, which :func:`prepare_command` has prepared for; the last sample is 0 V."""
     writer = AnalogSingleChannelWriter(task.out_stream, auto_start=False)
     writer.verify_array_shape = False  # saves a call
-    writer.write_many_sample(np.ascontiguousarray(command_v, dtype=np.float64), timeout=WRITE_TIMEOUT_S)
+    writer.write_many_sample(np.ascontiguousarray(command_v, dtype=np.float64), timeout=CALL_TIMEOUT_S)
 
 
 def camera_task(new_task: NewTask, config: RigConfig, camera: CameraConfig) -> tuple[nidaqmx.Task, float, float]:

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from validation.conventions import ENCODER_CHANNELS, Array
+from validation.prediction.joint_draws import MOVED_RAD
 
 FORCE_GAIN, FORCE_LEVEL, FORCE_DELAY = "force gain", "force level", "force delay"
 CLOCK = "clock rate"
 KEY_SCALE, KEY_ZERO = "key encoder scale", "key encoder zero"
 SCALE, ZERO, DELAY = "encoder scale", "encoder zero", "encoder delay"
-MOVED_RAD = 1e-3  # turn over which the error of an encoder that does not grow with the angle comes about
 
 
 @dataclass(frozen=True)

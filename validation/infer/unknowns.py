@@ -19,6 +19,7 @@ from model.parameters.quantity import Quantity, allowed_range
 from validation.errors import ValidationInputError
 from validation.infer.channels import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL, KEY_SCALE, KEY_ZERO
 from validation.measurement.position_sensors import POSITION_ERRORS
+from validation.prediction.input_sampling import LARGE_RELATIVE_U
 
 FELT = "felt:"
 STIFFNESS = ("a", "b", "c")
@@ -144,7 +145,6 @@ INSIDE = 0.999  # share of the way to the end of what is allowed that a value go
 BOX = 4.0
 """A parameter is looked for within this many prior standard uncertainties."""
 THRESHOLDS = ("friction_threshold.v_t", "friction_threshold.omega_t")
-LARGE_RELATIVE_U = 0.25
 PRINTED = "printed digits"
 
 

@@ -34,7 +34,7 @@ from scipy.ndimage import convolve1d, maximum_filter1d
 from scipy.optimize import brentq, isotonic_regression
 from scipy.special import stdtr, stdtrit
 
-from validation.conventions import Array
+from validation.conventions import CONFIDENCE, Array
 
 WINDOW = 1 / 6  # of the time in which the mean curve would cover its range at its largest speed
 LONGEST = 0.5  # of the same time: a longer shift is not told from a difference in value
@@ -132,7 +132,6 @@ def extend_in_time(mean: Array, scatter: Array, n: int) -> Array:
     return np.asarray(np.maximum(upper - mean, lower + mean))
 
 
-CONFIDENCE = 0.95
 FEWEST_FOR_BAND = 5
 LARGEST_U = 1e6
 FEWEST_STEPS = 40  # of the path, however noisy the samples are

@@ -18,11 +18,11 @@ import numpy as np
 import pandas as pd
 from scipy.special import stdtrit
 
-from validation.conventions import Array
+from validation.conventions import LEVEL, Array
 from validation.result import ValidationResult
 from validation.scores.curve_scores import SCORES
 from validation.scores.perfect_model import PAIRED_SCORES
-from validation.statistics.sign_flip_test import LEVEL, joint_sign_flip, sign_flip_p
+from validation.statistics.sign_flip_test import joint_sign_flip, sign_flip_p
 
 COVERAGE = 2.1  # Student's t of 18 draws
 CLAIMED = " closer (5 %, all channels together)"

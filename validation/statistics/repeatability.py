@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import chdtri, stdtrit
 
-from validation.conventions import Array
+from validation.conventions import CONFIDENCE, Array
 from validation.curves.table import interpolate_to_base_times
 from validation.events.definitions import EVENTS, Event
 from validation.scores.traces import select_scored_angles
@@ -36,7 +36,6 @@ def interpolate_to_base(time_s: Array, frames: dict[int, pd.DataFrame], column: 
     return out
 
 
-CONFIDENCE = 0.95
 RECOMMENDED_TRIALS = 10
 FEWEST_TRIALS = 6
 FEWEST_TO_STAND_OUT = 4

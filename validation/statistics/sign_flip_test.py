@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-LEVEL = 0.05
 EXACT_UP_TO = 14  # rows; beyond that signs are drawn
 DRAWS = 20_000
 SEED = 20260102

@@ -20,17 +20,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
-from validation.conventions import Array
+from validation.conventions import CONFIDENCE, LEVEL, Array
 
-LEVEL = 0.05
-INTERVAL, EQUIVALENCE = 0.95, 0.90
+EQUIVALENCE = 1.0 - 2.0 * LEVEL  # coverage of an interval inside a limit: two one-sided tests of `LEVEL` each
 POWER = 0.80
 PRIOR_FREEDOM = 3.0  # few, so that six trials outweigh what is declared; one trial has Student's factor 3.2
 FEWEST_FOR_INTERVAL = 39  # 95 % of ranks
 FEWEST_FOR_BRANCH = 20  # of a branch's scales
 RARE_BRANCH = LEVEL / 2  # of the level of the simultaneous test, what branches of the motion may take
 SIGMA = 0.158655  # of a normal distribution below −σ
-TAIL = 0.5 * (1.0 - INTERVAL)
+TAIL = 0.5 * (1.0 - CONFIDENCE)
 WINSOR = 4.0  # scales beyond which a draw counts as that far when variances are divided among inputs
 SEED = 20
 
@@ -108,7 +107,7 @@ def estimate_errors(sample: ErrorSample) -> Estimates:
     with np.errstate(invalid="ignore"):
         resolved = sample.primary & (reached > limit)
     detectable = detectable_errors(drawn, middle, below, above, float(limit))
-    low, high = interval_by_rank(sample.found, drawn, INTERVAL)
+    low, high = interval_by_rank(sample.found, drawn, CONFIDENCE)
     low_90, high_90 = interval_by_rank(sample.found, drawn, EQUIVALENCE)
     return Estimates(
         low=low,

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from validation.conventions import Array
+from validation.conventions import LEVEL, Array
 from validation.curves.display_signs import SIGN
 from validation.measurement.trial import trials_in_words
 from validation.result import AGREES, CANNOT_TELL, DIFFERS, DIFFERS_LITTLE, DIFFERS_PERHAPS
 from validation.verdict.error_draws import DRAWS, INPUTS, Condition, SessionErrors
-from validation.verdict.estimate import LEVEL, RARE_BRANCH, ErrorSample, Estimates, estimate_errors, strongest_inputs
+from validation.verdict.estimate import RARE_BRANCH, ErrorSample, Estimates, estimate_errors, strongest_inputs
 from validation.verdict.evidence import log_evidence
 from validation.verdict.quantities import (
     ANGLES,
