@@ -323,7 +323,7 @@ class Checks:
         prompt(INSTRUCTION)
         _, block = self._acquire(np.zeros(int(PRESS_S * self.rate)), enable_drive=False)
         rad = (block.encoder_count - block.encoder_count[:1]) * [e.rad_per_count for e in self.config.encoders]
-        self._force_by_hand(block)
+        self._check_force_by_hand(block)
         stroke = np.take_along_axis(rad, np.argmax(np.abs(rad), axis=0)[None, :], axis=0)[0]
         for body, name in enumerate(BODIES):
             wanted, tolerance = self.expected.stroke_rad[body], self.expected.stroke_tolerance
@@ -342,7 +342,8 @@ class Checks:
         advice = "ticks must be read as signed numbers; one body turns below 0"
         self.add("counts below zero", signed, found, "some below 0, none beyond 2^31", advice)
 
-    def _force_by_hand(self, block: Block) -> None:
+    def _check_force_by_hand(self, block: Block) -> None:
+        """Add the checks of the unloaded reading, preload and sign, from a block in which a hand pushed and lifted."""
         n = int(REST_WINDOW_S * self.rate)
         mean = np.convolve(block.force_n, np.full(n, 1 / n), "valid")
         resting = float(np.median(mean[: max(n // 4, 1)]))

@@ -91,7 +91,7 @@ def content_sha256(*values: Any, known: dict[int, bytes] | None = None) -> str:
 
 
 def _update_digest(digest: Any, value: Any, known: dict[int, bytes]) -> None:
-    """Add a value to a hash, with its kind and length, so that no two values look alike."""
+    """Add a value to ``digest``, with kind and length, so that no two values look alike; ``known`` caches digests."""
     if isinstance(value, np.ndarray) or is_dataclass(value):
         if id(value) not in known:
             known[id(value)] = _content_digest(value, known)

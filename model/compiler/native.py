@@ -377,6 +377,7 @@ class KernelWriter:
         return out
 
     def _compute_values(self, es: list[Expression], alike: bool) -> None:
+        """Write code for ``es``, where they are ``alike`` as one vector; their values are known from then on."""
         if not alike or not self._bundles or not 2 < len(es) <= BUNDLE or len({e.op for e in es}) > 1:
             for e in es:
                 self.value(e)

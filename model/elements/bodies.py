@@ -27,13 +27,14 @@ class Bodies:
                 self._add(self.mass, (i, i), s.body(i, L.MASS))
                 self._add(self._force, i, -(s.body(i, L.MASS) * gravity))
             else:
-                self._place(i)
+                self._add_body(i)
 
     @staticmethod
     def _add(to: dict, key: object, e: Expression) -> None:  # type: ignore[type-arg]
         to[key] = to.get(key, ZERO) + e
 
-    def _place(self, i: int) -> None:
+    def _add_body(self, i: int) -> None:
+        """Add a body to the mass matrix and the forces; note its acceleration while no speed changes."""
         s, k = self._s, self._k
         mass, inertia = s.body(i, L.MASS), s.body(i, L.INERTIA)
         arm = k.to_world_vector(i, s.body(i, L.COM_X), s.body(i, L.COM_Y))

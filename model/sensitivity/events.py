@@ -152,7 +152,7 @@ class Events:
         if STRING in self.scene.contacts and self._find_first(
             "strike_s", lambda q, v: self._height(action, q, v), False, -np.inf, "the hammer does not reach the string"
         ):
-            self._find_after_strike()
+            self._find_events_after_strike()
         else:
             why = self.absent.setdefault("strike_s", "the scene has no string")
             for name in EVENTS:
@@ -161,7 +161,8 @@ class Events:
         self.absent.update({name: self.absent[other] for name, other in _READ_AT.items() if other in self.absent})
         return np.unique(list(self.at.values()))
 
-    def _find_after_strike(self) -> None:
+    def _find_events_after_strike(self) -> None:
+        """Set the times of rebound, let-off, check and drop in ``at``, or in ``absent`` why there is none."""
         action, strike = self.action, self.at["strike_s"]
         self._find_first(
             "rebound_s", lambda q, v: self._height(action, q, v), True, strike, "the hammer does not leave the string"
@@ -181,9 +182,10 @@ class Events:
             self.absent["check_s"] = self.absent["check_m"] = "the scene has no back check"
             self.absent["drop_s"] = "the scene has no back check"
             return
-        self._hold(strike)
+        self._find_check_and_drop(strike)
 
-    def _hold(self, strike: float) -> None:
+    def _find_check_and_drop(self, strike: float) -> None:
+        """Set the times of check, hold, release and drop in ``at``, or in ``absent`` why there is none."""
         action = self.action
         if not self._find_first(
             "check_s", partial(self._depth, BACK_CHECK), True, strike, "the back check does not touch"

@@ -50,6 +50,7 @@ class LiveStream:
         return state, samples
 
     def _samples(self) -> bytes:
+        """Samples that the journal received since the last call, packed for the page; empty where there are none."""
         journals = self.session.journals
         if not journals:
             self._journal = None

@@ -39,7 +39,7 @@ def drawing_times(start_s: float, end_s: float) -> Array:
 
 
 def moving_action(
-    seen: SeenMotion, measured: Array | None = None, labels: Sequence[str] | None = None
+    motion: SeenMotion, measured: Array | None = None, labels: Sequence[str] | None = None
 ) -> dict[str, Any]:
     """Shapes and poses for the page.
 
@@ -55,7 +55,7 @@ def moving_action(
         ``time_s`` (m,), ``bodies`` with name, colour, surfaces and sticks in the body's frame, ``pose`` (m, n, 3) of
         the model, ``measured`` of the same shape or None, ``ground``, ``contacts``, ``point_m``, ``normal_n``.
     """
-    view = side_view(seen)
+    view = side_view(motion)
     bodies = [
         {
             "name": body,
@@ -63,18 +63,18 @@ def moving_action(
             "surfaces": [shape.points.tolist() for shape in view.surfaces[body]],
             "sticks": view.sticks[body].tolist(),
         }
-        for i, body in enumerate(seen.bodies)
+        for i, body in enumerate(motion.bodies)
     ]
     return {
-        "time_s": pack(seen.time_s),
+        "time_s": pack(motion.time_s),
         "bodies": bodies,
         "ground": [shape.points.tolist() for shape in view.surfaces[GROUND]],
-        "pose": pack(seen.pose),
+        "pose": pack(motion.pose),
         "measured": None if measured is None else pack(measured),
-        "contacts": list(seen.contacts),
-        "labels": list(labels or seen.contacts),
-        "point_m": pack(seen.point_m),
-        "normal_n": pack(seen.normal_n),
+        "contacts": list(motion.contacts),
+        "labels": list(labels or motion.contacts),
+        "point_m": pack(motion.point_m),
+        "normal_n": pack(motion.normal_n),
     }
 
 

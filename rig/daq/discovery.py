@@ -205,6 +205,7 @@ class ServerClaim:
             self._lock = None
 
     def _take_lock(self, config: RigConfig) -> None:
+        """Lock the device on this computer; `ResourceBusy` where another program holds it."""
         key = hashlib.sha256(f"{self._target} {config.device.name}".encode()).hexdigest()[:16]
         path = Path(tempfile.gettempdir()) / f"pianorig-{key}.lock"
         descriptor = open_raw(path, os.O_RDWR | os.O_CREAT)

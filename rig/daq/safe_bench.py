@@ -96,6 +96,8 @@ class SafeOutputs:
         self._tasks = TaskSet(new_task, end_left)
 
     def put_motor_at_zero(self, config: RigConfig) -> None:
+        """Write 0 V to the motor's output, in a task of its own."""
+
         def add(task: nidaqmx.Task) -> None:
             channel, limit = config.motor.channel, config.motor.voltage_limit_v
             task.ao_channels.add_ao_voltage_chan(channel, "motor", -limit, limit, ni.VoltageUnits.VOLTS, "")
@@ -365,6 +367,8 @@ class SafeBench:
         self._safe = all(written)
 
     def _unreserve(self, name: str, failures: list[BaseException]) -> None:
+        """Release a task; what fails is added to ``failures``."""
+
         def unreserve() -> None:
             with translate_faults("stop", name):
                 self._tasks.unreserve(name)

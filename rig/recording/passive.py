@@ -144,6 +144,7 @@ class StrokeDetector:
         return max(self._quiet_from, trigger - self._pre)
 
     def _find_trigger(self, new: int) -> bool:
+        """Return whether a stroke begins in the ``new`` newest samples; if so, note where."""
         force_n, count = self._level
         at = max(self._force.size - new - self._sustained + 1, 0)
         moved = np.abs(self._force[at:] - force_n) > self._s.trigger_n
@@ -156,6 +157,7 @@ class StrokeDetector:
         return True
 
     def _finish_at_rest(self) -> Stroke | None:
+        """Return the stroke if it has ended, at rest or by its longest duration, and wait for the next one."""
         assert self._begun is not None
         first, trigger = self._begun
         back = np.abs((self._count[-1, 0] - self._level[1][0]) * self._rad[0]) <= BACK * self._s.trigger_rad
@@ -290,7 +292,7 @@ class _Stream:
                 backend.arm(enable_drive=False)
                 self._began = datetime.now(UTC)
                 backend.start()
-                self._follow(timing, settings, detector, max_strokes, duration_s)
+                self._record_strokes(timing, settings, detector, max_strokes, duration_s)
             except BaseException as ended:
                 error = ended
             with defer_interrupts():
@@ -306,9 +308,10 @@ class _Stream:
         if error is not None:
             raise error
 
-    def _follow(
+    def _record_strokes(
         self, timing: Timing, settings: StrokeSettings, detector: StrokeDetector, max_strokes: int, duration_s: float
     ) -> None:
+        """Read blocks into the journal and seal each stroke, until there are ``max_strokes`` or the time is over."""
         rate = timing.sample_rate_hz
         shortest = max(
             int(round(self._config.recording.block_s * rate)), int(np.ceil(timing.shortest_block_s * rate)), 1
@@ -330,7 +333,7 @@ class _Stream:
             if stroke is not None:
                 with defer_interrupts():
                     late = f"not at rest {settings.longest_s:g} s after it began (passive.longest_s)"
-                    trial = self._seal(stroke, stroke.status, "" if stroke.status == "complete" else late)
+                    trial = self._seal_stroke(stroke, stroke.status, "" if stroke.status == "complete" else late)
                     sealed += 1
                     if sealed < max_strokes:
                         self._open_journal(timing, settings)
@@ -375,7 +378,8 @@ class _Stream:
         self._journal.writer.remove()
         self._journal = None
 
-    def _seal(self, stroke: Stroke, status: str, reason: str) -> Trial:
+    def _seal_stroke(self, stroke: Stroke, status: str, reason: str) -> Trial:
+        """Close the journal, seal the stroke from it as the session's next trial, and remove it."""
         assert self._journal is not None
         journal, self._journal = self._journal, None
         failed = close_journal(journal.writer, status, reason)
@@ -395,6 +399,6 @@ class _Stream:
         if stroke is None:
             self._drop_journal()
         elif error is None:
-            self._seal(stroke, "interrupted", "the recording ended during this stroke")
+            self._seal_stroke(stroke, "interrupted", "the recording ended during this stroke")
         else:
-            self._seal(stroke, status_of(error), reason_of(error))
+            self._seal_stroke(stroke, status_of(error), reason_of(error))

@@ -76,7 +76,7 @@ def record_entries(
                 trial_provenance(session.info, backend.capabilities, config, entry.profile),
             )  # fmt: skip
             outcome = run_trial(backend, config, trial, observed)
-            _store(session, trial, outcome, options)
+            _store_outcome(session, trial, outcome, options)
             if (jump := clocks.jump()) and any(sealed.number == number for sealed in session.trials):
                 with contextlib.suppress(RigInputError):  # a note is not worth the session
                     session.annotate(number, "note", jump, author="recorder")
@@ -85,7 +85,8 @@ def record_entries(
             clock.end()
 
 
-def _store(session: Session, trial: PlannedTrial, outcome: TrialOutcome, options: RecordingOptions) -> None:
+def _store_outcome(session: Session, trial: PlannedTrial, outcome: TrialOutcome, options: RecordingOptions) -> None:
+    """Seal a trial's journal into the session, or note in it that the trial did not begin."""
     if outcome.journal is not None:
         with defer_interrupts():
             sealed = seal(session, outcome.journal.path, outcome.status, outcome.reason)

@@ -93,27 +93,29 @@ class Interlocks:
     def _stop(self, message: str) -> None:
         raise LimitExceeded(message, phase="interlock")
 
-    def _check_force(self, first: int, old: int) -> None:
-        """Stop at a force, or a rate of it, outside the limits; ``old`` samples of those kept were checked before."""
+    def _check_force(self, first: int, n_checked: int) -> None:
+        """Stop at a force, or a rate of it, outside the limits."""
         limits, force = self._limits, self._force
-        new = force[old:]
+        new = force[n_checked:]
         outside = ~((new >= limits.force_min_n) & (new <= limits.force_max_n))  # NaN is outside
         if outside.any():
             at = int(np.argmax(outside))
+            at_s = (first + n_checked + at) / self._rate
             self._stop(
-                f"{self._config.force.channel}: force {new[at]:.4g} N at {(first + old + at) / self._rate:.4f} s, "
+                f"{self._config.force.channel}: force {new[at]:.4g} N at {at_s:.4f} s, "
                 f"allowed {limits.force_min_n:g} to {limits.force_max_n:g} N; look for overload or an open bridge"
             )
-        rate = np.abs(np.diff(force[max(old - 1, 0) :])) * self._rate
+        rate = np.abs(np.diff(force[max(n_checked - 1, 0) :])) * self._rate
         if rate.size and rate.max() > limits.force_rate_n_per_s:
+            at_s = (first + n_checked + int(np.argmax(rate))) / self._rate
             self._stop(
-                f"{self._config.force.channel}: force changes by {rate.max():.4g} N/s at "
-                f"{(first + old + int(np.argmax(rate))) / self._rate:.4f} s, allowed {limits.force_rate_n_per_s:g} N/s"
+                f"{self._config.force.channel}: force changes by {rate.max():.4g} N/s at {at_s:.4f} s, "
+                f"allowed {limits.force_rate_n_per_s:g} N/s"
             )
 
-    def _check_motion(self, first: int, old: int) -> None:
+    def _check_motion(self, first: int, n_checked: int) -> None:
         step = self._samples(SPEED_OVER_S)
-        since = max(old - step, 0)
+        since = max(n_checked - step, 0)
         for body, name in enumerate(BODIES):
             angle = (self._count[since:, body] - self._zero[body]) * self._rad[body]  # type: ignore[index]
             beyond = np.abs(angle) > self._limits.travel_rad[body]
@@ -149,15 +151,15 @@ class Interlocks:
         self._since_exposure = still.size - 1 - int(moved[-1]) if moved.size else still.size
         self._exposed = int(count[-1])
 
-    def _check_stuck(self, first: int, old: int) -> None:
+    def _check_stuck(self, first: int, n_checked: int) -> None:
         need = self._samples(self._limits.stuck_s)
-        if self._noisy and longest_run(np.diff(self._force[max(old - need, 0) :]) == 0) >= need:
+        if self._noisy and longest_run(np.diff(self._force[max(n_checked - need, 0) :]) == 0) >= need:
             self._stop(
                 f"{self._config.force.channel}: the same force, {self._force[-1]:.4g} N, for {self._limits.stuck_s:g} s"
-                f" about {(first + old) / self._rate:.3f} s, allowed shorter; the input is saturated or stuck"
+                f" about {(first + n_checked) / self._rate:.3f} s, allowed shorter; the input is saturated or stuck"
             )
         span = self._samples(STUCK_OVER_S)
-        ends = np.arange(max(old, span), self._force.size + 1, max(span // 2, 1))
+        ends = np.arange(max(n_checked, span), self._force.size + 1, max(span // 2, 1))
         if not ends.size:
             return
         windows = np.lib.stride_tricks.sliding_window_view(self._count, span, axis=0)[ends - span]

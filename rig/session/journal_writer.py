@@ -145,6 +145,7 @@ class JournalWriter:
         return record
 
     def _raise_error(self) -> None:
+        """Raise what the writing thread failed with, if it did, as `RecordingFault`."""
         own = self._error is not None and is_defect(self._error) and not isinstance(self._error, OSError)
         if self._error is not None and (own or isinstance(self._error, RecordingFault)):
             raise self._error
@@ -189,6 +190,7 @@ class JournalWriter:
         return True
 
     def _sync(self) -> None:
+        """Force what is committed onto the disk."""
         samples = self._committed
         if platform_calls.is_deleted(self._file):
             raise RecordingFault(

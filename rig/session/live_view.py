@@ -68,6 +68,7 @@ class JournalFollower:
         return True
 
     def _drop_old(self, head: TrialHead) -> None:
+        """Drop blocks older than `KEEP_S` and keep the first counts, from which turns are shown."""
         if not self.blocks:
             return
         if self.first_count is None:

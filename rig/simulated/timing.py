@@ -139,6 +139,7 @@ def go_live(device: DeviceState, task: SimulatedTask) -> None:
 
 
 def _begin_trial(device: DeviceState, task: SimulatedTask) -> None:
+    """Begin a trial of the bench at the rate of the task's clock; edges are counted anew from here."""
     bench, clock = device.bench, task.clock
     rate_hz = clock.rate_hz if clock is not None else bench.rate_hz
     device.trial += 1
@@ -180,7 +181,8 @@ def check_triggers(device: DeviceState) -> None:
             go_live(device, task)
 
 
-def pass_edges(device: DeviceState, n: int) -> None:
+def advance_bench(device: DeviceState, n: int) -> None:
+    """Advance the bench by ``n`` edges: generate outputs, fill the buffers of the live input tasks."""
     bench, edge = device.bench, device.bench.edge
     clocked = [
         (task, engine)
@@ -255,7 +257,7 @@ def advance(device: DeviceState, n: int) -> int:
         now = int(min(left, stretch, _edges_to_end(device), edges_to_trigger(device), due))
         if now <= 0:
             break
-        pass_edges(device, now)
+        advance_bench(device, now)
         check_triggers(device)
         left -= now
         if now == due:
@@ -390,5 +392,5 @@ def settle_on_demand(device: DeviceState) -> None:
     due_s = min(clock.due_s, MOST_DUE_S) if clock.paced else ON_DEMAND_S
     device.bench.present()  # begins a trial of its own where there was none
     if (n := int(due_s * rate_hz)) > 0:
-        pass_edges(device, n)
+        advance_bench(device, n)
     clock.begin()

@@ -158,8 +158,8 @@ def curves_netcdf(
         file["time"].attrs.update({"units": "s", "long_name": "time since the start trigger"})
         shape = (len(traces), len(BODIES), base_s.size)
         for name in (*VALUES, "left_out"):
-            _make(file, name, ("trial", "channel", "time"), shape)
-        _make(file, "force_n", ("trial", "time"), (shape[0], shape[2]))
+            _create_dataset(file, name, ("trial", "channel", "time"), shape)
+        _create_dataset(file, "force_n", ("trial", "time"), (shape[0], shape[2]))
         for i, (trial, frame) in enumerate(traces.items()):
             file["force_n"][i] = force_on_base(base_s, frame)
             for j, (channel, columns) in enumerate(trial_curves(base_s, frame, films.get(trial)).items()):
@@ -170,7 +170,8 @@ def curves_netcdf(
     return buffer.getvalue()
 
 
-def _make(file: h5py.File, name: str, dimensions: tuple[str, ...], shape: tuple[int, ...]) -> None:
+def _create_dataset(file: h5py.File, name: str, dimensions: tuple[str, ...], shape: tuple[int, ...]) -> None:
+    """Create an empty dataset of the curves' file with units, long name and dimension scales."""
     chunk = (*[1] * (len(shape) - 1), shape[-1])
     options: dict[str, Any] = {"chunks": chunk, "compression": "gzip", "compression_opts": 1, "shuffle": True}
     data = file.create_dataset(name, shape, dtype=np.float32, fillvalue=np.nan, **options)

@@ -210,7 +210,7 @@ def _vibration(age: Array, frequency: Array, damping: Array, side: int) -> Array
 
 
 def _fit(
-    age: Array, way: Array, sigma: float, prior: tuple[float, float], side: int
+    age: Array, position: Array, sigma: float, prior: tuple[float, float], side: int
 ) -> tuple[float, float, float, float, float, str] | None:
     rigid = np.column_stack([np.ones(age.size), age, age**2 / 2])
     slowing, u_slowing = prior
@@ -222,12 +222,12 @@ def _fit(
         )
         normal = np.swapaxes(designs, 1, 2) @ designs / sigma**2
         normal[:, 2, 2] += u_slowing**-2
-        target = np.swapaxes(designs, 1, 2) @ way / sigma**2
+        target = np.swapaxes(designs, 1, 2) @ position / sigma**2
         target[:, 2] += slowing / u_slowing**2
         scale = np.sqrt(np.einsum("kii->ki", normal))
         found = np.linalg.solve(normal / (scale[:, :, None] * scale[:, None, :]), (target / scale)[:, :, None])
         coefficient = found[:, :, 0] / scale
-        cost = np.sum((way - (designs @ coefficient[:, :, None])[:, :, 0]) ** 2, axis=1) / sigma**2
+        cost = np.sum((position - (designs @ coefficient[:, :, None])[:, :, 0]) ** 2, axis=1) / sigma**2
         cost += ((coefficient[:, 2] - slowing) / u_slowing) ** 2 + ((damping - DAMPING) / U_DAMPING) ** 2
         return coefficient, cost
 
@@ -322,10 +322,10 @@ class _Path:
         return float(np.sqrt(self.covariance[i, i]))
 
 
-def _parabola(age: Array, way: Array, sigma: float, slowing: float | None = None) -> tuple[Array, Array]:
+def _parabola(age: Array, position: Array, sigma: float, slowing: float | None = None) -> tuple[Array, Array]:
     """Way, speed and second derivative at age 0 by weighted least squares, (3,), and their covariance, (3, 3)."""
     design = np.stack([np.ones(age.size), age, 0.5 * age**2])
-    normal, target = design @ design.T / sigma**2, design @ way / sigma**2
+    normal, target = design @ design.T / sigma**2, design @ position / sigma**2
     if slowing is not None:
         normal[2, 2] += U_DECELERATION_M_PER_S2**-2
         target[2] += slowing * U_DECELERATION_M_PER_S2**-2
@@ -334,10 +334,10 @@ def _parabola(age: Array, way: Array, sigma: float, slowing: float | None = None
     return covariance @ target, covariance
 
 
-def _path(age: Array, way: Array, sigma: float, slowing: float | None = None) -> _Path:
+def _path(age: Array, position: Array, sigma: float, slowing: float | None = None) -> _Path:
     """Parabola through samples; of a free hammer (the deceleration known beforehand), or of any."""
-    value, covariance = _parabola(age, way, sigma, slowing)
-    left = (way - value[0] - value[1] * age - 0.5 * value[2] * age**2) / sigma
+    value, covariance = _parabola(age, position, sigma, slowing)
+    left = (position - value[0] - value[1] * age - 0.5 * value[2] * age**2) / sigma
     chi2, count = float(left @ left), age.size
     if slowing is not None:
         chi2, count = chi2 + ((slowing - value[2]) / U_DECELERATION_M_PER_S2) ** 2, count + 1
@@ -407,10 +407,10 @@ def fit_flight(time_s: Array, way_m: Array, contact_s: float, side: int, sigma_m
     )
 
 
-def _measure_swing(age: Array, way: Array) -> float:
+def _measure_swing(age: Array, position: Array) -> float:
     """How far a bent path swings about a straight line, root mean square, m."""
-    line = np.polyfit(age, way, 1)
-    return float(np.std(way - np.polyval(line, age)))
+    line = np.polyfit(age, position, 1)
+    return float(np.std(position - np.polyval(line, age)))
 
 
 def _find_undisturbed(stretch: Stretch, sigma: float, slowing: float) -> tuple[float, bool]:

@@ -151,14 +151,14 @@ def _fit_lever_before_flight(change_rad: Array) -> float:
     return float(np.polyfit(change_rad[first:last, 1], change_rad[first:last, 2], 1)[0])
 
 
-def _has_sharp_turn(time: Array, way: Array, step: float) -> bool:
+def _has_sharp_turn(time: Array, height: Array, step: float) -> bool:
     """Whether the way turns round at its largest value as at a string, not as under gravity."""
-    top = int(np.argmax(way))
+    top = int(np.argmax(height))
     near, far = (max(round(x / step), 1) for x in SHARP_S)
     if near == far or top < far or top + far >= time.size:
         return False
-    rise = (way[top - near] - way[top - far]) / ((far - near) * step)
-    fall = (way[top + near] - way[top + far]) / ((far - near) * step)
+    rise = (height[top - near] - height[top - far]) / ((far - near) * step)
+    fall = (height[top + near] - height[top + far]) / ((far - near) * step)
     return bool(min(rise, fall) > SHARP_M_PER_S)
 
 

@@ -137,7 +137,7 @@ class CineFilm(Film):
         return to_grey(np.ascontiguousarray(colour), self._channel)
 
     def _unused_low_bits(self) -> int:
-        """By how many bits the values of 16 are to be shifted: programs write the camera's 10 or 12 in either half.
+        """Number of low bits to shift out of 16-bit values; sets ``bit_depth`` to what the values fill.
 
         Where both halves are used the values fill all 16 bits, whatever the header says.
         """

@@ -427,6 +427,7 @@ class Repeats:
         return self._kept[0], self._box[2], self._box[3]
 
     def is_repeat(self, index: int) -> bool:
+        """Whether frame ``index`` shows the same picture as the one before; reads both."""
         if not self.meaningful or index < 1:
             return False
         if self._newest is None or self._newest[0] != index - 1:

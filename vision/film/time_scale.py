@@ -227,6 +227,7 @@ def describe_spacing(spacing: Spacing, first_frame: int) -> str:
 
 
 def _compare_with_camera(film: FrameSource, time_s: F64, frame_rate_hz: float) -> None:
+    """Raise `FilmError` where a stated rate contradicts the camera's own times."""
     if time_s.size < 2:
         return
     intervals = np.diff(time_s)

@@ -204,6 +204,7 @@ class _Decoder:
         return (packet for packet in packets if packet.size)
 
     def _decode_in_sequence(self, number: int) -> Any:
+        """Decode on to frame ``number``, from the first one where that lies behind; return it."""
         if number < self._next:
             self.close()
             self._start()
@@ -214,6 +215,7 @@ class _Decoder:
                 return frame
 
     def _decode_standalone(self, number: int) -> Any:
+        """Decode frame ``number`` from its own packet, read on or sought."""
         wanted = int(self._index.packet_of[number])
         if not self._next <= wanted <= self._next + NEAR:
             self._seek(wanted)

@@ -110,6 +110,7 @@ class Squares(NamedTuple):
 
 @inner_njit()
 def select_median(values: F64, n: int) -> float:
+    """Median of the first ``n`` of ``values``, which are reordered."""
     low, high, at = 0, n - 1, n // 2
     while low < high:
         pivot = values[(low + high) // 2]

@@ -114,7 +114,7 @@ BASIS = ((-SIXTH, 0.5, -0.5, SIXTH), (0.5, -1.0, 0.5, 0.0), (-0.5, 0.0, 0.5, 0.0
 
 @cached_njit(nogil=True)
 def solve5(matrix: F64, rhs: F64, solution: F64) -> bool:
-    """Solve a symmetric positive 5 x 5 system by Cholesky with Jacobi scaling; False when it is not positive."""
+    """Fill ``solution`` of a symmetric positive 5 x 5 system by Cholesky, scaled; False when it is not positive."""
     scale = np.empty(5)
     factor = np.zeros((5, 5))
     for i in range(5):
@@ -230,6 +230,7 @@ def mean_noise_gain(places: Places, visible: F32, gain_table: F64) -> float:
 
 @cached_njit(nogil=True, fastmath=FAST)
 def normal_equations(columns: F32, value: F32, weight: F32, visible: F32, matrix: F64, rhs: F64) -> None:
+    """Fill normal ``matrix`` (5, 5) and ``rhs`` (5,) of the weighted fit of ``value`` by ``columns`` (5, n)."""
     at, ax, ay, ref = columns[0], columns[1], columns[2], columns[3]
     # named sums, so that the compiler keeps them in vector registers
     h00 = h01 = h02 = h03 = h04 = h11 = h12 = h13 = h14 = h22 = h23 = h24 = h33 = h34 = h44 = 0.0
@@ -320,7 +321,7 @@ def weighted_sums(residual: F32, weight: F32, value: F32, visible: F32, scale: f
 
 @inner_njit()
 def step_over_uncertainty(matrix: F64, q: F64, sums: ResidualSums, rhs: F64, column: F64) -> float:
-    """Largest of turn, x and y of a step, each over its standard uncertainty."""
+    """Largest of turn, x and y of a step over its standard uncertainty; ``rhs`` and ``column`` (5,) are scratch."""
     largest = 0.0
     for k in range(3):
         rhs[:] = 0.0

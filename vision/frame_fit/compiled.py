@@ -323,6 +323,7 @@ def filter_region(film: Film, k: int, box: I64, buffer: F32) -> tuple[Any, int]:
 
 @inner_njit(_nrt=False)
 def store_row(rows: Rows, row: int, found: FitOutputs) -> None:
+    """Copy what was found of all bodies in a frame into a row of the tables."""
     for body in range(found.pose.shape[0]):
         figures, rows.flag[row, body] = found.figures[body], found.flag[body]
         for j in range(3):

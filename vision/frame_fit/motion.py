@@ -53,7 +53,7 @@ class Motion(NamedTuple):
 
 @inner_njit(_nrt=False)
 def predict_place(history: History, body: int, step: int, place: F64) -> None:
-    """Placement of a body at a step: constant acceleration from three neighbours, else the newest known one."""
+    """Fill ``place`` with a body's placement at a step: from three neighbours, else the newest known one."""
     known, last = history.known[body], history.place[body]
     for k in range(3):
         if step != history.step[body, known - 1] + 1 or known < 2:
@@ -95,8 +95,8 @@ def placed_parent(motion: Motion, body: int, step: int) -> int:
 
 @cached_njit(nogil=True, _nrt=False)
 def expect_pose(motion: Motion, body: int, step: int, is_moving: bool, pose: F64) -> None:
-    """Pose of a body at a step, through its parent's placement of the same step where that is known: predicted, or the
-    newest known one where the body ``is_moving`` no further."""
+    """Fill ``pose`` with a body's expected pose at a step, through its parent's placement there where that is known:
+    predicted, or the newest known one where the body ``is_moving`` no further."""
     parent = placed_parent(motion, body, step)
     history = motion.relative if parent >= 0 and motion.relative.known[body] > 0 else motion.absolute
     if is_moving:
@@ -134,7 +134,7 @@ def expect_body(
 def expect_bodies(
     motion: Motion, step: int, boxes: F64, size: tuple[int, int], pose: F64, region: I64, union: I64
 ) -> bool:
-    """As `expect_body` of all bodies, with the rectangle (4,) that holds them all; False where there is none."""
+    """Fill ``pose``, ``region`` and their ``union`` (4,) of all bodies by `expect_body`; False where none is in."""
     union[0], union[1], union[2], union[3] = 1 << 30, 0, 1 << 30, 0
     for body in range(motion.parent.size):
         expect_body(motion, body, step, boxes, size, pose, region)

@@ -44,7 +44,7 @@ def grey_picture(picture: ArrayLike, bit_depth: int) -> NDArray[np.uint8]:
 
 
 def _draw_scales(picture: NDArray[Any], shape: tuple[int, ...], factor: int) -> None:
-    """Film pixels along the upper and the left side, as outlines are written in."""
+    """Draw scales of film pixels, as outlines are written in, along the picture's upper and left side."""
     step = next(step for step in (10, 20, 50, 100, 200, 500, 1000) if step * factor >= SCALE_STEP_PX or step == 1000)
     for along, size in enumerate((shape[1], shape[0])):
         for value in range(0, size, step):

@@ -149,7 +149,8 @@ def confirm_backward(ready: PreparedFilm, table: PoseTable, confirm: str, thread
     return sum(end - start for start, end in stretches)
 
 
-def fit_alone(ready: PreparedFilm, table: PoseTable, row: int, poses: Sequence[NDArray[np.float64]]) -> None:
+def refit_row(ready: PreparedFilm, table: PoseTable, row: int, poses: Sequence[NDArray[np.float64]]) -> None:
+    """Fit a row of the table again by itself, from ``poses``, and store what is found in it."""
     tracker = FilmTracker(ready)
     tracker.clear_histories()
     tracker.place(-1, poses)

@@ -22,7 +22,7 @@ from vision.results.track_result import TrackResult
 from vision.tracking.assemble_result import Zero, assemble_result, estimate_zero
 from vision.tracking.moving_parts import confirm_hidden
 from vision.tracking.options import FitOptions, FitSettings
-from vision.tracking.passes import fit_alone
+from vision.tracking.passes import refit_row
 from vision.tracking.picture_stretch import prior_stretch_uncertainty
 from vision.tracking.prepare import frame_times, prepare
 from vision.tracking.segments import find_segment_starts
@@ -180,7 +180,7 @@ def _fit_frames(
     rows = np.unique([*start, *frames])
     table = PoseTable.empty(rows, len(ready.bodies))
     for row in np.flatnonzero(np.isin(rows, list(start))).tolist():
-        fit_alone(ready, table, row, start[int(rows[row])])
+        refit_row(ready, table, row, start[int(rows[row])])
     confirm_hidden(ready, table, residual_variance(ready, table) > PATTERN_EXCESS)
     result = assemble_result(ready, zero, table, time_s, settings, {what: frames.tolist()}, u_stretch=u_stretch)
     return _select_rows(result, np.searchsorted(rows, frames))

@@ -85,7 +85,7 @@ def substitute(space, n, x, first, blocks):
 
 @inlined
 def substitute_four(space, n, x, first, blocks):
-    """`substitute` for four blocks at once: one alone waits for each of its sums."""
+    """As `substitute` for four blocks, computed together: one alone waits for each of its sums."""
     a, lower = space.matrix, space.lower
     for i in range(n):
         k = first + i * blocks

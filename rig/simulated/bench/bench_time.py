@@ -281,6 +281,7 @@ class BenchTime:
 
     def _count_a_edges(self, quarter: NDArray[np.int64]) -> None:
         # A rises where the position passes a multiple of 4 upwards, or 2 more than one downwards
+        """Set how many edges of each A signal pass at the samples of ``quarter``, which becomes the newest position."""
         line = np.concatenate((self.quarter, quarter))[:, :3]
         step = np.diff(line, axis=0)
         up = line[1:] // 4 - line[:-1] // 4

@@ -86,6 +86,7 @@ def start_watchdog(device: DeviceState, task: SimulatedTask) -> None:
 
 
 def control_watchdog(device: DeviceState, timer: WatchdogTimer, action: int) -> None:
+    """Reset the timer or clear its expiration, as ``action`` says; refuse to reset one that has expired."""
     if action == CLEAR_EXPIRATION:
         timer.expired, timer.running = False, False
     elif action != RESET_TIMER:
