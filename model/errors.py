@@ -1,10 +1,9 @@
 """Errors of the model: a small hierarchy whose messages are one line a user can act on."""
 
 import difflib
-import inspect
 import math
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any, TypeVar
+from collections.abc import Iterable
+from typing import TypeVar
 
 T = TypeVar("T")
 
@@ -68,18 +67,3 @@ def did_you_mean(word: str, known: Iterable[str], most: int = 1) -> str:
     """
     near = difflib.get_close_matches(word, list(known), n=most)
     return f"; did you mean {' or '.join(near)}? " if near else "; "
-
-
-def make_options(kind: Callable[..., T], function: str, keywords: Mapping[str, Any]) -> T:
-    """The options ``kind`` of a public function; ``TypeError`` in the function's name for one that it has not."""
-    refuse_unknown(function, keywords, inspect.signature(kind).parameters)
-    return kind(**keywords)
-
-
-def refuse_unknown(function: str, keywords: Iterable[str], known: Iterable[str]) -> None:
-    """Raise ``TypeError`` in the name of a public function for a keyword that it has not."""
-    names = list(known)
-    if unknown := [name for name in keywords if name not in names]:
-        near = difflib.get_close_matches(unknown[0], names, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else f"; allowed {', '.join(names)}"
-        raise TypeError(f"{function}() got an unexpected keyword argument {unknown[0]!r}{hint}")

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import as_numbers
-from model.errors import InputError, make_options
+from model.errors import InputError
 from model.files.force_table import check_force_table
 from model.inside.observe_motion import observe
+from model.keywords import make_options
 from model.parameters.action import Action, ActionLike, as_action
 from model.parameters.effects import STRING_EFFECT, column
 from model.scene.build import Scene, build_scene

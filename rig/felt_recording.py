@@ -32,8 +32,9 @@ from rig.backend import Backend
 from rig.configuration.profile import MotorCommand, Profile, motor_command, parse_profile
 from rig.configuration.rig_file import FeltConfig, Rig, RigConfig, load_rig, parse_rig
 from rig.configuration.toml_file import dump_toml
-from rig.errors import RigInputError, make_options
+from rig.errors import RigInputError
 from rig.guided_calibration import change_table
+from rig.keywords import make_options
 from rig.mains_hum import fit_mains_hum
 from rig.recording.begin_session import new_session
 from rig.recording.options import RecordingKeywords, RecordingOptions

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from typing import Any, TypedDict
 
 import model
-from model.errors import refuse_unknown
+from model.keywords import refuse_unknown
 from model.scene.string_terms import USUAL_TOLERANCE
 from validation.conventions import Array
 from validation.measurement.geometry import ActionGeometry

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
 from model.arrays import ArrayRecord, as_numbers
-from model.errors import InputError, make_options
+from model.errors import InputError
 from model.files.force_table import LARGEST_FORCE_N
 from model.force_driven import check_output_times
+from model.keywords import make_options
 from model.motion_driven.prescribed_key import PrescribedRun, rest_angle, run_prescribed
 from model.motion_driven.spline_fit import KeyFit, fit_key_motion
 from model.parameters.action import Action, ActionLike, as_action

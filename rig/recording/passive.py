@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 from rig.backend import Backend, Block, Timing
 from rig.configuration.profile import MotorCommand
 from rig.configuration.rig_file import Rig, RigConfig, load_rig
-from rig.errors import RigInputError, make_options
+from rig.errors import RigInputError
+from rig.keywords import make_options
 from rig.recording.begin_session import new_session
 from rig.recording.clock_watch import ClockWatch
 from rig.recording.options import Progress, RecordingKeywords, RecordingOptions

@@ -13,7 +13,7 @@ from typing import Unpack
 
 from rig.configuration.profile import Profile, load_profile, motor_command
 from rig.configuration.rig_file import Rig, load_rig
-from rig.errors import refuse_unknown
+from rig.keywords import refuse_unknown
 from rig.recording.begin_session import new_session
 from rig.recording.options import RecordingKeywords, RecordingOptions
 from rig.recording.record_entries import record_entries

@@ -29,7 +29,8 @@ from rig.backend import Backend, check_contract
 from rig.configuration import toml_file
 from rig.configuration.profile import parse_profile
 from rig.configuration.rig_file import Rig, parse_rig
-from rig.errors import RigInputError, make_options
+from rig.errors import RigInputError
+from rig.keywords import make_options
 from rig.recording.options import RecordingOptions, ResumeKeywords
 from rig.recording.passive import StrokeDetector, StrokeSettings
 from rig.recording.record_entries import record_entries

@@ -17,7 +17,8 @@ from scipy.optimize import minimize_scalar
 from scipy.special import fdtri
 
 from rig.arrays import as_numbers
-from rig.errors import RigInputError, make_options
+from rig.errors import RigInputError
+from rig.keywords import make_options
 from rig.mains_hum import HARMONICS, hum_terms
 
 Array = NDArray[np.float64]

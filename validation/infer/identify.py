@@ -9,7 +9,8 @@ from typing import Any, Unpack
 import numpy as np
 
 import model
-from model.errors import ModelError, make_options
+from model.errors import ModelError
+from model.keywords import make_options
 from rig.session import Session
 from validation.cache.content_hash import code_sha256
 from validation.conventions import Array

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 import model
-from model.errors import make_options
+from model.keywords import make_options
 from rig.session import Session
 from validation.conventions import Array
 from validation.errors import ValidationInputError

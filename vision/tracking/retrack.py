@@ -12,10 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from vision.angles import ccw_to_picture
 from vision.bodies.outlines import BodiesLike, as_bodies
-from vision.errors import VisionInputError, make_options
+from vision.errors import VisionInputError
 from vision.film.open import open_or_use
 from vision.film.source import FrameSource
 from vision.fitting.pose_covariance import PATTERN_EXCESS
+from vision.keywords import make_options
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.pose_table import PoseTable
 from vision.results.track_result import TrackResult

@@ -18,11 +18,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vision.bodies.outlines import BodiesLike, Body, as_bodies
-from vision.errors import VisionWarning, make_options
+from vision.errors import VisionWarning
 from vision.film.open import open_or_use
 from vision.film.source import Corrected, FrameSource
 from vision.film.time_scale import count_missing_frames
 from vision.fitting.pose_covariance import PATTERN_EXCESS, predicted_u_angle
+from vision.keywords import make_options
 from vision.reference.camera_faults import DefectCorrectedFilm
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FrameFlag
