@@ -52,7 +52,7 @@ GROUPED = {
     "calibrate": {
         "force": Listed("calibrate_force", BENCH, "Calibrate the load cell: weights, shunt or zero."),
         "encoder": Listed("calibrate_encoder", BENCH, "Calibrate an encoder over its arc."),
-        "joint": Listed("calibrate_joint", BENCH, "Calibrate the friction of a joint."),
+        "joint": Listed("calibrate_joint", BENCH, "Calibrate a joint's friction by free swings."),
         "contact": Listed("calibrate_contact", BENCH, "Calibrate the friction of a contact."),
         "felt": Listed("calibrate_felt", MODEL, "Calibrate felt, friction, string damping and inertia."),
         "drive": Listed("calibrate_drive", MODEL, "Identify the motor's drive from a log of the bench."),

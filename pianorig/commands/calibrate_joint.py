@@ -28,7 +28,7 @@ def command(
     figure: Figure = None,
     as_json: AsJson = False,
 ) -> None:
-    """Calibrate the friction of a joint.
+    """Calibrate a joint's friction by free swings.
 
     The body hangs on its joint alone, is lifted, let go, and swings until it rests; the motor stays off.
 
