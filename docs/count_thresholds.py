@@ -65,6 +65,7 @@ class Literal(NamedTuple):
     place: str
     value: float
     exemption: str
+    statement: tuple[int, int]
 
 
 def find_name(table: dict[str, str], text: str) -> str:
@@ -133,26 +134,39 @@ def list_parts(node: ast.AST, place: str, inside: str) -> Iterator[tuple[ast.AST
 
 
 def find_literals(
-    node: ast.AST, source: str, *, place: str = "module", inside: str = "", taken: str = ""
+    node: ast.AST,
+    source: str,
+    *,
+    place: str = "module",
+    inside: str = "",
+    taken: str = "",
+    statement: tuple[int, int] | None = None,
 ) -> list[Literal]:
     """Every number below a node, with its exemption."""
     if isinstance(node, ast.Constant):
         if isinstance(node.value, bool) or not isinstance(node.value, int | float):
             return []
         text = ast.get_source_segment(source, node) or ""
-        return [Literal(node.lineno, place, node.value, taken or classify_number(node, text, place, inside))]
+        exemption = taken or classify_number(node, text, place, inside)
+        return [Literal(node.lineno, place, node.value, exemption, statement or (node.lineno, node.lineno))]
     taken = taken or find_exemption(node, place)
+    if isinstance(node, ast.Assign | ast.AnnAssign):
+        statement = (node.lineno, node.end_lineno or node.lineno)
     return [
         found
         for child, here, form, exemption in list_parts(node, place, inside)
-        for found in find_literals(child, source, place=here, inside=form, taken=taken or exemption)
+        for found in find_literals(
+            child, source, place=here, inside=form, taken=taken or exemption, statement=statement
+        )
     ]
 
 
-def has_reason(lines: list[str], line: int) -> bool:
-    """Whether a comment or a docstring stands on a line, above it, or below it."""
-    above, here, below = (lines[i].strip() if 0 <= i < len(lines) else "" for i in (line - 2, line - 1, line))
-    return "  # " in here or above.startswith("# ") or below.startswith('"""')
+def has_reason(lines: list[str], found: Literal) -> bool:
+    """Whether a comment or a docstring stands on a literal's line, or above, in or below its assignment."""
+    first, last = found.statement
+    above, below = (lines[i].strip() if 0 <= i < len(lines) else "" for i in (first - 2, last))
+    at = "\n".join({lines[first - 1], lines[found.line - 1], lines[last - 1]})
+    return "  # " in at or above.startswith("# ") or below.startswith('"""')
 
 
 def main(arguments: list[str]) -> None:
@@ -168,7 +182,7 @@ def main(arguments: list[str]) -> None:
             if found.exemption:
                 exempt[found.exemption] += 1
                 continue
-            reason = has_reason(lines, found.line)
+            reason = has_reason(lines, found)
             for of in (counts["all"], counts.setdefault(name.split("/")[0], Counter())):
                 of[found.place] += 1
                 of["no reason"] += not reason

@@ -54,7 +54,7 @@ LOWEST, HIGHEST = 0.07, 0.92
 """Part of the way that counts: between where the speed is reached and where it is left."""
 HUM_HZ = 0.15
 """How far the mains may be from its nominal frequency."""
-LEAST_COUNTS = 20
+LEAST_COUNTS = 20  # turn of the encoder: the rounding of a count, u = 0.29, is then at most 1.5 % of it
 Array = NDArray[np.float64]
 
 
@@ -89,7 +89,7 @@ def readings(trial: TrialData, felt: FeltConfig, lowest: float = LOWEST) -> Read
     counts = trial.encoder_count[:, body].astype(np.float64)
     quiet = int(trial.blow_start_s * rate)
     turned = counts - counts[:quiet].mean()
-    moved = turned * per_count * np.sign(turned[int(np.argmax(np.abs(turned)))])
+    displacement_m = turned * per_count * np.sign(turned[int(np.argmax(np.abs(turned)))])
     if np.abs(turned).max() < LEAST_COUNTS:
         raise RigInputError(
             f"trial {trial.number}: the {felt.encoder} encoder turned by {np.abs(turned).max():.0f} counts, allowed "
@@ -99,14 +99,14 @@ def readings(trial: TrialData, felt: FeltConfig, lowest: float = LOWEST) -> Read
     k = np.arange(trial.n_valid) + force.group_delay_s * rate
     felt_n = np.interp(k, np.arange(trial.n_valid), felt_n)
     change = np.gradient(felt_n) * rate
-    top = float(moved.max())
-    inside = np.flatnonzero(moved >= HIGHEST * top)
+    top = float(displacement_m.max())
+    inside = np.flatnonzero(displacement_m >= HIGHEST * top)
     # between the phases the arm rests at the peak
-    rise = _phase_span(moved, quiet, int(inside[0]), lowest * top)
-    last = min(trial.n_valid - int(np.ceil(force.group_delay_s * rate)) - 1, moved.size)
-    fall = _phase_span(moved[last - 1 :: -1], 0, last - 1 - int(inside[-1]), lowest * top)
+    rise = _phase_span(displacement_m, quiet, int(inside[0]), lowest * top)
+    last = min(trial.n_valid - int(np.ceil(force.group_delay_s * rate)) - 1, displacement_m.size)
+    fall = _phase_span(displacement_m[last - 1 :: -1], 0, last - 1 - int(inside[-1]), lowest * top)
     fall = (last - fall[1], last - fall[0])
-    parts = [_bin_means(span, moved, felt_n, change) for span in (rise, fall)]
+    parts = [_bin_means(span, displacement_m, felt_n, change) for span in (rise, fall)]
     columns = [np.concatenate([part[k] for part in parts]) for k in range(4)]
     return Readings(
         moved_m=columns[0],
@@ -295,12 +295,12 @@ def press_curve(trial: TrialData, felt: FeltConfig) -> PressCurve:
 def _compression_and_force(read: Readings, known: _Truth, stated_preload_n: float) -> tuple[Array, Array, float]:
     """Compression and force of the felt, and the standard uncertainty of the compression at rest."""
     force = (read.force_n - stated_preload_n + read.rate_n_per_s * known.delay_s) * known.gain + known.preload_n
-    moved = read.moved_m * known.length - known.compliance * (force - known.preload_n)
-    slope = np.abs(np.gradient(force[read.loading], moved[read.loading]))
-    at = np.interp(moved, moved[read.loading], slope)
+    compression_m = read.moved_m * known.length - known.compliance * (force - known.preload_n)
+    slope = np.abs(np.gradient(force[read.loading], compression_m[read.loading]))
+    at = np.interp(compression_m, compression_m[read.loading], slope)
     u = np.hypot(read.u_force_n, at * read.count_m / np.sqrt(12.0)) / np.sqrt(read.samples)
-    rest_m, u_rest_m = first_touch(moved, force, read.loading, u, known.preload_n)
-    return moved + rest_m, force, u_rest_m
+    rest_m, u_rest_m = first_touch(compression_m, force, read.loading, u, known.preload_n)
+    return compression_m + rest_m, force, u_rest_m
 
 
 ABOVE_N = 2.0
@@ -411,11 +411,11 @@ def press_settings(config: RigConfig, felt: FeltConfig, peak_n: float) -> RigCon
 
 RAMP_S = 1.5
 """Of the first press, each way."""
-HOLD_S = 0.08
+HOLD_S = 0.08  # at the deepest point, between loading and unloading
 EASE = 0.12
 """Share of the way over which the speed is reached, and left."""
-POINTS = 60
-SLEW_SHARE = 0.9
+POINTS = 60  # key points of a press, straight lines between them
+SLEW_SHARE = 0.9  # of the rig file's slew limit that a press may ask for
 
 
 def ramp(peak_n: float) -> Profile:
@@ -438,9 +438,9 @@ def constant_speed_press(
     """
     way = float(np.interp(peak_n, force_n, moved_m))
     phase = np.linspace(0.0, 1.0, POINTS)
-    moved = way * _ease_in_out(phase)
+    displacement_m = way * _ease_in_out(phase)
     duration = way * (1.0 + EASE) / speed_m_per_s
-    force = np.interp(moved, moved_m, force_n)
+    force = np.interp(displacement_m, moved_m, force_n)
     force *= peak_n / force[-1]
     steepest = float(np.max(np.diff(force))) * (POINTS - 1) / duration
     if steepest > SLEW_SHARE * slew_n_per_s:
@@ -489,7 +489,7 @@ def _mirror_profile(name: str, time_s: Array, force_n: Array) -> Profile:
 
 
 FOLDER = Path("derived") / "felt"
-BLOCK_PRESSES = 3
+BLOCK_PRESSES = 3  # of the steel block, whose slopes' scatter is the compliance's uncertainty
 
 
 @dataclass(frozen=True, eq=False)
@@ -654,10 +654,10 @@ def _rising(session: Session, felt: FeltConfig) -> tuple[NDArray[np.float64], ND
     trial = session.trials[0].read()
     read = readings(trial, felt, lowest=0.0)
     force = read.force_n[read.loading] - trial.force_info.preload_n
-    moved = read.moved_m[read.loading] - felt.compliance_m_per_n * force
+    compression_m = read.moved_m[read.loading] - felt.compliance_m_per_n * force
     order = np.argsort(force)
-    force, moved = force[order], np.maximum.accumulate(moved[order])
-    above = (force > 0) & (moved > 0)
+    force, compression_m = force[order], np.maximum.accumulate(compression_m[order])
+    above = (force > 0) & (compression_m > 0)
     if above.sum() < 10:
         raise RigInputError("felt: the ramp moved nothing; is the arm on the felt, the drive on?")
-    return np.concatenate(([0.0], moved[above])), np.concatenate(([0.0], force[above]))
+    return np.concatenate(([0.0], compression_m[above])), np.concatenate(([0.0], force[above]))

@@ -136,8 +136,8 @@ def read_quiet(
         backend.safe_stop()
 
 
-READ_S = 2.0
-SETTLE_S = 0.3
+READ_S = 2.0  # of a mean, cut to whole mains periods
+SETTLE_S = 0.3  # left out after the operator says the mass hangs
 STANDARD_GRAVITY, U_GRAVITY = 9.80665, 0.015
 """m/s^2; from the equator to the poles it differs by less than 0.03."""
 Found = dict[str, float | str | list[float]]
@@ -283,12 +283,12 @@ def _finish_calibration(kind: str, found: Found, rig: Rig, values: dict[str, Val
 
 HELD_S = 0.8
 """How long the body rests at a reference angle at least."""
-STILL_COUNTS = 3
+STILL_COUNTS = 3  # within which an encoder counts as at rest
 APART = 0.3
 """Share of the smallest step by which two angles must differ to be two."""
-LONGEST_ARC_S = 1800.0
-LARGEST_CORRECTION = 0.1
-CONTRADICTS = 3.0
+LONGEST_ARC_S = 1800.0  # half an hour for all angles by hand
+LARGEST_CORRECTION = 0.1  # of the gain: a larger one is a wrong count, sign or sense, no eccentricity
+CONTRADICTS = 3.0  # standard uncertainties between references and rig file, from which the references replace it
 
 
 @dataclass(frozen=True)
@@ -381,13 +381,13 @@ def corrected_rig(rig: Rig, body: str, arc: Arc) -> str:
     return rewritten(rig, "encoders", values, named=body)
 
 
-LONGEST_SWING_S = 60.0
-STILL_S = 0.5
+LONGEST_SWING_S = 60.0  # from the lift to rest; a swing that takes longer was not let go
+STILL_S = 0.5  # within two counts: the swing has ended
 SMOOTHED_S = 0.012
 """Length of the local parabola that gives the speed."""
 LEAST_TURN_RAD = 0.1
 """Way of a half swing that counts."""
-FEWEST_SWINGS = 3
+FEWEST_SWINGS = 3  # half swings, so that their scatter is known
 
 
 @dataclass(frozen=True)
@@ -469,9 +469,9 @@ def _fit(angle: Array, speed: Array, spans: list[tuple[int, int]]) -> tuple[floa
     for number, (first, end) in enumerate(spans):
         step = max((end - first) // 200, 1)
         a, v = angle[first:end:step], speed[first:end:step]
-        own = np.zeros((a.size, len(spans)))
-        own[:, number] = 1.0
-        rows.append(np.column_stack([np.cos(a), np.sin(a), -np.sign(v) * a, own]))
+        offsets = np.zeros((a.size, len(spans)))
+        offsets[:, number] = 1.0
+        rows.append(np.column_stack([np.cos(a), np.sin(a), -np.sign(v) * a, offsets]))
         energy.append(0.5 * v * v)
     found, *_ = np.linalg.lstsq(np.concatenate(rows), np.concatenate(energy), rcond=None)
     omega2 = float(np.hypot(found[0], found[1]))

@@ -37,13 +37,13 @@ QUIET_S = 0.01
 """Rest that a recording must begin with, s."""
 ONSET = 0.02
 """The force has risen when it has left its rest by this fraction of the peak before key bottom."""
-SMOOTH_S = 0.001
+SMOOTH_S = 0.001  # window over which the force's slope is averaged
 SPIKE = 4.0
 """A rise is the spike at key bottom when it is steeper than the rise before it (median) by this factor."""
 FIRST = 0.3
 """Least slope of the first spike, as a fraction of the steepest."""
-SPIKE_S = 0.06
-RELEASE_S = 0.02
+SPIKE_S = 0.06  # after key bottom, taken for the spike and its ringing
+RELEASE_S = 0.02  # time in which the command goes to zero at the end
 FIRST_CUTOFF_HZ = 60.0
 """Of the zero-phase low-pass of the first command."""
 
@@ -240,9 +240,9 @@ def _cut_target(
     )
 
 
-CUTOFF_HZ = 150.0
-FADE_S = 0.01
-LATE_S = 0.0015
+CUTOFF_HZ = 150.0  # of the low-pass Q: below the resonance of arm and cell
+FADE_S = 0.01  # over which corrections begin before the onset, and end before key bottom
+LATE_S = 0.0015  # before key bottom; a message names the share of the error that lies there
 GUARD_S = 0.001
 """Learning ends this long before key bottom: a zero-phase filter spreads the spike backwards."""
 
@@ -331,11 +331,11 @@ def limit_command(
     return limited
 
 
-GAIN = 0.8
-GOAL = 0.03
+GAIN = 0.8  # of the error that one stroke corrects: below 1, so that noise is not learnt whole
+GOAL = 0.03  # relative error of the force at which learning ends; needs a peak of 33 times the noise
 MARGIN = 0.75
 """Learning continues to this fraction of the goal while blows improve: a replay must follow as well."""
-MOST_BLOWS = 50
+MOST_BLOWS = 50  # that a user may ask for
 POINT_TOLERANCE = 0.002
 """Key points omit changes of the command below this fraction of its peak."""
 

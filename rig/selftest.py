@@ -143,7 +143,7 @@ class SelftestBackend(Backend, Protocol):
         """Read without resetting the watchdog; the blocks, in which it expired, and whether the device ended it."""
 
 
-PUSHES, PUSH_S, PAUSE_S, LEAD_S = 8, 0.15, 0.15, 0.3
+PUSHES, PUSH_S, PAUSE_S, LEAD_S = 8, 0.15, 0.15, 0.3  # averaged pushes; each, the pause after it, rest before all
 
 
 def push_train(volts: float, rate_hz: float) -> NDArray[np.float64]:
@@ -200,7 +200,7 @@ FITTED_S = 0.012
 """How much of a push is fitted."""
 EARLIEST_S, LATEST_S = -2e-3, 15e-3
 """Where the edge is looked for, beside the time at which it should be."""
-RINGING_HZ = (80.0, 2400.0)
+RINGING_HZ = (80.0, 2400.0)  # resonances of arm and cell that the fitted oscillation may have
 SHAPE_SAMPLES = 0.1
 """Standard uncertainty for a bench that does not ring like the fitted curve, samples."""
 Array = NDArray[np.float64]
@@ -271,11 +271,11 @@ def fit_edge(response_n: Array, rate_hz: float, at_sample: float) -> Edge | None
     )
 
 
-PRESS_S = 4.5
-REST_WINDOW_S = 0.3
+PRESS_S = 4.5  # for the operator to lift the arm and press the key once
+REST_WINDOW_S = 0.3  # of a mean at rest: 15 periods of 50 Hz
 SETTLED_S = 0.1
 """Force before and after the watchdog trips is the mean over the last of this, however long the blocks are."""
-CAMERA_S = 0.5
+CAMERA_S = 0.5  # over which frame pulses are counted
 EDGE_LEAD = 10
 """Samples before the edge of a push that are evaluated with it."""
 INSTRUCTION = (

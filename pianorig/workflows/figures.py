@@ -35,13 +35,13 @@ def draw_session(session: rig.Session, path: Path) -> None:
             step = max(1, data.time_s.size // MOST_POINTS)
             time = data.time_s[::step]
             angles = np.degrees(data.angle_rad)[::step]
-            own = [encoder.name for encoder in data.encoders]
+            recorded = [encoder.name for encoder in data.encoders]
             for axes, name in zip(grid, panels, strict=False):
                 if name == "force":
                     axes.plot(time, data.raw_force_n[::step], color="black", linewidth=0.8, alpha=0.7)
-                elif name in own:
+                elif name in recorded:
                     color = BODY_COLORS.get(name, "#555555")
-                    axes.plot(time, angles[:, own.index(name)], color=color, linewidth=0.9, alpha=0.8)
+                    axes.plot(time, angles[:, recorded.index(name)], color=color, linewidth=0.9, alpha=0.8)
         for axes, name in zip(grid, panels, strict=False):
             axes.set_ylabel("force, N" if name == "force" else f"{name}, °")
             axes.grid(alpha=0.3)

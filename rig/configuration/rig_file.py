@@ -498,8 +498,8 @@ class RigConfig(Table):
         if self.camera is not None:
             counters.append(self.camera.counter)
         # on a chassis, Mod3/ctr0 and Mod4/ctr0 are the same counter
-        own = [(self.device_of(counter), counter.rsplit("/", 1)[-1].lower()) for counter in counters]
-        if len(set(own)) != len(own):
+        used = [(self.device_of(counter), counter.rsplit("/", 1)[-1].lower()) for counter in counters]
+        if len(set(used)) != len(used):
             raise ValueError(
                 f"encoders and camera use the counters {counters}, allowed one task per counter; give each its own"
             )

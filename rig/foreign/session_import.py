@@ -467,10 +467,10 @@ def _recording_start(table: ChannelTable, file: Path, config: ImportMapping) -> 
     does not say has only the time at which it was last changed.
     """
     if table.started:
-        own = datetime.fromisoformat(table.started)
-        if own.tzinfo is None and config.utc_offset_h is not None:
-            own = own.replace(tzinfo=timezone(timedelta(hours=config.utc_offset_h)))
-        return own.isoformat() if own.tzinfo is None else own.astimezone(UTC).isoformat()
+        started = datetime.fromisoformat(table.started)
+        if started.tzinfo is None and config.utc_offset_h is not None:
+            started = started.replace(tzinfo=timezone(timedelta(hours=config.utc_offset_h)))
+        return started.isoformat() if started.tzinfo is None else started.astimezone(UTC).isoformat()
     return datetime.fromtimestamp(file.stat().st_mtime, UTC).isoformat(timespec="seconds")
 
 

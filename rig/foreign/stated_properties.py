@@ -35,12 +35,12 @@ _INTERVAL = re.compile(r"dt|deltat|timestep|sampl(e|ing)(interval|period)(s|sec)
 
 
 def says_what_numbers_mean(name: str) -> bool:
-    words = _words(name)
+    letters = _letters(name)
     return bool(
         _PERHAPS_UNIT.fullmatch(name)
         or _SCALE.fullmatch(name)
-        or _RATE.fullmatch(words)
-        or _INTERVAL.fullmatch(words)
+        or _RATE.fullmatch(letters)
+        or _INTERVAL.fullmatch(letters)
         or re.fullmatch(r"wf_(increment|start_time|start_offset|xunit_string)|NI_.*Scal.*", name)
     )
 
@@ -73,8 +73,8 @@ def find_scale_doubt(properties: Properties, applied: tuple[str, ...] = (), *, a
 def find_scale_doubt_of_groups(name: str, above: Sequence[Properties], *, are_integers: bool) -> str:
     short = name.rpartition("/")[2].lower()
     for properties in above:
-        own = {key: value for key, value in properties.items() if are_integers or short in key.lower()}
-        if doubt := find_scale_doubt(own, are_integers=are_integers):
+        of_channel = {key: value for key, value in properties.items() if are_integers or short in key.lower()}
+        if doubt := find_scale_doubt(of_channel, are_integers=are_integers):
             return doubt
     return ""
 
@@ -95,9 +95,9 @@ def find_clock(*properties: Properties) -> Clock | None:
     """Return the clock of a sample rate or interval, s, that the first of several sets of properties states."""
     for stated in properties:
         for key, value in stated.items():
-            words = _words(key)
-            is_rate = _RATE.fullmatch(words)
-            if (is_rate or _INTERVAL.fullmatch(words)) and np.size(value) == 1:
+            letters = _letters(key)
+            is_rate = _RATE.fullmatch(letters)
+            if (is_rate or _INTERVAL.fullmatch(letters)) and np.size(value) == 1:
                 try:
                     number = float(text_of(value))
                 except ValueError:
@@ -107,7 +107,7 @@ def find_clock(*properties: Properties) -> Clock | None:
     return None
 
 
-def _words(name: str) -> str:
+def _letters(name: str) -> str:
     return re.sub(r"[^a-z]", "", name.lower())
 
 

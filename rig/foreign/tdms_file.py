@@ -88,8 +88,8 @@ def read_tdms(path: Path) -> tuple[ChannelTable, ...]:
     except OSError as error:
         raise RigInputError(f"{path}: cannot be read ({error.strerror or error})") from None
     except Exception as error:  # a damaged file makes npTDMS raise nearly anything
-        words = " ".join(f"{type(error).__name__}: {error}".split())[:120]
-        raise RigInputError(f"{path}: not a whole TDMS file ({words})") from None
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:120]
+        raise RigInputError(f"{path}: not a whole TDMS file ({reason})") from None
     finally:
         console.removeFilter(_refuse_all)
         logger.removeHandler(complaints)

@@ -148,9 +148,9 @@ class StrokeDetector:
         """Return whether a stroke begins in the ``new`` newest samples; if so, note where."""
         force_n, count = self._level
         at = max(self._force.size - new - self._sustained + 1, 0)
-        moved = np.abs(self._force[at:] - force_n) > self._s.trigger_n
-        moved |= np.abs((self._count[at:, 0] - count[0]) * self._rad[0]) > self._s.trigger_rad
-        runs = np.convolve(moved, np.ones(self._sustained, dtype=int), "valid") == self._sustained
+        is_beyond = np.abs(self._force[at:] - force_n) > self._s.trigger_n
+        is_beyond |= np.abs((self._count[at:, 0] - count[0]) * self._rad[0]) > self._s.trigger_rad
+        runs = np.convolve(is_beyond, np.ones(self._sustained, dtype=int), "valid") == self._sustained
         if not runs.any():
             return False
         trigger = self._end - self._force.size + at + int(np.argmax(runs))

@@ -147,8 +147,8 @@ class Interlocks:
                 f"{camera.terminal}: no exposure for more than {1.5 / camera.frame_rate_hz * 1e3:.3g} ms before "
                 f"{(block.first_sample + count.size) / self._rate:.3f} s; the camera drops frames or is not running"
             )
-        moved = np.flatnonzero(~still)
-        self._since_exposure = still.size - 1 - int(moved[-1]) if moved.size else still.size
+        exposures = np.flatnonzero(~still)
+        self._since_exposure = still.size - 1 - int(exposures[-1]) if exposures.size else still.size
         self._exposed = int(count[-1])
 
     def _check_stuck(self, first: int, n_checked: int) -> None:

@@ -91,10 +91,10 @@ def clock_steps(film: FilmFile, clock_hz: float) -> NDArray[np.int64]:
     frame.
     """
     steps = np.zeros(film.n_frames, dtype=np.int64)
-    own = film.frame_time_s
-    if own is None or film.n_frames < 2:
+    stated_s = film.frame_time_s
+    if stated_s is None or film.n_frames < 2:
         return np.arange(film.n_frames)
-    intervals = np.diff(own)
+    intervals = np.diff(stated_s)
     period = 1.0 / clock_hz if film.has_camera_times else float(np.median(intervals))
     if not film.has_camera_times and not _are_whole(intervals / period):
         # where most frames were left out, the shortest interval is that of the clock
@@ -125,12 +125,12 @@ def frame_times(trial: Trial, film: FilmFile) -> tuple[NDArray[np.float64], floa
     if camera is None:
         raise RigInputError(f"{trial.path}: has no frame clock; record with a camera, or track a copy elsewhere")
     attached = read_record(film.path)
-    own = film.frame_time_s
+    stated_s = film.frame_time_s
     pulse = clock_steps(film, camera.frame_rate_hz)
     if attached is not None:
         pulse += attached.first_frame
-    elif own is not None:
-        pulse += round(float(own[0] - 0.5 * (film.exposure_s or 0.0)) * camera.frame_rate_hz)
+    elif stated_s is not None:
+        pulse += round(float(stated_s[0] - 0.5 * (film.exposure_s or 0.0)) * camera.frame_rate_hz)
     if pulse[0] < 0 or pulse[-1] >= camera.n_frames:
         raise RigInputError(
             f"{film.path}: frames {pulse[0]} to {pulse[-1]} found, allowed 0 to {camera.n_frames - 1}, "

@@ -23,9 +23,9 @@ from rig.mains_hum import HARMONICS, hum_terms
 
 Array = NDArray[np.float64]
 
-SEARCH_HZ = 0.2
-SEARCH_BASELINE_S = 0.2
-MAINS_HZ = (50.0, 60.0)
+SEARCH_HZ = 0.2  # largest steady deviation from 50 Hz that Europe's grid code allows
+SEARCH_BASELINE_S = 0.2  # ten periods of 50 Hz; a shorter baseline takes the nominal frequency
+MAINS_HZ = (50.0, 60.0)  # nominal frequencies of public grids
 TOO_SHORT = "baseline of"  # how the reason begins when hum could not be looked for
 # probability with which a baseline without hum would pass the variance test
 REFUSAL_P = 1e-3
@@ -221,14 +221,12 @@ def _polar(coefficient: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
     return tuple(float(v) for v in np.hypot(c, s)), tuple(float(v) for v in np.arctan2(-s, c))
 
 
-FIRST_BASELINE_S = 0.02
-MINIMUM_QUIET_S = 0.02
-MARGIN_S = 0.01
-ONSET_SIGMA = 5.0
-ONSET_SAMPLES = 5
-ONSET_SHARE = 0.01
-MOVED_COUNTS = 3
-MOVED_SIGMA = 5.0
+MINIMUM_QUIET_S = 0.02  # one period of 50 Hz: a shorter mean holds a part of the hum
+MARGIN_S = 0.01  # kept before the onset, which is found only when the force is above its noise
+ONSET_SIGMA = 5.0  # standard deviations of noise that force or encoder leaves its level by: 6e-7 a sample, if normal
+ONSET_SAMPLES = 5  # successive ones, so that a spike on a wire is no onset
+ONSET_SHARE = 0.01  # of the largest excursion: below it lie drift and what is left of hum
+MOVED_COUNTS = 3  # a resting encoder may flicker between neighbouring counts
 
 
 @dataclass(frozen=True)
@@ -399,7 +397,7 @@ def find_quiet(
     time, force = _two_columns(time_s, force_n)
     _refuse_lost(time, force)
     step = float(np.median(np.diff(time)))
-    first = max(int(round(FIRST_BASELINE_S / step)), 8)
+    first = max(int(round(MINIMUM_QUIET_S / step)), 8)
     if time.size <= 2 * first:
         raise RigInputError(
             f"record of {1e3 * step * time.size:.0f} ms is too short; record at least 0.3 s before the blow"
@@ -414,37 +412,37 @@ def find_quiet(
         raise RigInputError(
             "force never leaves its baseline by 5 sigma; was the blow played? check motor and load cell"
         )
-    moved = onset
+    first_change = onset
     if encoder_count is not None:
         counts = as_numbers(encoder_count, "encoder counts", 2)
         if len(counts) != time.size:
             raise RigInputError(f"encoder counts: found {len(counts)} rows, allowed {time.size}, one for each sample")
         hit = _first_move(counts, first)
-        moved = onset if hit is None else min(onset, hit)
+        first_change = onset if hit is None else min(onset, hit)
     return _quiet_before(
-        time, moved, float(time[onset]) - group_delay_s, "quiet baseline is", "to find the force offset"
+        time, first_change, float(time[onset]) - group_delay_s, "quiet baseline is", "to find the force offset"
     )
 
 
 def quiet_of_motion(time_s: Array, encoder_count: NDArray[np.int64]) -> Quiet:
     step = float(np.median(np.diff(time_s)))
-    moved = _first_move(encoder_count, max(round(FIRST_BASELINE_S / step), 8))
-    if moved is None:
+    first_change = _first_move(encoder_count, max(round(MINIMUM_QUIET_S / step), 8))
+    if first_change is None:
         raise RigInputError("no encoder moves by more than three counts; was the blow played?")
-    return _quiet_before(time_s, moved, float(time_s[moved]), "encoders rest for", "before the blow")
+    return _quiet_before(time_s, first_change, float(time_s[first_change]), "encoders rest for", "before the blow")
 
 
 def _first_move(counts: NDArray[Any], first: int) -> int | None:
     """Sample from which an encoder has left the place of its first samples."""
     start = counts[:first]
-    away = np.abs(counts - np.median(start, axis=0)) > np.maximum(MOVED_COUNTS, MOVED_SIGMA * start.std(axis=0))
+    away = np.abs(counts - np.median(start, axis=0)) > np.maximum(MOVED_COUNTS, ONSET_SIGMA * start.std(axis=0))
     return first_run(away.any(axis=1), ONSET_SAMPLES)
 
 
-def _quiet_before(time: Array, moved: int, onset_s: float, what: str, needed: str) -> Quiet:
+def _quiet_before(time: Array, first_change: int, onset_s: float, what: str, needed: str) -> Quiet:
     """The baseline up to shortly before the sample at which something moves."""
     step = float(np.median(np.diff(time)))
-    stop = moved - round(MARGIN_S / step)
+    stop = first_change - round(MARGIN_S / step)
     if stop < round(MINIMUM_QUIET_S / step):
         raise RigInputError(
             f"{what} {1e3 * max(stop, 0) * step:.0f} ms; at least {1e3 * MINIMUM_QUIET_S:.0f} ms are "

@@ -146,13 +146,13 @@ class JournalWriter:
 
     def _raise_error(self) -> None:
         """Raise what the writing thread failed with, if it did, as `RecordingFault`."""
-        own = self._error is not None and is_defect(self._error) and not isinstance(self._error, OSError)
-        if self._error is not None and (own or isinstance(self._error, RecordingFault)):
+        is_own_defect = self._error is not None and is_defect(self._error) and not isinstance(self._error, OSError)
+        if self._error is not None and (is_own_defect or isinstance(self._error, RecordingFault)):
             raise self._error
         if self._error is not None:
-            words = getattr(self._error, "strerror", None) or f"{type(self._error).__name__}: {self._error}"
+            reason = getattr(self._error, "strerror", None) or f"{type(self._error).__name__}: {self._error}"
             raise RecordingFault(
-                f"{self.path}: cannot be written ({words}); {self._committed} samples are safe, free some space",
+                f"{self.path}: cannot be written ({reason}); {self._committed} samples are safe, free some space",
                 phase="write",
             ) from self._error
 

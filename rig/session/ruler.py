@@ -131,9 +131,9 @@ def _left_out(smoother: Array, height: Array) -> tuple[float, float]:
     """Root mean square error of the inner points when each is left out, and that of it which a point's error of one
     makes."""
     inner = slice(1, -1)
-    own = 1.0 - np.diag(smoother)[inner]
-    error = (height - smoother @ height)[inner] / own
-    others = (smoother[inner] - np.eye(height.size)[inner] * np.diag(smoother)[inner, None]) / own[:, None]
+    free = 1.0 - np.diag(smoother)[inner]
+    error = (height - smoother @ height)[inner] / free
+    others = (smoother[inner] - np.eye(height.size)[inner] * np.diag(smoother)[inner, None]) / free[:, None]
     gain = 1.0 + np.sum(others[:, inner] ** 2, axis=1).mean()
     return float(np.sqrt(np.mean(error**2))), float(np.sqrt(gain))
 

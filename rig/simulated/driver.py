@@ -123,8 +123,8 @@ def add_lines(device: DeviceState, task: SimulatedTask, lines: str, name: str, *
         assigned = name if len(groups) == 1 else f"{name}{index}"
         port = group[0].name.rsplit("/", 1)[0]
         several = port if lines.strip().lower() == port.lower() else group[0].name + "..."
-        own = several if len(group) > 1 else group[0].name
-        task.add_channel("DO", Channel(assigned if name else own, group[0], {"lines": [line.name for line in group]}))
+        usual = several if len(group) > 1 else group[0].name
+        task.add_channel("DO", Channel(assigned if name else usual, group[0], {"lines": [line.name for line in group]}))
 
 
 def configure_clock(device: DeviceState, task: SimulatedTask, clock: SampleClock) -> None:

@@ -78,8 +78,8 @@ def drift(device: DeviceState, task: SimulatedTask) -> float:
     """Return the rate of a device's own timebase over that of the device that began the trial."""
     if device.timebase is None:
         return 1.0
-    own = device.inventory.owner_of(task.channels[0].physical.name)
-    return (1.0 + own.clock_error) / (1.0 + device.timebase.clock_error)
+    module = device.inventory.owner_of(task.channels[0].physical.name)
+    return (1.0 + module.clock_error) / (1.0 + device.timebase.clock_error)
 
 
 def _find_engine(device: DeviceState, terminal: str, visited: set[str]) -> Engine | None:
@@ -90,8 +90,8 @@ def _find_engine(device: DeviceState, terminal: str, visited: set[str]) -> Engin
     others = [task for task in device.tasks.values() if task.name not in visited and task.progress.live]
     if signal == "SampleClock":
         for task in others:
-            own = task.channels and device.inventory.owner_of(task.channels[0].physical.name) is owner
-            if own and task.type == stem.upper() and task.clock is not None:
+            is_same_owner = task.channels and device.inventory.owner_of(task.channels[0].physical.name) is owner
+            if is_same_owner and task.type == stem.upper() and task.clock is not None:
                 if task.has_own_clock:
                     return engine_of(device, task)
                 return _find_engine(device, task.clock.source, {*visited, task.name})
