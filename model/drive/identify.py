@@ -99,7 +99,8 @@ class DriveIdentified:
         for title, items in (("drive", self.drive), ("combinations", self.combinations), ("arm", self.arm)):
             out.append(f"{title}:")
             for e in items:
-                words = f"{e.value:.4g}  u {e.u:.2g} {e.unit}" if e.is_determined else f"not determined: {e.why}"
+                known = f"{e.value:.4g} {e.unit} (standard uncertainty {e.u:.2g})"
+                words = known if e.is_determined else f"not determined: {e.why}"
                 out.append(f"  {e.name:24s} {words}")
         return [*out, f"torques balance to {1e3 * self.rms_nm:.2g} mN m (root mean square)"]
 

@@ -59,11 +59,14 @@ def command(
     mdeg = 1e3 * math.degrees(1.0)
     lines = [
         f"{out}: {found.n_points} points in {found.n_views} views, residual {found.residual_px:.3f} px",
-        f"  scale        {camera.scale_px_per_m / 1e3:.4f} px/mm (u {camera.u_scale_px_per_m / 1e3:.4f})",
+        f"  scale        {camera.scale_px_per_m / 1e3:.4f} px/mm "
+        f"(standard uncertainty {camera.u_scale_px_per_m / 1e3:.4f} px/mm)",
         f"  stretch      {100 * math.hypot(a, b):.3f} %, perspective {100 * math.hypot(p, q):.3f} % at the corner",
-        f"  distortion   {100 * k:.3f} % at the corner (u {100 * math.sqrt(camera.covariance[4, 4]):.3f})",
-        f"  angles       off by up to {found.effect_rad * mdeg:.1f} mdeg without correction (block of "
-        f"120 x 40 px turning by 15 deg), u {found.u_effect_rad * mdeg:.1f} mdeg with it",
+        f"  distortion   {100 * k:.3f} % at the corner "
+        f"(standard uncertainty {100 * math.sqrt(camera.covariance[4, 4]):.3f} %)",
+        f"  angles       off by up to {found.effect_rad * mdeg:.1f} mdeg without correction (block of",
+        f"               120 x 40 px turning by 15 deg), "
+        f"with it standard uncertainty {found.u_effect_rad * mdeg:.1f} mdeg",
     ]
     if found.coverage < 0.3:
         covered = f"{100 * found.coverage:.0f} %"

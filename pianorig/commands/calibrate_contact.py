@@ -45,8 +45,8 @@ def command(
     order = PadOrder(contact, load, u_load, radius, u_radius, body, swings)
     facts = calibrate_contact(order, rig_name, backend, out, action, type_answer)
     lines = (
-        f"{contact}: friction {facts['friction']:.4g}  u {facts['u_friction']:.2g}, slip up to "
-        f"{facts['slip_up_to_m_per_s']:.2g} m/s; half swings {', '.join(map(str, facts['half_swings']))}",
+        f"{contact}: friction {facts['friction']:.4g} (standard uncertainty {facts['u_friction']:.2g})",
+        f"  slip up to {facts['slip_up_to_m_per_s']:.2g} m/s; half swings {', '.join(map(str, facts['half_swings']))}",
         f"{out}: the action with {contact}.friction.A; readings in {facts['record']}",
     )
     if figure is not None:

@@ -87,15 +87,19 @@ def _options(mode: str, length: str, known: list[str], u: tuple[float, float, fl
     return model.drive.DriveOptions(mode, length_m, u_length or 0.0, *u, known=values)
 
 
+def _known(e: model.drive.Estimate) -> str:
+    return f"standard uncertainty {e.u:.2g} {e.unit}"
+
+
 def scene_text(found: model.drive.DriveIdentified, length_m: float) -> str:
     """A scene file with what was determined; the rest keeps the values of `model/parameters/effects.toml`."""
     arm, drive = ["[motor_arm]", f"length = {length_m!r}"], ["[motor_drive]"]
     for name in ("inertia", "joint_friction", "spring_stiffness"):
         e = found[name]
         if e.is_determined and e.value > e.u:
-            arm.append(f"{name} = {e.value!r}  # u {e.u:.2g} {e.unit}")
+            arm.append(f"{name} = {e.value!r}  # {_known(e)}")
     for e in (e for e in found.drive if e.name != SUM):
-        drive.append(f"{e.name} = {e.value!r}  # u {e.u:.2g} {e.unit}" if e.is_determined else f"# {e.name}: {e.why}")
+        drive.append(f"{e.name} = {e.value!r}  # {_known(e)}" if e.is_determined else f"# {e.name}: {e.why}")
     if found.mode == "voltage":
         drive += ["current_gain = 0.0", "loop_gain = 0.0"]
     elif found[SUM].is_determined and not found["loop_gain"].is_determined:

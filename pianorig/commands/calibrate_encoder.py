@@ -45,10 +45,10 @@ def command(
     check_writable(figure, *FIGURE_ENDINGS)
     facts = calibrate_encoder(body, given, u_angle, rig_name, backend, out)
     lines = (
-        f"{body}: angle = {facts['gain']:.6f} of the reading  u {facts['u_gain']:.2g}; readings up to "
-        f"{1e6 * facts['worst_rad']:.2g} urad off the line",
-        f"{out}: with what the rig file knew {facts['arc_gain']:.6f}  u {facts['u_arc_gain']:.2g}; readings in "
-        f"{facts['record']}",
+        f"{body}: angle = {facts['gain']:.6f} of the reading (standard uncertainty {facts['u_gain']:.2g})",
+        f"  readings up to {1e6 * facts['worst_rad']:.2g} urad off the line",
+        f"{out}: with what the rig file knew {facts['arc_gain']:.6f} (standard uncertainty {facts['u_arc_gain']:.2g})",
+        f"  readings in {facts['record']}",
     )
     if figure is not None:
         at, read = facts["references_rad"], facts["readings_rad"]

@@ -216,17 +216,17 @@ def _felt(
     dampings = {blow: model.calibration.damping_factor(fit, v, u or 0.0) for blow, (v, u) in speeds.items()}
     lines = [f"{path}: {contact or 'felt'}, {1e3 * fit.measured_m[0]:.3g} to {1e3 * fit.measured_m[1]:.3g} mm"]
     for name, unit, v, u in zip("abc", ("N/m^3", "N/m^2", "N/m"), fit.abc, fit.u_abc, strict=True):
-        lines.append(f"  {name} = {v:.4g}  u {u:.2g}  {unit}")
+        lines.append(f"  {name} = {v:.4g} {unit} (standard uncertainty {u:.2g} {unit})")
     lines.append(f"  mid-line off the cubic: {fit.misfit_n:.3g} N rms of {fit.mid_n[-1]:.3g} N")
     lines += [f"  {line}" for line in _judgement(fit)]
     if fit.off:
-        lines.append(f"  u includes what all points share: {', '.join(fit.off)}")
+        lines.append(f"  uncertainty includes what all points share: {', '.join(fit.off)}")
     if fit.bound is not None:
         lines.append(f"  the fit lies on a bound of what a felt can do: {fit.bound}; look at the figure")
     for blow, one in dampings.items():
         lines.append(
-            f"  D = {one.d:.4g}  u {one.u_d:.2g}  s/m  ({blow}: {one.speed_m_per_s:.4g} m/s; taken at "
-            f"{1e3 * one.at_m:.3g} mm)"
+            f"  D = {one.d:.4g} s/m (standard uncertainty {one.u_d:.2g} s/m; {blow}: {one.speed_m_per_s:.4g} m/s; "
+            f"taken at {1e3 * one.at_m:.3g} mm)"
         )
     if figure is not None:
         model.calibration.figure.draw(curve, fit, dampings, contact or path.stem, figure)
@@ -263,12 +263,13 @@ def _judgement(fit: model.calibration.FeltFit) -> list[str]:
     if not fit.law_fits:
         lines.append(
             f"the law does not fit: the points know their mid-line to {fit.u_mid_n:.2g} N rms, the cubic of eq. 2.5 is "
-            f"{fit.inflation_factor:.2g} x as far off; u of a, b, c widened by that factor"
+            f"{fit.inflation_factor:.2g} x as far off; the uncertainty of a, b, c is widened by that factor"
         )
     if not fit.loop_fits:
         lines.append(
             f"the loop does not fit: loading above unloading is not one share of the cubic at every depth (eq. 2.7), "
-            f"off by {fit.loop_misfit_n:.2g} N rms; u of D widened; a felt that remembers, or a speed that changed"
+            f"off by {fit.loop_misfit_n:.2g} N rms; the uncertainty of D is widened; the felt is hereditary, "
+            "or the speed changed"
         )
     return lines
 
@@ -278,8 +279,8 @@ def _friction(contact: str | None, mu: Sequence[float], u: Sequence[float]) -> C
     fit = model.calibration.fit_friction(*mu, *u)
     facts = {"A": fit.a, "B1": fit.b1, "B2": fit.b2, "u_A": fit.u_a, "u_B1": fit.u_b1}
     line = (
-        f"friction {contact or ''}: A = {fit.a:.4g}  u {fit.u_a:.2g}, B1 = {fit.b1:.4g}  u {fit.u_b1:.2g}, "
-        f"B2 = {fit.b2:g} (eq. 2.10)"
+        f"friction {contact or ''} (eq. 2.10; standard uncertainties): A = {fit.a:.4g} ({fit.u_a:.2g}), "
+        f"B1 = {fit.b1:.4g} ({fit.u_b1:.2g}), B2 = {fit.b2:g}"
     )
     values = {"A": (fit.a, fit.u_a), "B1": (fit.b1, fit.u_b1), "B2": (fit.b2, 0.0)}
     return Calibrated(facts, [line], {f"{contact}.friction.{k}": v for k, v in values.items()} if contact else {})
@@ -288,7 +289,7 @@ def _friction(contact: str | None, mu: Sequence[float], u: Sequence[float]) -> C
 def _rebound(speeds: Sequence[float], u: Sequence[float]) -> Calibrated:
     """The string's damping from the hammer head's speed before and after it."""
     d, u_d = model.calibration.damping_from_rebound(*speeds, *u)
-    line = f"string {STRING}: D = {d:.4g}  u {u_d:.2g}  s/m"
+    line = f"string {STRING}: D = {d:.4g} s/m (standard uncertainty {u_d:.2g} s/m)"
     return Calibrated({"D": d, "u_D": u_d}, [line], {f"{STRING}.normal.D": (d, u_d)})
 
 
@@ -305,8 +306,8 @@ def _pendulum(action: model.Action, body: str | None, swing: Sequence[float], u:
         "u_about_center_kg_m2": found.u_about_center,
     }
     line = (
-        f"inertia {body or ''}: {found.about_pivot:.4g}  u {found.u_about_pivot:.2g}  kg m^2 about the pivot, "
-        f"{found.about_center:.4g}  u {found.u_about_center:.2g}  about the centre of mass"
+        f"inertia {body or ''}, kg m^2 (standard uncertainty): {found.about_pivot:.4g} ({found.u_about_pivot:.2g}) "
+        f"about the pivot, {found.about_center:.4g} ({found.u_about_center:.2g}) about the centre of mass"
     )
     values = {f"{body}.inertia": (found.about_center, found.u_about_center)} if body else {}
     return Calibrated(facts, [line], values)
@@ -332,7 +333,9 @@ def _felt_laws(paths: Sequence[Path], contact: str | None, figure: Path | None) 
         lines.append(f"  {fit.kind:<14} {fit.typical_held_out:>9.2%} {float(fit.misfit.mean()):>9.2%}")
     lines.append(f"  {'noise':<14} {sum(noise.values()) / len(noise):>9.2%}")
     for fit in fits:
-        lines.append(f"  {fit.kind}: " + ", ".join(_value(fit, k) for k in range(len(fit.names))))
+        lines.append(
+            f"  {fit.kind} (standard uncertainty): " + ", ".join(_value(fit, k) for k in range(len(fit.names)))
+        )
     if figure is not None:
         model.felt.figure.draw(presses, fits, contact or "felt", figure)
         lines.append(f"  {figure}")
@@ -361,4 +364,4 @@ def _felt_laws(paths: Sequence[Path], contact: str | None, figure: Path | None) 
 
 def _value(fit: model.felt.LawFit, k: int) -> str:
     unit = "" if fit.units[k] == "1" else f" {fit.units[k]}"
-    return f"{fit.names[k]} = {fit.values[k]:.4g} u {fit.u[k]:.2g}{unit}"
+    return f"{fit.names[k]} = {fit.values[k]:.4g} ({fit.u[k]:.2g}){unit}"

@@ -37,8 +37,8 @@ def command(
     check_writable(figure, *FIGURE_ENDINGS)
     facts = calibrate_joint(body, rig_name, backend, out, action, swings, type_answer)
     lines = (
-        f"{body}: friction {facts['friction_nm']:.4g}  u {facts['u_friction_nm']:.2g}  N m, "
-        f"{facts['share_of_weight_moment']:.4g} of weight times arm; swings at {facts['frequency_hz']:.4g} Hz, "
+        f"{body}: friction {facts['friction_nm']:.4g} N m (standard uncertainty {facts['u_friction_nm']:.2g} N m)",
+        f"  {facts['share_of_weight_moment']:.4g} of weight times arm; swings at {facts['frequency_hz']:.4g} Hz, "
         f"half swings {', '.join(map(str, facts['half_swings']))}",
         f"{out}: the action with {body}.joint_friction.A; readings in {facts['record']}",
     )

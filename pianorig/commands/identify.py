@@ -278,7 +278,7 @@ def reading_lines(
     said = [*plain_sentences(found, ranked), *found.details.explained]
     if not ranked:
         return said
-    lines = [*said, "to record next (u of each parameter after, over u now, as predicted):"]
+    lines = [*said, "to record next (standard uncertainty after over now, geometric mean, predicted):"]
     for p in ranked[:most]:
         each = ", ".join(f"{name} {x:.2f}" for name, x in sorted(p.shrink.items(), key=lambda pair: pair[1])[:3])
         lines.append(f"  {p.mean:.2f}  {p.words} (most: {each})")

@@ -289,13 +289,14 @@ def _loop_at_rest(rows: list[dict[str, Any]]) -> dict[str, Any]:
 def felt_lines(order: rig.FeltOrder, facts: dict[str, Any]) -> list[str]:
     if order.contact == BLOCK:
         return [
-            f"compliance of arm and cell {1e6 * facts['compliance_m_per_n']:.4g} um/N  u "
-            f"{1e6 * facts['u_compliance_m_per_n']:.2g}; up to {1e6 * facts['largest_deviation_m']:.2g} um off a line",
+            f"compliance of arm and cell {1e6 * facts['compliance_m_per_n']:.4g} um/N (standard uncertainty "
+            f"{1e6 * facts['u_compliance_m_per_n']:.2g} um/N)",
+            f"  up to {1e6 * facts['largest_deviation_m']:.2g} um off a line",
             f"{facts['rig']}: the rig file with it",
         ]
     lines = []
     for row in facts["presses"]:
-        damping = f"D = {row['D']:.3g}  u {row['u_D']:.2g} s/m" if "D" in row else "no loop"
+        damping = f"D = {row['D']:.3g} s/m (standard uncertainty {row['u_D']:.2g})" if "D" in row else "no loop"
         lines.append(
             f"trial {row['trial']}: {row['peak_n']:.1f} N, {1e3 * row['deepest_m']:.3f} mm, "
             f"{1e3 * row['speed_m_per_s']:.3g} mm/s, {damping}" + ("" if row["law_fits"] else ", the law does not fit")
@@ -303,8 +304,8 @@ def felt_lines(order: rig.FeltOrder, facts: dict[str, Any]) -> list[str]:
     if loop := facts.get("loop"):
         certain = abs(loop["at_rest"]) > 3 * loop["u_at_rest"]
         lines.append(
-            f"loop, as a share of the force: {loop['at_rest']:.2g}  u {loop['u_at_rest']:.1g} at no speed, "
-            f"{loop['per_speed_s_per_m']:.3g}  u {loop['u_per_speed_s_per_m']:.2g} s/m more with it: "
+            f"loop, as a share of the force (standard uncertainty): {loop['at_rest']:.2g} ({loop['u_at_rest']:.1g}) "
+            f"at no speed, {loop['per_speed_s_per_m']:.3g} ({loop['u_per_speed_s_per_m']:.2g}) s/m more with it: "
             + ("eq. 2.7 leaves out what stays at no speed" if certain else "grows with the speed as eq. 2.7 has it")
         )
     last = facts["presses"][-1]

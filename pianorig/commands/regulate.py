@@ -97,8 +97,8 @@ def _regulate(
         [
             f"{done.action.name}: {said} regulated by `pianorig regulate` to the targets of Hirschkorn (2004), "
             f"Section 2.3{model.regulation.other_lengths(done.targets)}.",
-            f"{_turned_words(done)} differ from the given set; their source begins with 'regulated'. u of a screw:",
-            "what changes its target by its tolerance of 0.02 mm (rectangular).",
+            f"{_turned_words(done)} differ from the given set; their source begins with 'regulated'. Standard",
+            "uncertainty of a screw: what changes its target by its tolerance of 0.02 mm (rectangular).",
         ],
     )
     rows: list[dict[str, Any]] = [

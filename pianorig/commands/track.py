@@ -189,7 +189,7 @@ def command(
         *(f"  {body:<11} {facts['lost'][body]} frames lost" for body in result.bodies),
         *workflows.budget_lines(result.budget),
         *(
-            f"  film against the encoder of the {body}: {offset * 1e6:+.0f} us (u {u * 1e6:.0f})"
+            f"  film against the encoder of the {body}: {offset * 1e6:+.0f} us (standard uncertainty {u * 1e6:.0f})"
             for body, (offset, u) in facts["clock_offset_s"].items()
         ),
     ]

@@ -174,8 +174,13 @@ def results_of(path: Path, trials: tuple[Trial, ...]) -> dict[str, Any]:
         if size > LARGEST_RESULTS_BYTES:
             limit = f"at most {LARGEST_RESULTS_BYTES / 1e6:.0f} read"
             return {"problem": f"results.json has {size / 1e6:.0f} MB, {limit}"}
-        return _results(json.loads(path.read_text(encoding="utf-8")), trials)
-    except (OSError, ValueError, RecursionError, KeyError, TypeError, AttributeError) as error:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        try:
+            return _results(content, trials)
+        except KeyError as missing:
+            version = content.get("schema_version", "unknown")
+            return {"problem": f"results.json of version {version} lacks {missing}; make the report again"}
+    except (OSError, ValueError, RecursionError, TypeError, AttributeError) as error:
         return {"problem": f"results.json cannot be read ({shorten_text(error)}); make the report again"}
 
 

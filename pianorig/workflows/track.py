@@ -62,7 +62,7 @@ def preview_track(film: SessionFilm, picture: Path, count: int, **options: Unpac
     for row in range(len(result.frame)):
         where, remark = describe_row(result, row)
         angles = ", ".join(
-            f"{body} {np.degrees(angle):+.3f} deg (u {1e3 * np.degrees(u):.1f} mdeg)"
+            f"{body} {np.degrees(angle):+.3f} deg (standard uncertainty {1e3 * np.degrees(u):.1f} mdeg)"
             for body, angle, u in zip(result.bodies, result.angle_rad[row], result.u_angle_rad[row], strict=True)
             if np.isfinite(angle)
         )
@@ -212,7 +212,7 @@ def budget_lines(budget: vision.ErrorBudget) -> list[str]:
     # terms that this film does not have are not shown
     names = [name for name in TERMS if name in ALWAYS or any(key == name and np.any(u > 0.0) for key, u in everything)]
     names.append("total")
-    lines = [f"{'u in mdeg':<26}" + "".join(f"{name[:10]:>11}" for name in names)]
+    lines = [f"{'uncertainty in mdeg':<26}" + "".join(f"{name[:10]:>11}" for name in names)]
     rows = {**budget.typical(), **{f"{b} from parent": terms for b, terms in budget.typical(relative=True).items()}}
     for body, terms in rows.items():
         lines.append(f"  {body:<24}" + "".join(f"{np.degrees(terms[name]) * 1e3:>11.1f}" for name in names))

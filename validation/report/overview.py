@@ -10,7 +10,15 @@ from dataclasses import dataclass
 from validation.numbers import DASH, number
 from validation.result import AGREES, ValidationResult
 from validation.verdict.quantities import INDEX, QUANTITIES
-from validation.verdict.verdict import NOT_TESTED, format_interval, most_important, reading_of, shown_interval, title_of
+from validation.verdict.verdict import (
+    ANOTHER_FALL,
+    NOT_TESTED,
+    format_interval,
+    most_important,
+    reading_of,
+    shown_interval,
+    title_of,
+)
 
 WIDTH, EDGE = 240.0, 8.0
 EVENTS_SHOWN = ("let_off_distance", "hammer_speed", "string_impact", "check_height", "drop", "key_release")
@@ -45,6 +53,8 @@ class ForestRow:
     high: float
     limits: list[float]
     resolved: bool
+    is_known: bool = True
+    """Whether there is a value to draw."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +82,7 @@ def make_forest(
     reach: dict[str, float] = {}
     for name, (_, _, low, high, limit, _) in zip(names, found, strict=True):
         ends = [abs(x) for x in (low, high, limit) if math.isfinite(x)]
-        reach[name] = max(reach.get(name, 0.0), *ends)
+        reach[name] = max([reach.get(name, 0.0), *ends])
 
     def place(value: float, most: float) -> float:
         share = value / most if most > 0 and math.isfinite(value) else 0.0
@@ -86,6 +96,7 @@ def make_forest(
             place(high, reach[name]),
             [place(x, reach[name]) for x in (-limit, limit)] if math.isfinite(limit) else [],
             resolved,
+            math.isfinite(at),
         )
         for name, (cells, at, low, high, limit, resolved) in zip(names, found, strict=True)
     ]
@@ -103,15 +114,16 @@ def forest(results: Sequence[ValidationResult]) -> Forest | None:
     for name in EVENTS_SHOWN:
         for result in results:
             for row in result.quantities.itertuples():
-                if row.quantity != name or not math.isfinite(row.low) or reading_of(row) == NOT_TESTED:
+                is_other, has_interval = row.state == ANOTHER_FALL, math.isfinite(row.low)
+                if row.quantity != name or not (has_interval or is_other) or reading_of(row) == NOT_TESTED:
                     continue
                 q, known = QUANTITIES[INDEX[name]], math.isfinite(row.limit)
                 cells = [
                     f"{title_of(row)} ({q.unit_shown})",
                     *([result.action_name] if several else []),
-                    format_interval(*shown_interval(row), ""),
+                    format_interval(*shown_interval(row), "") if has_interval else DASH,
                     f"± {number(q.factor * row.limit, 2)}" if known else DASH,
-                    reading_of(row) if known else "for information",
+                    reading_of(row) if known or is_other else "for information",
                 ]
                 rows.append((cells, 0.5 * (row.low + row.high), row.low, row.high, row.limit, bool(row.resolved)))
                 scales.append(name)

@@ -5,7 +5,13 @@ from __future__ import annotations
 import pandas as pd
 
 from validation.tables.comparison import Comparison
-from validation.tables.table import TRIAL, Column, Page, Table
+from validation.tables.table import TRIAL, Column, Page, Row, Table
+
+
+def _nearest(row: Row) -> str:
+    """The heading of the column with the smallest error."""
+    return next((c.head for c in COLUMNS if c.name == f"{row['nearest']}_rmse_rad"), str(row["nearest"]))
+
 
 COLUMNS = (
     TRIAL,
@@ -17,7 +23,8 @@ COLUMNS = (
     Column("fir_rmse_rad", "rad", "RMSE of the black box: nonlinear FIR filter of the force", head="FIR filter"),
     Column("fir_lags_rmse_rad", "rad", "RMSE of the black box: nonlinear FIR filter of six lags of the force",
            head="FIR, six lags"),
-    Column("nearest", "", "model, null, unfitted, polynomial, fir or fir_lags", str, head="nearest"),
+    Column("nearest", "", "model, null, unfitted, polynomial, fir or fir_lags", str, head="nearest",
+           text=_nearest),
 )  # fmt: skip
 
 

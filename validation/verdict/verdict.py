@@ -42,6 +42,8 @@ MOST_FAILED = 0.2  # of the draws: beyond, those that could be run are a selecti
 MOST_NAMED = 3
 UNTESTED = 10.0  # limits of relevance: where only a larger error would be shown, a session does not test a quantity
 NOT_TESTED = "not tested"
+FALL = ("drop", "landing")
+ANOTHER_FALL = "falls at another time"
 COLUMNS = [
     "quantity", "title", "trials", "channel", "phase", "unit", "primary", "travel", "n_trials", "difference",
     "plain_low", "plain_high", "low", "high", "low_90", "high_90", "limit", "ratio", "ratio_limit", "resolved",
@@ -151,6 +153,12 @@ def quantity_table(errors: SessionErrors, e: Estimates, limits: Mapping[str, flo
             main = max(parts, key=lambda name: parts[name] if np.isfinite(parts[name]) else -1.0)
             if main == PARAMETERS and strongest[i]:
                 main += f", mostly {strongest[i]}"
+        if q.name in FALL and is_another_fall(one, sample.found[i - INDEX[q.name] :]):
+            unknown = dict.fromkeys(COLUMNS, math.nan)
+            named = {"quantity": q.name, "title": q.title, "trials": _trials_of_condition(errors, one), "channel": ""}
+            rest = {"phase": "", "unit": q.unit, "n_trials": 0, "main_input": "", "state": ANOTHER_FALL}
+            rows.append(unknown | named | rest | dict.fromkeys(("primary", "resolved", "alone"), False))
+            continue
         values = (
             q.name, q.title, _trials_of_condition(errors, one), q.channel, q.phase, q.unit, q.is_primary,
             one.travel.get(q.channel, math.nan), int(sample.n_trials[i]), found,
@@ -160,6 +168,16 @@ def quantity_table(errors: SessionErrors, e: Estimates, limits: Mapping[str, flo
         )  # fmt: skip
         rows.append(dict(zip(COLUMNS, values, strict=True)))
     return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def is_another_fall(one: Condition, found: Array) -> bool:
+    """Whether the model's hammer lands before that of the trials drops, or the other way round: two different falls.
+
+    ``found``: mean differences of the quantities of this condition, in their order.
+    """
+    drop, landing = (float(one.values[INDEX[name] - len(ANGLES)]) for name in FALL)
+    moved_drop, moved_landing = drop + found[INDEX[FALL[0]]], landing + found[INDEX[FALL[1]]]
+    return bool(moved_drop > landing or moved_landing < drop)
 
 
 def _trials_of_condition(errors: SessionErrors, one: Condition) -> str:

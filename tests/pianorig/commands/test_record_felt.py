@@ -25,7 +25,7 @@ def test_from_the_block_to_a_calibrated_felt(tmp_path: Path, capsys: Any) -> Non
     assert "trial 3: " in said and "next: pianorig calibrate felt" in said
     command = said[said.index("calibrate felt") :].splitlines()[0].split()
     assert run(*command[:-1], tmp_path / "mine.toml") == 0, command
-    assert "u includes what all points share: compliance" in capsys.readouterr().out
+    assert "  uncertainty includes what all points share: compliance" in capsys.readouterr().out
     mine, truth = model.load_action(tmp_path / "mine.toml"), model.load_action()
     for letter in "abc":
         path = f"contact02.normal.{letter}"

@@ -42,7 +42,7 @@ def test_a_film_on_its_own(
     pictures = ("--contact-sheet", str(sheet), "--plot", str(plot))
     assert run("track", str(film), "--bodies", str(outlines), "--out", str(out), *pictures) == 0
     text = capsys.readouterr()
-    assert "expected u in mdeg" in text.err and "not calibrated: assumed tilt 1 deg" in text.err
+    assert "expected uncertainty in mdeg" in text.err and "not calibrated: assumed tilt 1 deg" in text.err
     assert "0 frames lost" in text.out and "synchroni" in text.out
     table = pd.read_csv(out)
     np.testing.assert_allclose(table["time_s"], (np.arange(60) - 10) / 2000.0 + 5e-5)

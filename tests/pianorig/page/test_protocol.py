@@ -269,6 +269,30 @@ def test_the_row_tells_what_the_report_says_and_whether_it_is_still_so(writing: 
     assert row()["stale"] is True
 
 
+def test_a_report_of_an_earlier_version_is_read_or_refused_in_one_line(writing: Page, folder: Path) -> None:
+    seals = {trial.path.stem: trial.sha256 for trial in Session.open(folder / "example_forte").trials}
+    seventh = {
+        "schema_version": 7,
+        "verdict_lines": ["differs."],
+        "results": [{"outcome": "differs", "provenance": {"trials_sha256": seals}}],
+        # without the columns `part` and `left_by_noise` of version 8
+        "tables": {"findings": [], "trials": [], "compatible_changes": [{"set": 1, "cause": "key.mass"}]},
+    }
+
+    def row(results: dict[str, object]) -> dict[str, object]:
+        (folder / "example_forte" / "results.json").write_text(json.dumps(results))
+        (found,) = writing.ask("/api/sessions").json["sessions"]
+        return dict(found)
+
+    (folder / "example_forte" / "report.html").write_text("<p>report</p>")
+    found = row(seventh)
+    assert (found["verdict"], found["sentence"], found["problem"]) == ("differs", "differs.", "")
+    for name in ("verdict_lines", "results", "tables"):
+        found = row({key: value for key, value in seventh.items() if key != name})
+        assert found["problem"] == f"results.json of version 7 lacks '{name}'; make the report again"
+        assert found["status"] == "complete"  # the session itself is shown
+
+
 def test_an_unchanged_session_is_not_read_again(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from pianorig.page import catalogue
 

@@ -29,6 +29,7 @@ from validation.report.overview import forest, verdict_parts
 from validation.report.page import cannot_claim, render_html, section_tables
 from validation.report.view import SessionView
 from validation.side_by_side import present_alone
+from validation.verdict.verdict import ANOTHER_FALL
 
 
 @pytest.fixture(scope="module")
@@ -329,6 +330,15 @@ def test_every_table_gives_a_quantity_the_same_interval(compared):
         assert row.cells[1] == rows[row.cells[0]][interval]
         assert row.cells[3] in (rows[row.cells[0]][reading], "for information")
         assert row.low <= row.at <= row.high
+
+
+def test_another_fall_of_the_hammer_is_said_and_not_drawn(compared):
+    told = compared.quantities.copy()
+    told.loc[told["quantity"] == "drop", ["low", "high", "state"]] = math.nan, math.nan, ANOTHER_FALL
+    drawn = forest([compared.with_tables(quantities=told)])
+    assert drawn is not None
+    (row,) = (row for row in drawn.rows if row.cells[0] == "drop (ms)")
+    assert row.cells[1:] == ["–", "–", ANOTHER_FALL] and not row.is_known
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,7 @@ from validation.result import AGREES, CANNOT_TELL, DIFFERS, DIFFERS_LITTLE, DIFF
 from validation.verdict.error_draws import INPUTS, Condition, SessionErrors
 from validation.verdict.estimate import ErrorSample
 from validation.verdict.quantities import (
+    ANGLES,
     INDEX,
     IS_PRIMARY,
     QUANTITIES,
@@ -36,6 +37,7 @@ from validation.verdict.verdict import (
     detectable_words,
     format_interval,
     halving,
+    is_another_fall,
     judge_model,
     reading_of,
     undecided_verdict,
@@ -131,6 +133,17 @@ def test_where_no_draw_takes_the_branch_of_the_trials_no_quantity_has_an_interva
     verdict = judge_model(replace(errors, sample=seldom), relevance_limits({}))
     assert verdict.outcome == CANNOT_TELL
     assert verdict.sentence.startswith("cannot tell: no quantity of the claim has an interval")
+
+
+def test_falls_of_the_hammer_are_compared_only_where_neither_is_over_before_the_other_begins() -> None:
+    values = np.full(len(QUANTITIES) - len(ANGLES), np.nan)
+    values[[INDEX["drop"] - len(ANGLES), INDEX["landing"] - len(ANGLES)]] = 0.40, 0.46
+    condition = Condition((1,), 1, 15, {}, values, 1)
+    for drop, landing, is_another in ((0.01, -0.02, False), (0.05, 1.2, False), (1.2, 1.2, True), (-0.2, -0.07, True)):
+        found = np.full(len(QUANTITIES), np.nan)
+        found[[INDEX["drop"], INDEX["landing"]]] = drop, landing
+        assert is_another_fall(condition, found) is is_another, (drop, landing)
+    assert not is_another_fall(condition, np.full(len(QUANTITIES), np.nan))  # a model that never drops the hammer
 
 
 @pytest.mark.parametrize(

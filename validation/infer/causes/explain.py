@@ -9,6 +9,7 @@ changes of the model and effects that it lacks alike, in all trials, in one, fro
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 
@@ -187,7 +188,11 @@ _SUBJECTS = {True: "about the session, not the model: ", False: "about the model
 
 def _comparison_words(search: Search, trials: int) -> str:
     """What was compared, and what the answer rests on."""
-    kinds = dict.fromkeys(search.source(i).kind for i in search.named)
+    named = [search.source(i) for i in search.named]
+    kinds = dict.fromkeys(re.sub(r"^\w+ encoder (\w+)$", r"\1 of the encoders", s.kind) for s in named if not s.added)
+    lacking = len({s.name for s in named if s.added})
+    if lacking:
+        kinds[f"{lacking} effect{'s' if lacking > 1 else ''} that the model lacks"] = None
     how = "each in all trials, in one, from one on and as a drift"
     if trials < FEWEST_TOLD_APART:
         how = "in all trials only, since fewer than four do not tell what single trials have, and by declared u alone"
