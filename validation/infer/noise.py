@@ -31,8 +31,9 @@ FAMILIES = ("friction of contacts", "friction of joints", "damping", "stiffness"
 LEAST = 1e-6
 NOT_SEEN, HELD = 1.5 * LEAST, 0.01  # of a channel that was not measured: its size, standard deviation of the logarithm
 FLOOR = 2e-3  # of the response: no model is taken to be closer, and no linear model of it is
-# prior of a size, where learning starts: median, standard deviation of its natural logarithm
-SCATTER, SCATTER_SD = 0.07, 1.1  # 2 % of a law whose prior is 30 %, to a factor of three
+# prior of a size: median, standard deviation of its natural logarithm; learning starts there but for the scatter
+SCATTER_PRIOR, SCATTER_SD = 0.05, 1.1  # 1.5 % of a law whose prior is 30 %, to a factor of three
+SCATTER = 0.07  # where learning starts
 OWN, OWN_SD = 0.01, 2.0
 COMMON, COMMON_SD = 0.05, 2.5
 LIKE_LAWS = 0.5  # standard deviation of the logarithm: the part that is like laws, beside the smooth ones
@@ -152,7 +153,7 @@ class Sizes:
             mid[size < NOT_SEEN], wide[size < NOT_SEEN] = np.log(LEAST), HELD  # of a channel that was not measured
         f = len(self.by_family)
         return (
-            np.concatenate([np.full(f, np.log(SCATTER)), own[0].ravel(), middle.ravel()]),
+            np.concatenate([np.full(f, np.log(SCATTER_PRIOR)), own[0].ravel(), middle.ravel()]),
             np.concatenate([np.full(f, SCATTER_SD), own[1].ravel(), spread.ravel()]),
         )
 
