@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import os
+
+for _library in ("OPENBLAS", "MKL"):
+    # matrices here have some hundred rows: more threads wait for each other and use up the budget of `identify`
+    os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
+
 
 def __getattr__(name: str) -> str:
     """The installed version, read from the distribution's metadata on first use."""

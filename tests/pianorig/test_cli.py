@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import os
 import shutil
 import subprocess
 import sys
@@ -35,6 +36,15 @@ def test_the_list_imports_no_command_and_help_of_a_command_nothing_heavy() -> No
     loaded = modules_after(*((*name.split(), "--help") for name in commands.full_names()))
     assert not loaded & HEAVY
     assert not [name for name in loaded if name.startswith("pianorig.workflows.")]
+
+
+@pytest.mark.parametrize("asked", ["", "3"])
+def test_matrices_are_multiplied_by_one_thread_unless_asked(asked: str) -> None:
+    environment = {name: value for name, value in os.environ.items() if not name.endswith("BLAS_NUM_THREADS")}
+    environment |= {"OPENBLAS_NUM_THREADS": asked} if asked else {}
+    code = "import os, pianorig; print(os.environ['OPENBLAS_NUM_THREADS'])"
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == (asked or "1")
 
 
 def test_simulate_imports_only_what_it_needs(short_force: Path, tmp_path: Path) -> None:
