@@ -13,7 +13,7 @@ const digits = (x) => (x === null || x === undefined ? "–" : Math.abs(x) >= 10
 
 export function trialsPart() {
   const last = make("table", { id: "last" }), body = make("tbody"), head = make("tr");
-  const chart = make("canvas", { class: "chart", width: 640, height: 170, role: "img" }), words = make("p", { class: "hint" });
+  const chart = make("canvas", { class: "chart", width: 640, height: 170, role: "img", "aria-label": "Trials so far", hidden: true }), words = make("p", { class: "hint" });
   const choice = make("select", { onchange: () => draw() });
   const label = make("label", {}, "Chart of", choice);
   let rows = [];
