@@ -302,7 +302,7 @@ class Checks:
         self._delay_samples = 0.0
 
     def add(self, check: str, passed: bool, found: str, allowed: str, advice: str = "") -> None:
-        """Note a finding and tell it; advice is for one that failed."""
+        """Add a finding to ``findings`` and show it; advice is dropped where the check passed."""
         finding = SelftestFinding(
             check=check, passed=passed, found=found, allowed=allowed, advice="" if passed else advice
         )
@@ -319,7 +319,7 @@ class Checks:
         return timing, join_blocks(blocks)
 
     def check_by_hand(self, prompt: Callable[[str], None]) -> None:
-        """Unloaded reading, and the encoders' response to a key pressed by the operator."""
+        """Ask the operator to lift the arm and press the key; add checks of unloaded force, preload and encoders."""
         prompt(INSTRUCTION)
         _, block = self._acquire(np.zeros(int(PRESS_S * self.rate)), enable_drive=False)
         rad = (block.encoder_count - block.encoder_count[:1]) * [e.rad_per_count for e in self.config.encoders]
@@ -374,7 +374,7 @@ class Checks:
         return push_response(force_n, self.rate, late)
 
     def pushed_disabled(self) -> None:
-        """With the drive disabled the motor's command must not reach the key."""
+        """Push gently with the drive disabled and add the check that no force reaches the key."""
         if self.config.drive_enable is None:
             self.add("drive-enable line", False, "none in the rig file", "a line", "add [drive_enable] and wire it")
             return
@@ -384,7 +384,7 @@ class Checks:
                  f"{self.config.drive_enable.line} does not reach the drive, or is bridged")  # fmt: skip
 
     def pushed_enabled(self) -> None:
-        """With the drive enabled force must follow the command: sign, size and delay."""
+        """Enable the drive, push the key gently by the motor, and add the checks of force (sign, size) and delay."""
         response, force = self._push(enable_drive=True)
         wanted = self.expected.push_n
         if abs(force) < 0.3 * wanted:
@@ -406,7 +406,7 @@ class Checks:
         self._add_delay(response if force > 0.3 * wanted else None)
 
     def _add_delay(self, response: NDArray[np.float64] | None) -> None:
-        """The push must begin when it should: after the module's delay and the drive's."""
+        """Add the check that the push begins after the delays of module and drive; ``response`` (n,), N, or None."""
         delay, limit_s = self._delay_samples, self.expected.latency_tolerance_samples / self.rate
         at = EDGE_LEAD + delay - np.floor(delay) + self.expected.drive_delay_s * self.rate
         edge = None if response is None else fit_edge(response, self.rate, at)
@@ -421,7 +421,10 @@ class Checks:
         self.add("output to force delay", passed, found, f"within {limit_s * 1e3:.3g} ms", advice)
 
     def watchdog(self) -> None:
-        """While the motor pushes the watchdog is not reset: it must cut the force; a chassis shows it after a reset."""
+        """Push by the motor, let the watchdog expire, and add the checks that it trips and cuts the force.
+
+        A chassis whose watchdog has expired is reset before the force is read again.
+        """
         config = self.config
         if config.watchdog is None:
             self.add("watchdog", False, "none in the rig file", "a watchdog", "add [watchdog]")
@@ -463,7 +466,7 @@ class Checks:
         )
 
     def shunt(self) -> None:
-        """The bridge's reading must change by what its shunt resistor predicts."""
+        """Read the bridge with its shunt resistor and add the check that the bridge's reading changes as predicted."""
         force, shunt = self.config.force, self.expected.shunt_ohm
         if force.kind != "bridge" or shunt == 0:
             return

@@ -98,12 +98,14 @@ class StepPrograms:
         return dict.fromkeys(arrays, "array") | ({} if self._lanes else dict.fromkeys(numbers, "number"))
 
     def _entry(self, start: int, i: int, j: int) -> Place:
+        """Where entry (i, j) of the matrix that begins at ``start`` in the workspace is written."""
         return slot("w", start + self._width * i + j)
 
     def _stored_entry(self, start: int, i: int, j: int) -> Expression:
         return read("w", start + self._width * i + j)
 
     def _acceleration(self, i: int) -> int:
+        """Index in the workspace of the acceleration of coordinate ``i``."""
         return (W.P_ACC if self._s.pin else W.ACC) + i
 
     def _coordinates(self, row: int, q: int, v: int, moved: tuple[Row, Row]) -> tuple[Row, Row]:
@@ -429,7 +431,7 @@ class StepPrograms:
         return {pair for i, j in e.bodies.mass for pair in ((i, j), (j, i)) if i in s.solved and j in s.solved}
 
     def _mass(self, i: int, j: int) -> Expression:
-        """Entry of the mass matrix as ``linearise`` left it."""
+        """Entry (i, j) of the mass matrix as ``linearise`` left it."""
         s = self._s
         if s.pin:
             return self._stored_entry(W.P_MASS, max(i, j), min(i, j))

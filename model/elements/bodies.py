@@ -34,7 +34,7 @@ class Bodies:
         to[key] = to.get(key, ZERO) + e
 
     def _add_body(self, i: int) -> None:
-        """Add a body to the mass matrix and the forces; note its acceleration while no speed changes."""
+        """Add the i-th body to the mass matrix and the forces; note its acceleration while no speed changes."""
         s, k = self._s, self._k
         mass, inertia = s.body(i, L.MASS), s.body(i, L.INERTIA)
         arm = k.to_world_vector(i, s.body(i, L.COM_X), s.body(i, L.COM_Y))
@@ -58,15 +58,15 @@ class Bodies:
                     self._add(self.mass, (a, b), mass * dot(ways[a], ways[b]) + turned_too)
 
     def centre(self, i: int) -> Vector:
-        """World position of a body's centre of mass, m."""
+        """World position of the i-th body's centre of mass, m."""
         return self._k.to_world_point(i, self._s.body(i, L.COM_X), self._s.body(i, L.COM_Y))
 
     def velocity(self, i: int) -> Vector:
-        """Velocity of the centre of mass, m/s."""
+        """Velocity of the i-th body's centre of mass, m/s."""
         return self._k.velocity(self._k.ways(i, *self.centre(i)))
 
     def acceleration(self, i: int, rates: list[Expression]) -> Vector:
-        """Acceleration of the centre of mass, m/s^2, from those of all coordinates."""
+        """Acceleration of the i-th body's centre of mass, m/s^2, from the ``rates`` of all speeds."""
         if i in self._s.guided:
             return ZERO, rates[i]
         ways, drift = self._k.ways(i, *self.centre(i)), self._drift[i]
@@ -74,6 +74,7 @@ class Bodies:
         return drift[0] + moved[0], drift[1] + moved[1]
 
     def _joint_speed(self, i: int) -> Expression:
+        """Speed in the joint of the i-th body, rad/s or m/s."""
         return self._k.pose[i].turning if i in self._s.led else self._k.state.v[i]
 
     def joint_friction(self) -> dict[int, Expression]:

@@ -39,6 +39,7 @@ class Drives:
         ]
 
     def _push(self, kind: int, i: int, numbers: list[Expression]) -> dict[int, Expression]:
+        """Generalised forces by coordinate of a drive of a kind (`layout`) that acts on coordinate ``i``."""
         u, v = self._k.state.u, self._k.state.v
         if kind == L.FORCE_DOWN:
             x, y = self._k.to_world_point(i, numbers[L.DRIVE_X], numbers[L.DRIVE_Y])
@@ -49,6 +50,7 @@ class Drives:
         return {i: u}
 
     def _volts(self, i: int, numbers: list[Expression]) -> Expression:
+        """Voltage on the winding whose charge is coordinate ``i``, V."""
         volts: Expression = amplifier(
             (self._k.state.u, self._k.state.v[i]), *numbers[L.WINDING_AMPLIFIER : L.WINDING_SIZE]
         )

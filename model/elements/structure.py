@@ -84,6 +84,7 @@ class Structure:
         return law_numbered(self._law[c][0])
 
     def law_numbers(self, c: int) -> tuple[Expression, ...]:
+        """Parameters of the law of contact ``c``."""
         first = self.offset[6] + sum(count for _, count in self._law[:c])
         return tuple(read("p", first + k) for k in range(self._law[c][1]))
 
@@ -101,4 +102,5 @@ class Structure:
         return read("p", self.offset[block] + size * which + k)
 
     def body(self, i: int, k: int) -> Expression:
+        """Number ``k`` (`layout`) of body ``i`` in the parameter vector."""
         return read("p", L.GLOBALS + L.BODY_SIZE * i + k)

@@ -69,6 +69,7 @@ def side_view(inside: Inside | SeenMotion) -> SideView:
 
 
 def _rows_near_contact(inside: Inside | SeenMotion, c: int) -> NDArray[np.bool_]:
+    """Mask (m,) of output times at which the surfaces of the c-th contact are near; if never, of the nearest."""
     depth = inside.penetration_m[:, c]
     near = depth > -NEAR_M
     return near if near.any() else depth == depth.max()

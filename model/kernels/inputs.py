@@ -17,7 +17,7 @@ JUMP = 1e-10
 
 @uncounted
 def interpolate_input(t, k, first_row, last_row, drive):
-    """Return input, slope and interval at ``t``, from rows ``first_row`` to ``last_row``, searched from ``k``."""
+    """Return input, slope and row at ``t`` of the table from ``first_row`` to ``last_row``, searched from row ``k``."""
     time, value, held = drive
     early = 0.0 if held else JUMP
     while k < last_row - 1 and t >= time[k + 1] - early:
@@ -43,9 +43,9 @@ def interpolate_own_input(t, k, drive):
 
 @uncounted
 def constant_until(t, k, t_end, first_row, last_row, drive):
-    """Time, at most ``t_end``, up to which the input keeps its value at ``t``, in rows ``first_row`` to ``last_row``.
+    """Return the time, at most ``t_end``, up to which the input keeps its value at ``t``.
 
-    ``k`` is the interval that `interpolate_input` returned.
+    ``k`` is the row that `interpolate_input` returned for ``t``, in a table from ``first_row`` to ``last_row``.
     """
     time, value, held = drive
     if t < time[first_row]:
@@ -62,7 +62,10 @@ def constant_until(t, k, t_end, first_row, last_row, drive):
 
 @uncounted
 def input_gain(w, lane, width, n):
-    """Most that a unit of input accelerates a coordinate, as a kink's effect counts; of a lane of ``width``."""
+    """Return the largest acceleration of a coordinate by a unit of input, times `KINK_SHARE`.
+
+    ``w`` is a workspace of rows of ``width`` lanes, of which ``lane`` is read, with ``n`` coordinates.
+    """
     gain = 0.0
     for i in range(n):
         f_u = w[(F_U + i) * width + lane]
@@ -73,7 +76,10 @@ def input_gain(w, lane, width, n):
 
 @uncounted
 def fit_to_kinks(t, step, u0, k, last_row, drive, gain, bounds):
-    """Return ``step``, shortened so that no kink inside it can do harm; ``bounds`` are on angle and speed.
+    """Return ``step`` (s) from ``t`` in row ``k`` of the table, shortened so that no kink inside it can do harm.
+
+    ``u0`` is the input at ``t``, ``k`` the row that `interpolate_input` returned, ``last_row`` the table's last,
+    ``gain`` that of `input_gain`; ``bounds`` are the largest errors of an angle (rad) and a speed (rad/s).
 
     A kink of strength s, a time r before the end of the step, which began with the slope before it, bends the
     speed by at most |f_u| / M * s r^2 / 2. Where too much of that would be lost the step ends at the kink. Many weak
@@ -101,6 +107,6 @@ def fit_to_kinks(t, step, u0, k, last_row, drive, gain, bounds):
 
 @inlined_uncounted
 def fit_to_input(t, step, u0, k, drive, w, n, limits):
-    """`fit_to_kinks` of a run by itself, its workspace ``w``."""
+    """Return `fit_to_kinks` of a single run, whose table is all of ``drive``, from its workspace ``w``."""
     bounds = limits.angle, limits.speed
     return fit_to_kinks(t, step, u0, k, drive.time.shape[0] - 1, drive, input_gain(w, 0, 1, n), bounds)

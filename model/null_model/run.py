@@ -140,6 +140,7 @@ def _table(path: Path) -> Array:
 
 
 def _constants(action: Action, reduced: Reduced) -> Constants:
+    """Numbers that `integrate` takes: grid of the tables, friction threshold, hammer, turn to the string, let-off."""
     return Constants(
         start=float(reduced.sigma[0]),
         per_rad=1.0 / float(reduced.sigma[1] - reduced.sigma[0]),

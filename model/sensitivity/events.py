@@ -246,7 +246,10 @@ class Events:
     def _slope(
         self, quantity: Callable[[Action, Array, Array], Array], state: tuple[Array, Array], own: tuple[Array, Array]
     ) -> Array:
-        """Derivatives (P,) of a quantity at one state, (1, n) each, whose own are (1, n, P)."""
+        """Derivatives (P,) of a quantity by the parameters; ``own`` (1, n, P) are those of angles and of speeds.
+
+        ``state`` holds the angles and speeds (1, n). The derivative at a fixed state is added.
+        """
         by_angle, by_speed = state_derivatives(partial(quantity, self.action), (state[0][0], state[1][0]))
         of_itself = parameter_derivatives(
             self.action, self.directions.parameters, lambda a: float(quantity(a, *state)[0])
@@ -254,7 +257,10 @@ class Events:
         return np.asarray(by_angle @ own[0][0] + by_speed @ own[1][0] + of_itself)
 
     def _depth_slope(self, contact: str, state: tuple[Array, Array], own: Array) -> Array:
-        """Derivatives (P,) of a contact's penetration at one state, (1, n) each, whose angles' are (1, n, P)."""
+        """Derivatives (P,) of a contact's penetration by the parameters; ``own`` (1, n, P) are those of the angles.
+
+        ``state`` holds the angles and speeds (1, n). The derivative at a fixed state is added.
+        """
         angle, speed = state
         n, depth = angle.shape[1], partial(self._depth_of, contact)
         # what it gains at a speed of one coordinate alone is its slope by that coordinate

@@ -117,7 +117,7 @@ def _find_jams(press: Press) -> NDArray[np.bool_]:
 
 
 def _describe_jam(action: Action, press: Press, at: NDArray[np.int64]) -> str:
-    """Contact, force and dip of the hardest jam among samples ``at``."""
+    """Sentence on the hardest jam among the samples ``at`` (indexes): contact, force and dip."""
     force = _smoothed_force(press)
     worst = int(at[np.argmax(force[at])])
     contacts = {c: float(press.contact_normal_n[c][worst]) for c in NO_LET_OFF if c in press.contact_normal_n}
@@ -142,7 +142,10 @@ def _mid_dip_samples(press: Press, dip_m: float, leg: int) -> NDArray[np.int64]:
 
 
 def _mean_force(press: Press, at: NDArray[np.int64]) -> tuple[float, float]:
-    """Mean over the dip, N, and its standard uncertainty by batch means of what a parabola leaves."""
+    """Mean force over the dip at the samples ``at`` (indexes), N, and its standard uncertainty, N.
+
+    The uncertainty is by batch means of the residuals of a parabola.
+    """
     dip, force = press.dip_m[at], press.force_n[at]
     x = (dip - dip.mean()) / max(float(np.ptp(dip)), 1e-12)
     left = force - np.polynomial.Polynomial.fit(x, force, 2)(x)
@@ -152,10 +155,10 @@ def _mean_force(press: Press, at: NDArray[np.int64]) -> tuple[float, float]:
 
 
 def _static_force(action: Action, rest: Array, press: Press, at: NDArray[np.int64]) -> tuple[float, float]:
-    """Mean over the dip, N, of what holds the key where all else rests without friction, near the states of a press.
+    """Mean force that holds the key at the dips of samples ``at`` (indexes) of a press, and its uncertainty, both N.
 
-    Also its standard uncertainty: what half as many places change. The mean is the virtual work of gravity, springs and
-    felt over the way of the key's front.
+    It is the static force on the key's front without friction, against gravity, springs and felt, solved for at
+    `STATIC_DIPS` of the samples and averaged over the dip. The standard uncertainty is the change by half as many.
     """
     chosen = at[np.linspace(0, len(at) - 1, STATIC_DIPS).round().astype(int)]
     dips = press.dip_m[chosen]

@@ -152,7 +152,7 @@ def attach_film(
 
 
 def _check_unused(session: rig.Session, trial: rig.Trial, data: Path, digest: str) -> None:
-    """Refuse a film that lies beside another trial already."""
+    """Raise where a trial of the session but ``trial`` has the film ``data`` already, of this SHA-256."""
     for other in session.trials:
         film = other.film
         if film is None or other.number == trial.number or film.stat().st_size != data.stat().st_size:

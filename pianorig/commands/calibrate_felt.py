@@ -363,5 +363,6 @@ def _felt_laws(paths: Sequence[Path], contact: str | None, figure: Path | None) 
 
 
 def _value(fit: model.felt.LawFit, k: int) -> str:
+    """The k-th parameter of a law with its standard uncertainty and unit."""
     unit = "" if fit.units[k] == "1" else f" {fit.units[k]}"
     return f"{fit.names[k]} = {fit.values[k]:.4g} ({fit.u[k]:.2g}){unit}"

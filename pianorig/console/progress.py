@@ -33,7 +33,10 @@ class _OnImport(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Let the other finders find the module, then add to what happens when it is executed."""
+        """Spec of numba's events, found by the other finders, whose loader then registers the notice; else None.
+
+        The finder takes itself off ``sys.meta_path``.
+        """
         if fullname != EVENTS:
             return None
         sys.meta_path.remove(self)

@@ -291,7 +291,10 @@ class Live(Stream):
     """
 
     async def tell(self, *arguments: str) -> None:
-        """Send state and samples of the session named, where they are new."""
+        """Send new state (text) and samples (bytes) of the session ``arguments[0]`` until the page is gone.
+
+        The socket is closed with one line where the session cannot be read.
+        """
         work, workers = IOLoop.current().run_in_executor, self.served.workers
         try:
             stream = await work(workers, lambda: LiveStream(self.served.catalogue.folder(arguments[0])))

@@ -57,6 +57,7 @@ class FilmSubject:
 
 
 def subject_of(catalogue: Catalogue, owner: str, number: int) -> FilmSubject:
+    """Film of trial ``number`` of the session ``owner``; for number 0 the film of that name, which has no session."""
     if number == 0:
         path = catalogue.film(owner)
         return FilmSubject(path, path.with_suffix(".bodies.toml"), None)

@@ -214,7 +214,7 @@ class Stream(Guarded, WebSocketHandler):
             await self.tell(*arguments)
 
     async def tell(self, *arguments: str) -> None:
-        """Write messages, without end."""
+        """Write messages without end; ``arguments`` are the parts of the address."""
         raise NotImplementedError
 
 

@@ -546,6 +546,11 @@ def _check_pushes(force_n: NDArray[np.float64], interval_s: float, what: str) ->
 
 
 def _counts(table: ChannelTable, encoder: EncoderMapping, overruled: tuple[str, ...]) -> NDArray[np.int64]:
+    """Counts (n,) of one encoder, without the wraps of its counter.
+
+    Raises `RigInputError` where values are no whole counts, wrap unsaid, or turn farther than a body can; ``overruled``
+    names the channels whose unit in the file does not count (`check_unit`).
+    """
     check_unit(table, encoder.channel, encoder.unit, overruled)
     values = table.channel(encoder.channel)
     if encoder.unit == "counts":

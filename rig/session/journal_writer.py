@@ -140,6 +140,7 @@ class JournalWriter:
         platform_calls.remove(self.path)
 
     def _record(self, kind: int, n: int, payload: bytes, first_sample: int = 0) -> bytes:
+        """Bytes of the next record, of ``n`` samples; the sequence number goes on."""
         record = encode(kind, self._sequence, first_sample, n, payload)
         self._sequence += 1
         return record

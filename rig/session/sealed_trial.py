@@ -267,6 +267,7 @@ def _columns(about: TrialData) -> list[Column]:
 
 
 def _further_channels(k: int, part: TrialData) -> NDArray[np.float64]:
+    """Values (n,) of the k-th channel beyond force, encoders and camera."""
     assert part.channel_values is not None
     return part.channel_values[:, k]
 

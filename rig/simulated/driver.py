@@ -189,6 +189,7 @@ def has_been_read(task: SimulatedTask) -> bool:
 
 
 def _read_on_demand(device: DeviceState, task: SimulatedTask, n: int) -> NDArray[np.float64]:
+    """``n`` readings (at least one) without a clock, shape (n, channels); time moves on where no task makes it pass."""
     if n > MAX_ON_DEMAND:
         raise NotAnswered(f"{n} readings on demand at once")
     settle_on_demand(device)

@@ -212,6 +212,7 @@ def advance_bench(device: DeviceState, n: int) -> None:
 
 
 def _ticks(task: SimulatedTask, engine: Engine, edge: int, n: int) -> tuple[int, int]:
+    """First tick of an engine in ``n`` edges from ``edge`` on, and the first after them; none before the task's."""
     first = task.progress.first_tick
     return max(engine.count_ticks(edge), first), max(engine.count_ticks(edge + n), first)
 

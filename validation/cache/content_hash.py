@@ -75,6 +75,7 @@ def _parts(value: object) -> Iterator[bytes]:
 
 
 def _array_parts(value: object) -> Iterator[bytes]:
+    """Bytes to be hashed of a numeric NumPy array (dtype, shape, content) or a NumPy Boolean; else raise TypeError."""
     # start-up: numpy costs 0.1 s, and an unchanged report, which is found by hashes alone, holds no arrays
     import numpy as np
 

@@ -66,7 +66,7 @@ def measure_step_excess(
 
 
 def measure_step_from_rest(m: MeasuredTrial, expected: Array, i: int) -> tuple[Array, float]:
-    """Each step that begins or ends a standstill, rad, 0 else, (n − 1,), and the largest that a body makes.
+    """Steps of the i-th encoder that begin or end a standstill, rad, 0 else, (n − 1,), and the largest of a body.
 
     A motion that goes on beyond such a step, as of a key that is thrown off its rail, counts where the model moves by
     as much during the standstill.
@@ -123,7 +123,7 @@ def are_simultaneous(faults: Sequence[ReadingFault], time_s: Array) -> bool:
 
 
 def _find_leaps(m: MeasuredTrial, expected: Array, i: int) -> tuple[Array, Array]:
-    """Sizes of the steps of an encoder that are leaps, rad, 0 else, (n − 1,), and the limit of each."""
+    """Steps of the i-th encoder that are leaps, rad, 0 else, (n − 1,), and the limit of each."""
     excess, limit = measure_step_excess(m.change_rad[:, i], m.time_s, float(m.resolution_rad[i]), m.quiet.stop)
     step, limit_from_rest = measure_step_from_rest(m, expected, i)
     excess, step = np.where(np.abs(excess) > limit, excess, 0.0), np.where(np.abs(step) > limit_from_rest, step, 0.0)
@@ -131,7 +131,7 @@ def _find_leaps(m: MeasuredTrial, expected: Array, i: int) -> tuple[Array, Array
 
 
 def _describe_leap(m: MeasuredTrial, expected: Array, i: int, size: Array, limit: float) -> ReadingFault:
-    """The first leap of an encoder, or the standstill that it begins or ends.
+    """The first leap of the i-th encoder, or the standstill that it begins or ends.
 
     It begins one where the encoder moves as fast before it, and ends one where the body moved by so much meanwhile.
     """
@@ -161,7 +161,7 @@ def _is_continued(steps: Array, at: int, side: int) -> bool:
 
 
 def _find_standstill(m: MeasuredTrial, p: PredictedAngles, i: int) -> ReadingFault | None:
-    """The first standstill of an encoder without leaps while its body moves, in the model and by another encoder."""
+    """First standstill of the i-th encoder without leaps while its body moves, in the model and by another one."""
     change, time_s = m.change_rad[:, i], m.time_s
     name, expected = ENCODER_CHANNELS[i], p.change_rad(ENCODER_CHANNELS[i])
     reach = max(round(EDGE_S / float(np.median(np.diff(time_s)))), 1)

@@ -232,7 +232,11 @@ def _name_wrong_encoder(t: Travel) -> str:
 def _describe_travel(
     name: str, ratios: Mapping[int, float], among: Collection[int], by_scale: Collection[int]
 ) -> list[SessionFinding]:
-    """What is said of the travel of one channel: gross differences apart from small ones."""
+    """Findings on the travel of one channel, over the model's, by trial number: at most one gross and one small.
+
+    ``among`` are the numbers of all trials, for the sentence. ``by_scale`` are those in which a wrong scale explains
+    the difference: only these can be gross.
+    """
     both = " and " in name
     head, verb = (f"encoders {name}", "they travel") if both else (f"encoder {name}", "it travels")
     away = {n: r for n, r in ratios.items() if abs(r - 1) > STOPS_MAY}

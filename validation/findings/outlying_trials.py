@@ -191,7 +191,7 @@ def _measure_distances(curves: Array) -> Array:
 
 
 def _fit_scale(curves: Array, j: int) -> float:
-    """Factor by which a trial's readings are the others', when that explains nearly all of the distance; NaN else."""
+    """Factor of the j-th column (trial) over the others' median if it explains nearly all of the distance; NaN else."""
     known = curves[np.isfinite(curves).all(axis=1)]
     middle, mine = np.median(np.delete(known, j, axis=1), axis=1), known[:, j]
     factor = float(middle @ mine) / float(middle @ middle)

@@ -148,7 +148,7 @@ def bend(blocks: Sequence[Block], here: Sequence[Array], there: Sequence[Array],
 
 
 def _response_size(columns: Array, m: int) -> Array:
-    """Size of the response by channel and phase, largest of its neighbours so that no crossing of zero shows."""
+    """Size of the response (channels, m phases), the largest of neighbours so that no crossing of zero shows."""
     size = np.sqrt((columns**2).sum(axis=1)).reshape(-1, m)
     around = sliding_window_view(np.pad(size, ((0, 0), (SMOOTH, SMOOTH))), 2 * SMOOTH + 1, axis=1)
     return np.maximum(around.max(axis=2), FLOOR_RAD)

@@ -126,6 +126,7 @@ def profiles(
 
 
 def _make_profile(problem: Problem, fitted: Fitted, j: int, factor: float) -> Profile:
+    """Profile of the j-th entry of z; ``factor`` is the Student factor of its 95 % interval."""
     low, high = (edge[j] for edge in problem.box())
     width, best = float(np.sqrt(fitted.covariance[j, j])), float(fitted.z[j])
     held = np.unique(np.clip(best + width * factor * np.array(REACH), low, high))
@@ -143,7 +144,7 @@ def _make_profile(problem: Problem, fitted: Fitted, j: int, factor: float) -> Pr
 
 
 def _conditional_mode(problem: Problem, fitted: Fitted, j: int, value: float) -> Array:
-    """Most probable others of the linear model where parameter j has a value."""
+    """Most probable z (p,) of the linear model where its j-th entry has a value."""
     low, high = problem.box()
     cov = fitted.covariance
     z = fitted.z + cov[:, j] / cov[j, j] * (value - fitted.z[j])
@@ -153,7 +154,7 @@ def _conditional_mode(problem: Problem, fitted: Fitted, j: int, value: float) ->
 
 
 def _find_least(problem: Problem, fitted: Fitted, points: Sequence[tuple[int, Array]]) -> list[float]:
-    """Least objective from each point on, the parameter of this place held; infinite where the model cannot run."""
+    """Least objective from each point (j, z) on, the j-th entry of z held; infinite where the model cannot run."""
     best, at = [math.inf] * len(points), [z for _, z in points]
     own = [fitted.own_at(z) for z in at]
     active = list(range(len(points)))
@@ -173,7 +174,7 @@ def _find_least(problem: Problem, fitted: Fitted, points: Sequence[tuple[int, Ar
 
 
 def _correct_others(problem: Problem, fitted: Fitted, j: int, z: Array, linear: list[Array]) -> Array:
-    """One Gauss–Newton step of the others from runs of the model, with the columns of the fit."""
+    """Point z (p,) after a Gauss–Newton step of all but its j-th entry; ``linear`` are residuals at z = 0."""
     low, high = problem.box()
     cov = fitted.covariance
     mean = fitted.marginal.mean(linear)[: fitted.marginal.p]
@@ -185,9 +186,9 @@ def _correct_others(problem: Problem, fitted: Fitted, j: int, z: Array, linear: 
 def _evaluate_points(
     problem: Problem, fitted: Fitted, points: Sequence[Array], own: Sequence[Sequence[Own] | None]
 ) -> list[tuple[float, list[Array] | None]]:
-    """Of each z its objective, and residuals that the linear model of the fit would have at z = 0.
+    """Objective at each point z, and residuals by trial that the linear model of the fit would have at z = 0.
 
-    Infinite, and None, where the model cannot run.
+    (inf, None) where the model cannot run. ``own`` has for each point what each trial has of its own, or None.
     """
     blocks = fitted.marginal.blocks
     out: list[tuple[float, list[Array] | None]] = []
@@ -276,7 +277,7 @@ def estimate_all(
 def _make_estimate(
     problem: Problem, fitted: Fitted, j: int, spread: tuple[float, float, float, float], made: Profile | None
 ) -> Estimate:
-    """One estimate; ``spread`` is Student factor, u, jackknife u, and u from what the model lacks."""
+    """Estimate of the j-th parameter; ``spread``: Student factor, u, jackknife u, u of what the model lacks."""
     parameter, action = problem.unknowns.asked[j], problem.action
     factor, width, jack, lack = spread
     z = float(fitted.z[j])

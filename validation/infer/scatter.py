@@ -46,7 +46,11 @@ def jackknife_over_strokes(fitted: Fitted) -> Array:
 
 
 def _jackknife_parts(fitted: Fitted, parts: Sequence[Sequence[int]], fewest: int) -> Array:
-    """Jackknife over the fits of the linear model, its sizes kept, to each of some parts of the trials."""
+    """Standard uncertainty (p,) of z by the jackknife; NaN with fewer than ``fewest`` parts.
+
+    Each part is a list of the trials (indexes of the blocks) that a fit of the linear model keeps. The sizes of the
+    noise are kept.
+    """
     if len(parts) < fewest:
         return np.full(fitted.z.size, np.nan)
     found = []

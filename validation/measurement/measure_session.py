@@ -82,11 +82,11 @@ def measure_session(
     calibration: SensorCalibration = BY_RULER,
     only: int | None = None,
 ) -> MeasuredSession:
-    """Measure every usable trial.
+    """Measure every usable trial with the action's geometry at its preload (N); the others are listed with the reason.
 
     Parameters
     ----------
-    geometry : geometry of the action under test at a preload in N
+    geometry : returns the geometry of the action under test at a preload, N
     u_rest_level_m : standard uncertainty of hammer height and key dip at rest on the bench
     condition : the only condition of the trial plan to use
     by_motion : the measured key drives the model in all trials, not only where no force was recorded

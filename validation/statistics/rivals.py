@@ -169,6 +169,11 @@ def _locate_trials(trials: Collection[MeasuredTrial], posterior: Posterior | Non
 def _compute_skills(
     table: pd.DataFrame, places: pd.DataFrame, without: Collection[tuple[int, str]]
 ) -> dict[str, Skill]:
+    """Skill by channel over the trials not fitted, or all where none is left; ``places`` is of `_locate_trials`.
+
+    ``table`` has a row a trial and channel with the RMSE of the model and its rivals, rad; pairs (trial, channel) in
+    ``without`` do not count.
+    """
     fitted = set(places["trial"][places["fitted"]])
     out = {}
     for channel, part in table.groupby("channel", sort=False):

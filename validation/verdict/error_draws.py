@@ -124,9 +124,9 @@ def usable_errors(
 def trial_errors(
     m: MeasuredTrial, traces: SessionTraces, events: SessionEvents, tested: ModelUnderTest, without: Collection[Any]
 ) -> TrialErrors:
-    """Model − trial of one trial, NaN where a channel is left out or an event does not happen in both.
+    """Errors, model − trial, of `QUANTITIES` in a trial; NaN for (trial, channel) in ``without`` and missing events.
 
-    ``without``: pairs of trial and channel that are unusable.
+    With them: the samples that each angle is a mean of, measured travel and events, and the branch of the motion.
     """
     frame, own = traces.encoder[m.number], events.trial[m.number]
     phases = phase_masks(m.time_s, own, traces.window)

@@ -135,7 +135,7 @@ class FilmTracker:
         return done
 
     def _fit_in_python(self, i: int, index: int, step: int, search: bool, is_begun: bool) -> None:
-        """Fit one body at length, from where compiled code left it if that has begun; expect its children anew."""
+        """Fit the i-th body in Python, from the compiled fit's pose if that has begun; expect its children anew."""
         film, tracker, found = self.ready.film, self.trackers[i], self._together.found
         expected, covered = found.expected[i].copy(), self._together.hidden_pixels(i)
         begun: Callable[[], Fit] | None = None

@@ -89,7 +89,7 @@ def find_moving_parts(ready: PreparedFilm, table: PoseTable) -> dict[str, Moving
 
 
 def _needs_test(table: PoseTable, i: int) -> bool:
-    """Whether a body's residuals are coherent enough to test its outline for moving parts."""
+    """Whether the residuals of the i-th body are coherent enough to test its outline for moving parts."""
     good = ~table.is_lost[:, i]
     if np.count_nonzero(good) < 8:
         return False
@@ -101,7 +101,7 @@ def _needs_test(table: PoseTable, i: int) -> bool:
 
 
 def _sample_poses(table: PoseTable, i: int, radius_px: float) -> tuple[NDArray[np.int64], F64]:
-    """Frames and poses, in order, evenly spread over the way of a body."""
+    """Frames and poses (k, 3), in order, evenly spread over the way of the i-th body."""
     rows = np.flatnonzero(~table.is_lost[:, i])
     pose = table.pose[rows, i]
     step = np.hypot(*np.diff(pose[:, 1:], axis=0).T) + 0.5 * radius_px * np.abs(np.diff(pose[:, 0]))
@@ -156,8 +156,11 @@ def _find_moving_tiles(
 
 
 def _largest_sag(shift: F64, u: F64, middle: F64) -> tuple[float, int] | None:
-    """Largest sag (px) and the tile furthest out; None where the tiles do not show a bend, to the same side in a
-    quarter of the frames."""
+    """Largest sag of a bent outline, px, and the index of the tile at its end; None where the tiles show no bend.
+
+    ``shift`` (frames, tiles, 2) with standard uncertainties ``u`` (frames, tiles), ``middle`` (tiles, 2), all in px. A
+    bend is to the same side in a quarter of the frames.
+    """
     axis = np.linalg.svd(middle - middle.mean(axis=0), full_matrices=False)[2][0]
     along, across = middle @ axis, np.array([-axis[1], axis[0]])
     half = 0.5 * float(np.ptp(along))
@@ -327,7 +330,7 @@ def confirm_hidden(ready: PreparedFilm, table: PoseTable, doubted: NDArray[np.bo
 def _fit_without_squares(
     ready: PreparedFilm, table: PoseTable, row: int, i: int, with_what: tuple[IcgnFitter, IcgnFitter, NDArray[np.int32]]
 ) -> Fit | None:
-    """Fit of a body in a row without the squares that do not agree; None where that fails or leaves too little."""
+    """Fit of the i-th body in a row without squares that do not agree; None where it fails or too little is left."""
     (fitter, second, square), pose, frame = with_what, table.pose[row, i], int(table.frame[row])
     others = {j: table.pose[row, j] for j in ready.occlusion.in_front[i] if not table.is_lost[row, j]}
     hidden = ready.occlusion.hidden_pixels(i, pose, others)

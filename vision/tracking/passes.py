@@ -253,7 +253,7 @@ def rereference_lost_rows(ready: PreparedFilm, table: PoseTable) -> int:
 
 
 def _lost_run_starts(table: PoseTable, i: int) -> list[int]:
-    """First rows of the stretches of lost rows of a body after a row that may become a reference."""
+    """First rows of the stretches of lost rows of the i-th body, each after a row that may become a reference."""
     lost = table.is_lost[:, i] & ((table.flag[:, i] & OTHERWISE) == 0)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], lost.astype(np.int8), [0]])))
     usual = np.nanmedian(table.inlier[:, i]) if not table.is_lost[:, i].all() else np.nan
@@ -267,12 +267,13 @@ def _lost_run_starts(table: PoseTable, i: int) -> list[int]:
 
 
 def _can_be_reference(table: PoseTable, row: int, i: int, usual: float) -> bool:
+    """Whether a row shows the i-th body well enough; ``usual`` is the median share of its pixels that agree."""
     flag = FrameFlag(int(table.flag[row, i]))
     return not flag & ~KEEPS and bool(table.inlier[row, i] >= WHOLE * usual)
 
 
 def _track_with_new_reference(ready: PreparedFilm, table: PoseTable, i: int, start: int) -> int:
-    """Rows found of the stretch that begins at ``start``."""
+    """Number of rows of the i-th body found in the stretch of lost ones from row ``start`` on; fills ``table``."""
     usual, found, n = float(np.nanmedian(table.inlier[:, i])), 0, table.frame.size
     for _ in range(MOST):
         row = start - 1
@@ -288,7 +289,7 @@ def _track_with_new_reference(ready: PreparedFilm, table: PoseTable, i: int, sta
 
 
 def _build_row_template(ready: PreparedFilm, table: PoseTable, row: int, i: int) -> Template | None:
-    """Template of a body in a row; None where another body is lost, or too little of this one is left."""
+    """Template of the i-th body in a row; None where another body is lost, or too little of this one is left."""
     if table.is_lost[row].any():
         return None
     bodies = []
@@ -307,7 +308,7 @@ def _build_row_template(ready: PreparedFilm, table: PoseTable, row: int, i: int)
 
 
 def _follow_lost_rows(ready: PreparedFilm, table: PoseTable, i: int, reference: tuple[int, Template]) -> int:
-    """Follow a body through lost rows with the template of a row; returns the first row not found."""
+    """Follow the i-th body through lost rows with a template of a row; fills ``table``; first row not found."""
     row, template = reference
     film, occlusion = ready.film, ready.occlusion
     templates = [template if k == i else other for k, other in enumerate(ready.templates)]

@@ -169,9 +169,11 @@ def _fit_frames(
     known: tuple[FitSettings, float],
     what: str,
 ) -> TrackResult:
-    """Frames and those beside them fitted each by itself, from the poses of all bodies; one without poses is lost.
+    """Fit some frames, and those beside each, from given poses; a frame without poses is lost.
 
-    ``known`` are the settings and the standard uncertainty of the picture's stretch, which few frames do not measure.
+    ``asked``: the frames, and frame -> turn (rad) and shift (px) of each body to start from. ``known``: the settings,
+    and the standard uncertainty of the picture's stretch, which few frames do not measure. ``what``: entry of the
+    result's ``info`` under which the frames are listed.
     """
     settings, u_stretch = known
     frames, start, last = np.asarray(asked[0], dtype=np.int64), dict(asked[1]), time_s.size - 1

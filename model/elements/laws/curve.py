@@ -22,7 +22,7 @@ Curve = tuple[Expression, Expression, Expression]
 
 
 def loading_force(x: Any, curve: Any) -> Any:
-    """Force of the slow loading curve, N; below zero where it dips."""
+    """Force of the slow loading curve at the depth x >= 0, N; negative where the curve dips."""
     if isinstance(curve, Power):
         return curve.height * power(x, curve.exponent)
     a, b, c = curve
@@ -38,7 +38,7 @@ def loading_stiffness(x: Any, curve: Any) -> Any:
 
 
 def polynomial_energy(x: Expression, curve: Curve | Power) -> Expression:
-    """Energy of the curve itself, J."""
+    """Integral of the curve's force from 0 to the depth x >= 0, J, with the parts where it is negative."""
     if isinstance(curve, Power):
         return curve.height * power(x, curve.exponent + 1.0) / (curve.exponent + 1.0)
     a, b, c = curve
@@ -46,7 +46,10 @@ def polynomial_energy(x: Expression, curve: Curve | Power) -> Expression:
 
 
 def curve_energy(x: Expression, curve: Curve | Power) -> Expression:
-    """Energy of the slow loading curve, J; a felt that does not press stores nothing."""
+    """Energy stored by slow loading to a depth x >= 0, J; the caller must pass no negative x.
+
+    It is the integral of the force, without the stretch in which a cubic dips below zero.
+    """
     if isinstance(curve, Power):
         return polynomial_energy(x, curve)
     a, b, c = curve

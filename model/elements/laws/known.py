@@ -102,7 +102,7 @@ def add_law(law: Law) -> None:
 
 
 def _hash(law: Law) -> int:
-    """Hash of a law's text and of what it does with its usual values, which is checked."""
+    """Check a law, set its ``jump``, clear the cache of expressions; return the hash of its source and expressions."""
     clear_cache()
     traced = trace_law(law)
     memory, count, rates = traced.felt.memory, len(traced.felt.memory), (traced.rates, traced.alone)

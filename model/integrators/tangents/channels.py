@@ -189,7 +189,11 @@ def fill_channels(m, w, channels):
 
 @uncounted_loop(LOAD_MODES)
 def load_modes(m, size, by_number, modes):
-    """Fill row ``m`` of ``modes.load`` from the derivatives by the modes' parameters, ``size`` of each (`loads`)."""
+    """Fill row ``m`` of ``modes.load`` with derivatives by the parameters; ``by_number`` has ``size`` a scene number.
+
+    Of these (`parameter_loads`) the first is read at each mode's gain, stiffness and damping: the derivative of the
+    mode's rate. ``modes.moved`` has the derivatives of gain, stiffness and damping by the parameters.
+    """
     many, blocks = modes.number.shape[1], modes.load.shape[2] // LANES
     load, moved = rows(modes.load, LANES), rows(modes.moved, LANES)
     for i in range(many):

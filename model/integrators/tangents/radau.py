@@ -236,7 +236,11 @@ def estimate_error(h, tangent, wanted, space):
 
 @uncounted_loop(AT_FRACTION)
 def interpolate_step(x, h, tangent, space, angle, speed):
-    """Fill ``angle`` and ``speed`` (n, P) with derivatives at the fraction ``x`` of a step, by its polynomial."""
+    """Fill ``angle``, ``speed`` (n, P) with tangents at ``x`` (0 to 1) in a step; overwrite ``space.weights``.
+
+    ``h`` is the step, s. ``tangent`` (2, n, P) holds the derivatives of angles and speeds by the parameters at its
+    start, ``space.slopes`` those of the accelerations at its nodes, as `solve_step` left them.
+    """
     n = tangent.shape[1]
     blocks = tangent.shape[2] // LANES
     sigma, slopes = rows(tangent, LANES), rows(space.slopes, LANES)

@@ -165,6 +165,7 @@ class Responses:
         return np.array([0.0 * base[t] if turn is None else turn - base[t] for (_, t), turn in found])
 
     def _place(self, point: Point, t: int) -> _Place:
+        """Amount of each source in trial ``t`` (index) at a point of candidates' amounts."""
         amounts: dict[int, float] = {}
         for j, z in point.amounts:
             c = self.candidates[j]
@@ -189,7 +190,7 @@ class Responses:
         return [self._read_encoders(self._turned[run], place, t) for run, (place, t) in zip(runs, asked, strict=True)]
 
     def _read_encoders(self, turned: Array | None, place: _Place, t: int) -> Array | None:
-        """What the encoders read (3 m,) of turns, with their errors but delays."""
+        """Readings (3 m,) of the encoders in trial ``t`` (index) for turns, with the encoders' errors but delays."""
         wrong = [(self._read[j], z) for j, z in place.amounts if j in self._read]
         if turned is None or not wrong:
             return turned
@@ -291,7 +292,7 @@ def _lift_m(solution: model.Solution) -> Array:
 
 
 def _add_amount(place: _Place, j: int, step: float) -> _Place:
-    """The place with one source moved further."""
+    """The place with the amount of source ``j`` (index) raised by ``step``."""
     amounts = dict(place.amounts)
     amounts[j] = amounts.get(j, 0.0) + step
     return replace(place, amounts=tuple(sorted(amounts.items())))

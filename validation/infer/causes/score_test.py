@@ -84,7 +84,7 @@ class BalancedNoise:
         self.log_prior = np.array([size.log_prior() for size in sizes]) - np.array(log_det)
 
     def draw(self, k: int, count: int, rng: np.random.Generator) -> Array:
-        """Mean and contrasts (count, trials, n) of sessions of the null hypothesis."""
+        """Mean and contrasts (count, trials, n) of sessions drawn under the null hypothesis with `DEVIATIONS[k]`."""
         n = len(self._shared)
         each = rng.standard_normal((count, self.trials, n)) @ self._own[k].T
         each += self.runs[rng.integers(len(self.runs), size=(count, self.trials))]
@@ -93,7 +93,7 @@ class BalancedNoise:
         return np.asarray(out)
 
     def whiten(self, k: int, turned: Array) -> Array:
-        """Mean and contrasts (trials, n, …) in standard uncertainties, at the k-th size."""
+        """Mean and contrasts (trials, n, …) in standard uncertainties, with `DEVIATIONS[k]`."""
         if k not in self._inverse:
             roots = self.mean[k], self.between[k]
             self._inverse[k] = [solve_triangular(root, np.eye(len(root)), lower=True) for root in roots]
@@ -103,7 +103,7 @@ class BalancedNoise:
         return out
 
     def log_likelihoods(self, turned: Array) -> Array:
-        """Log posterior (sizes,) of residuals (trials, n), but for a constant."""
+        """Log posterior of each of `DEVIATIONS`, but for a constant, at mean and contrasts (trials, n)."""
         squares = [np.sum(self.whiten(k, turned) ** 2) for k in range(len(DEVIATIONS))]
         return self.log_prior - 0.5 * np.array(squares)
 
@@ -134,13 +134,13 @@ class ScoreTest:
         self._between = [solve_triangular(root, columns, lower=True) for root in noise.between]
 
     def gram(self, k: int) -> Array:
-        """Products (P, P) of all candidates in standard uncertainties."""
+        """Products (P, P) of all candidates in standard uncertainties, with `DEVIATIONS[k]`."""
         at = np.ix_(self.source, self.source)
         w, mean, between = self.weights, self._mean[k], self._between[k]
         return np.asarray(np.outer(w[0], w[0]) * (mean.T @ mean)[at] + (w[1:].T @ w[1:]) * (between.T @ between)[at])
 
     def group_alike(self, k: int, furthest: Array) -> dict[int, list[int]]:
-        """Candidates that can show at the k-th size, each with those that no session tells from it.
+        """Candidates (indexes) that can show with `DEVIATIONS[k]`, each with those that no session tells from it.
 
         At the largest amounts that are looked at, ``furthest`` (P,), the likelihood ratio of one to none, or to the
         other, is below `ODDS`. Of a group, the one that shows most comes first.
@@ -160,7 +160,7 @@ class ScoreTest:
         return groups
 
     def products(self, k: int, white: Array) -> Array:
-        """Products (draws, P) of candidates with whitened residuals (draws, trials, n)."""
+        """Products (draws, P) of candidates with residuals (draws, trials, n) whitened with `DEVIATIONS[k]`."""
         mean = white[:, 0] @ self._mean[k]
         out = self.weights[0] * mean[:, self.source]
         if self.noise.trials > 1:
@@ -169,9 +169,10 @@ class ScoreTest:
         return np.asarray(out)
 
     def gains(self, turned: Array, held: Sequence[int] = (), z: Array | None = None) -> tuple[Array, int]:
-        """Gain (P,) of one more cause beside those held, and the likeliest size of the deviation beside the best.
+        """Gain (P,) of each candidate beside those held, and the index in `DEVIATIONS` that is likeliest with the best.
 
-        ``turned`` are the residuals with the causes held at their amounts ``z``.
+        ``turned`` (trials, n) are mean and contrasts of the residuals with the causes ``held`` (indexes of candidates)
+        at their amounts ``z``.
         """
         z = np.zeros(len(held)) if z is None else z
         best, size, found = -np.inf, 0, np.zeros(self.source.size)

@@ -91,7 +91,7 @@ class Search:
         self.test = ScoreTest(self.noise, columns, [responses.candidates[i] for i in self.named])
 
     def _group_alike(self, shown: Sequence[int]) -> dict[int, list[int]]:
-        """Candidates that can show, each with those that cannot be told from it."""
+        """Candidates (indexes) that can show, each with those that cannot be told from it."""
         test = ScoreTest(self.noise, self.columns, [self.responses.candidates[i] for i in shown])
         k = self.log_posterior(self.at.each, self.at.z)[1]
         groups = test.group_alike(k, np.array([self.source(i).furthest for i in shown]))
@@ -107,7 +107,7 @@ class Search:
         return Search(self.responses, self.at, effects, self)
 
     def source(self, i: int) -> Source:
-        """What may be wrong by a candidate."""
+        """Source of the candidate of this index."""
         return self.responses.listed[self.responses.candidates[i].source]
 
     def turned(self, each: Array) -> Array:
@@ -115,7 +115,7 @@ class Search:
         return np.asarray(self._turn @ each)
 
     def log_posterior(self, each: Array, z: Array) -> tuple[float, int]:
-        """Of residuals with amounts z, at the likeliest size of the noise, and that size."""
+        """Log posterior of residuals (trials, n) with amounts z at the likeliest of `DEVIATIONS`, and its index."""
         found = self.noise.log_likelihoods(self.turned(each))
         k = int(np.argmax(found))
         return float(found[k] - 0.5 * z @ z), k
@@ -132,7 +132,7 @@ class Search:
         return Fit(members, z, base.each + self.effect(base, gone), columns)
 
     def effect(self, fit: Fit, places: Sequence[int]) -> Array:
-        """Change (trials, n) of the predicted curves by some causes of a fit, linear where it is."""
+        """Change (trials, n) of the predicted curves by the causes at these places of a fit, linear where it is."""
         weights = np.array([self.responses.candidates[fit.members[k]].weights for k in places]).T
         return np.asarray(np.einsum("tk,tnk,k->tn", weights, fit.columns[:, :, places], fit.z[places]))
 
@@ -145,7 +145,7 @@ class Search:
         return np.clip(z, *self.bounds(fit.members))
 
     def whitened(self, fit: Fit, k: int) -> tuple[Array, Array]:
-        """Columns (trials n, k) and residuals (trials n,) of a fit in standard uncertainties."""
+        """Columns (trials n, causes) and residuals (trials n,) of a fit, whitened with `DEVIATIONS[k]`."""
         weights = np.array([self.responses.candidates[i].weights for i in fit.members]).T
         columns = np.einsum("jt,tk,tnk->jnk", self._turn, weights, fit.columns)
         residual = self.noise.whiten(k, self.turned(fit.each))
@@ -252,12 +252,16 @@ class Search:
         return list(started.values())
 
     def rank_candidates(self, fit: Fit, held: Sequence[int]) -> list[int]:
-        """Candidates by their gain beside the causes held of a fit."""
+        """Candidates (indexes) by their gain beside the ``held`` ones of a fit, the largest first."""
         gains, _ = self.gains(fit, held)
         return [self.named[int(i)] for i in np.argsort(-gains, kind="stable")]
 
     def gains(self, fit: Fit | None = None, held: Sequence[int] = ()) -> tuple[Array, int]:
-        """Score statistics (P,) of one more cause beside those held of a fit, and the size of the noise."""
+        """Score statistics (P,) of the candidates beside the ``held`` ones of a fit, and an index in `DEVIATIONS`.
+
+        ``held`` are indexes of candidates; the fit's other causes are taken off linearly. Without a fit none is
+        held, at the point of the search. The index is that of the likeliest deviation of the trials.
+        """
         if fit is None:
             return self.test.gains(self.turned(self.at.each))
         gone = [k for k, i in enumerate(fit.members) if i not in held]
