@@ -154,7 +154,7 @@ def read_motion(path: str | Path) -> tuple[Array, Array, Array | None]:
     --------
     >>> import model
     >>> blow = model.simulate(model.load_action(), *model.force_table("forte"))
-    >>> blow.save("motion.csv")
+    >>> path = blow.save("motion.csv")
     >>> time_s, angle_rad, speed_rad_per_s = model.calibration.read_motion("motion.csv")
     >>> angle_rad.shape
     (3501, 5)

@@ -86,7 +86,7 @@ def record(out: str | Path, options: RecordingOptions | None = None, **keywords:
     >>> import rig
     >>> session = rig.record("sessions/two", profile="forte", trials=2, operator="me")
     >>> print(f"{session[1].force_n.max():.0f} N")
-    34 N
+    33 N
     """
     refuse_unknown("rig.record", keywords, RecordingKeywords.__annotations__)
     given = replace(options or RecordingOptions(), **keywords)

@@ -203,7 +203,7 @@ def read_curves(path: str | Path) -> pd.DataFrame:
     --------
     >>> import validation
     >>> result = validation.compare("sessions/example_forte", "hirschkorn2004", budget=False, explain=False)
-    >>> path = result.write_curves("curves.nc")
+    >>> path = result.save("curves.nc")
     >>> sorted(set(validation.read_curves("curves.nc")["channel"]))[:2]
     ['hammer', 'jack']
     """

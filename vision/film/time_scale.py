@@ -169,7 +169,7 @@ def frame_times_at_rate(film: FrameSource, frame_rate_hz: float) -> F64:
     >>> import vision
     >>> with vision.open_film("film.mraw") as film:
     ...     vision.frame_times_at_rate(film, 2000.0)[:3]
-    array([0.    , 0.0005, 0.001 ])
+    array([6.2500e-05, 5.6250e-04, 1.0625e-03])
     """
     if not 0.0 < frame_rate_hz < 1e9:
         raise VisionInputError(f"{film.path}: frame rate {frame_rate_hz:g} Hz; needs a positive number")
