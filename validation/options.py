@@ -9,7 +9,7 @@ from typing import Any, TypedDict
 
 import model
 from model.keywords import refuse_unknown
-from model.scene.string_terms import USUAL_TOLERANCE
+from model.tolerance import DEFAULT_TOLERANCE
 from validation.conventions import Array
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.trial import U_REST_LEVEL_M
@@ -49,7 +49,7 @@ class ComparisonOptions:
     sensors, which the comparison of two models needs.
     """
 
-    tolerance: float = USUAL_TOLERANCE
+    tolerance: float = DEFAULT_TOLERANCE
     rivals: tuple[str, ...] = RIVALS
     budget: bool = True
     explain: bool | None = None

@@ -21,10 +21,10 @@ from model.observables import head_height_m, key_dip_m
 from model.parameters.action import BODIES, Action, ActionLike, as_action
 from model.scene.build import build_scene
 from model.scene.key_motion import KeyMotion, with_moved
-from model.scene.string_terms import USUAL_TOLERANCE
 from model.simulation.compliant_joints import pin_motion
 from model.simulation.run import Simulation, State
 from model.simulation.statics import solve_rest
+from model.tolerance import DEFAULT_TOLERANCE
 
 Array = NDArray[np.float64]
 
@@ -104,7 +104,7 @@ def slow_press(
     *,
     speed_m_per_s: float = 0.005,
     hold_s: float = 0.3,
-    tolerance: float = USUAL_TOLERANCE,
+    tolerance: float = DEFAULT_TOLERANCE,
 ) -> Press:
     """Move the key front to each of ``dips_m`` (m below rest) in turn, at a steady speed.
 

@@ -24,9 +24,9 @@ from model.null_model.reduction import HAMMER, KEY, Path, Reduced, reduce_action
 from model.null_model.time_stepping import Constants, integrate
 from model.parameters.action import BODIES, STRING, Action, ActionLike, as_action
 from model.scene.selection import choice_of
-from model.scene.string_terms import USUAL_TOLERANCE
 from model.simulation.solution import Solution
 from model.simulation.statics import RestState
+from model.tolerance import DEFAULT_TOLERANCE
 
 Array = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ def simulate(
     time_s: ArrayLike,
     force_n: ArrayLike,
     *,
-    tolerance: float = USUAL_TOLERANCE,
+    tolerance: float = DEFAULT_TOLERANCE,
     output_time_s: ArrayLike | None = None,
     initial: RestState | None = None,
 ) -> Solution:

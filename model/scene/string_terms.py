@@ -16,6 +16,7 @@ from model.parameters.action import STRING as CONTACT
 from model.parameters.action import USUAL, Action
 from model.parameters.effects import STRING_EFFECT
 from model.parameters.string import String
+from model.tolerance import DEFAULT_TOLERANCE
 
 LEFT_OUT = 20_000  # modes up to which those left out are summed as a spring
 NODE = 1e-4  # height of a mode at the hammer below which it is not moved, whatever a difference by place does to it
@@ -23,7 +24,6 @@ NODE = 1e-4  # height of a mode at the hammer below which it is not moved, whate
 # forte, 0.14 of a fortissimo (tests/model/simulation/test_modes_by_tolerance.py)
 LEFT_OUT_ERROR = 0.055
 FEWEST = 8  # modes of a string
-USUAL_TOLERANCE = 1e-5  # rad, largest error of an angle where none is asked: half a count of the key's encoder
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ def string_of(action: Action) -> String:
     return String(*(action[f"string.{name}"] * (count if name in ("mass", "tension") else 1) for name in names))
 
 
-def modes_asked(action: Action, tolerance: float = USUAL_TOLERANCE) -> int:
+def modes_asked(action: Action, tolerance: float = DEFAULT_TOLERANCE) -> int:
     asked = round(action["string.modes"])
     if asked == 0:
         return min(MOST_MODES, max(FEWEST, math.ceil(math.sqrt(LEFT_OUT_ERROR / tolerance))))

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from model.integrators.methods import DEFAULT_METHOD
 from model.parameters.action import Action
 from model.scene.selection import SceneChoice, choice_of
-from model.scene.string_terms import USUAL_TOLERANCE
+from model.tolerance import DEFAULT_TOLERANCE
 
 
 class SimulationKeywords(TypedDict, total=False):
@@ -27,7 +27,7 @@ class SimulationKeywords(TypedDict, total=False):
 class SimulationOptions:
     """How to simulate."""
 
-    tolerance: float = USUAL_TOLERANCE  # requested largest error of any angle, rad
+    tolerance: float = DEFAULT_TOLERANCE  # requested largest error of any angle, rad
     output_time_s: ArrayLike | None = None  # (m,) increasing, within the input table; by default the table's own times
     # what takes part and what to give out, by name or file (`model.scene.selection`); by default what the action says
     scene: SceneChoice | str | Path | None = None

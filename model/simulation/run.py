@@ -25,11 +25,11 @@ from model.kernels import workspace as W
 from model.kernels.signatures import Account, InputTable, Limits, Outputs, SceneNumbers, Span, StepKernels
 from model.scene.build import Scene
 from model.scene.key_motion import with_moved
-from model.scene.string_terms import USUAL_TOLERANCE
 from model.simulation.negative_contact_force import describe_jumps, describe_pull
 from model.simulation.solution import EnergyAudit
 from model.simulation.statics import with_pins
 from model.simulation.string_motion import propagate_free_string, straight_string_state, string_loss
+from model.tolerance import DEFAULT_TOLERANCE
 
 # Local error allowed per step for a requested largest error of an angle over the whole run: found with
 # benchmarks/tolerance.py so that the error stays near or below the request on blows from piano to 60 N
@@ -189,7 +189,7 @@ class Simulation:
 
     scene: Scene
     state: State
-    tolerance: float = USUAL_TOLERANCE
+    tolerance: float = DEFAULT_TOLERANCE
     method: str = DEFAULT_METHOD
     largest_step_s: float = 0.05
     max_steps: int | None = None

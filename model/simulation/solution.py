@@ -15,11 +15,11 @@ from model.errors import InputError, did_you_mean
 from model.observables import head_approach_m_per_s, head_height_m, key_dip_m
 from model.parameters.action import BODIES, Action
 from model.parameters.effects import KEY_LIFT, column
-from model.scene.string_terms import USUAL_TOLERANCE
 from model.simulation.compliant_joints import CompliantJointMotion
 from model.simulation.loads_and_losses import Inside
 from model.simulation.string_motion import StringMotion
 from model.tabular import Tabular
+from model.tolerance import DEFAULT_TOLERANCE
 
 MISSED = 10.0  # times the requested tolerance, from which an error counts as a request missed
 
@@ -187,7 +187,7 @@ class Solution(Moved, ArrayRecord):
     contact_normal_n: NDArray[np.float64] | None = None
     contact_friction_n: NDArray[np.float64] | None = None
     counters: dict[str, int | float] = field(default_factory=dict)
-    tolerance: float = USUAL_TOLERANCE
+    tolerance: float = DEFAULT_TOLERANCE
     energy: EnergyAudit | None = None
     inside: Inside | None = None
     error_rad: float | None = None

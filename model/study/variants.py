@@ -16,9 +16,9 @@ from model.force_driven import output_times
 from model.parameters.action import BODIES, STRING, Action, ActionLike, as_action
 from model.parameters.scaling import scale_parameters
 from model.scene.selection import choice_of
-from model.scene.string_terms import USUAL_TOLERANCE
 from model.simulation.solution import Solution
 from model.study.blow_measures import BlowMeasures, measure_blow
+from model.tolerance import DEFAULT_TOLERANCE
 
 Array = NDArray[np.float64]
 
@@ -113,7 +113,7 @@ def compare(
     time_s: ArrayLike,
     force_n: ArrayLike,
     variants: Sequence[Variant],
-    tolerance: float = USUAL_TOLERANCE,
+    tolerance: float = DEFAULT_TOLERANCE,
 ) -> Study:
     """Simulate a blow on an action as given and on its variants.
 

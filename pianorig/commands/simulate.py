@@ -9,11 +9,11 @@ from typing import Annotated, Any
 import typer
 
 import model
+from model.tolerance import DEFAULT_TOLERANCE
 from pianorig import workflows
 from pianorig.console.column_file import FIGURE_ENDINGS, check_writable, run_attributes, write_columns
 from pianorig.console.options import (
     DEFAULT_ACTION,
-    DEFAULT_TOLERANCE,
     Action,
     AsJson,
     Scale,

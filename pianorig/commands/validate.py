@@ -8,10 +8,10 @@ from typing import Annotated
 import typer
 
 import validation
+from model.tolerance import DEFAULT_TOLERANCE
 from pianorig import workflows
 from pianorig.console.options import (
     DEFAULT_ACTION,
-    DEFAULT_TOLERANCE,
     AsJson,
     Scene,
     Settings,

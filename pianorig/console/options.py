@@ -72,7 +72,6 @@ Scale: TypeAlias = Annotated[
         "may be repeated.",
     ),
 ]
-DEFAULT_TOLERANCE = 1e-5  # rad, that of `model.simulate`, which a command line cannot import before it needs it
 Tolerance: TypeAlias = Annotated[float, typer.Option("--tolerance", help="Largest error of any predicted angle, rad.")]
 Rig: TypeAlias = Annotated[
     str, typer.Option("--rig", help="Built-in rig or a TOML file.", autocompletion=complete_file("rig/rigs"))

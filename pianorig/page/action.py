@@ -18,6 +18,7 @@ from model.inside.body_poses import observe_poses
 from model.parameters.action import action_text
 from model.parameters.quantity import allowed_range
 from model.regulation.screws import limits
+from model.tolerance import DEFAULT_TOLERANCE
 from pianorig.errors import CommandInputError
 from pianorig.player.moving_action import moving_action, pack
 from validation.conventions import BODIES, ENCODER_BODIES
@@ -162,7 +163,6 @@ def toml_of(action: model.Action) -> str:
 RATE_HZ = 5000.0
 EVERY, DRAWN = 5, 2  # a pose and a drawn sample for so many samples
 QUIET_S = 0.02  # every built-in blow begins later than this
-TOLERANCE_RAD = 1e-5
 BLOWS = tuple(KNOTS)
 KEPT = 8
 
@@ -178,7 +178,7 @@ def _blow(
     table_s, table_n = model.force_table(blow)
     times = model.output_times(float(table_s[0]), float(table_s[-1]), RATE_HZ)
     solution = model.simulate(
-        action, table_s, table_n, output_time_s=times, tolerance=TOLERANCE_RAD,
+        action, table_s, table_n, output_time_s=times, tolerance=DEFAULT_TOLERANCE,
         contact_forces=model.build_scene(action).remembers,
     )  # fmt: skip
     return action, np.interp(times, table_s, table_n), solution, model.rest_state(action).angle_rad
@@ -230,7 +230,7 @@ def live_blow(name: str, changes: Sequence[str], blow: str, scene: str = "whole"
 def _events(action: model.Action, solution: model.Solution, rest_rad: NDArray[np.float64]) -> list[dict[str, Any]]:
     """What happens in the blow, by the report's definitions, in the units it shows."""
     change, geometry = solution.angle_rad - rest_rad, geometry_of(action, rest_rad[: len(BODIES)])
-    motion = motion_of(geometry, solution.time_s, change[:, ENCODER_BODIES], np.full(3, TOLERANCE_RAD))
+    motion = motion_of(geometry, solution.time_s, change[:, ENCODER_BODIES], np.full(3, DEFAULT_TOLERANCE))
     rows = []
     for event in find_events(motion, int(QUIET_S * RATE_HZ)).values():
         kind = EVENTS[event.name]

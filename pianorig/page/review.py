@@ -16,6 +16,7 @@ import model
 import vision
 from model.errors import ModelError
 from model.inside.body_poses import observe_poses
+from model.tolerance import DEFAULT_TOLERANCE
 from pianorig.player.moving_action import drawing_times, measured_poses, moving_action, pack
 from pianorig.workflows.session_film import BODIES_NAME, STEP, SessionFilm
 from rig.atomic_write import sha256_of_file
@@ -165,7 +166,6 @@ def _outlines(
     return views, doubt
 
 
-TOLERANCE_RAD = 1e-5
 MOST_MODELS = 2
 
 
@@ -182,7 +182,7 @@ def trial_view(session: Session, number: int, actions: Sequence[str]) -> dict[st
     """
     trial = session.trial(number)
     data = trial.read()
-    tested = [ModelUnderTest(model.load_action(name), TOLERANCE_RAD) for name in actions[:MOST_MODELS]]
+    tested = [ModelUnderTest(model.load_action(name), DEFAULT_TOLERANCE) for name in actions[:MOST_MODELS]]
     view: dict[str, Any] = {
         "session": session.path.name,
         "trial": number,
@@ -307,7 +307,7 @@ def _animate_trial(measured: MeasuredTrial, tested: ModelUnderTest) -> dict[str,
     action, force = tested.action, measured.force
     scene = model.build_scene(action)
     solution = model.simulate(
-        action, force.time_s, force.force_n, output_time_s=times, initial=load.rest, tolerance=TOLERANCE_RAD,
+        action, force.time_s, force.force_n, output_time_s=times, initial=load.rest, tolerance=DEFAULT_TOLERANCE,
         contact_forces=scene.remembers,
     )  # fmt: skip
     force_n = np.interp(times, force.time_s, force.force_n)

@@ -220,7 +220,7 @@ def test_a_film_of_any_layout_gives_the_same_poses() -> None:
     assert len(set(found.values())) == 1, found.keys()
 
 
-@pytest.mark.parametrize("name", ["arrays.py", "tabular.py"])
+@pytest.mark.parametrize("name", ["arrays.py", "keywords.py", "tabular.py"])
 def test_three_packages_that_import_nothing_of_each_other_have_one_text(name: str) -> None:
     texts = []
     for package, error in (("model", "InputError"), ("vision", "VisionInputError"), ("rig", "RigInputError")):

@@ -36,8 +36,6 @@ MASS_WRONG, LENGTH_WRONG_M, DRIVE_WRONG_M = 0.1, 1e-3, 5e-3  # the arm is set on
 LAWS = (".friction.A", ".joint_friction.A", ".normal.D", ".torque", ".stiffness")
 MASSES = (".mass", ".inertia")
 STEP_SIZE, SMALL_STEP = 0.33, 0.1  # of ``wrong``, for differences
-
-
 LENGTH_SCATTER_M = 3e-6  # from trial to trial
 ALL, ONE, TREND, STEP = "all", "one", "trend", "step"
 FEWEST_TOLD_APART = 4  # trials, below which one trial cannot be told from a change between two of them

@@ -1,9 +1,8 @@
 """Model against experiment, trial by trial: the straight line from a session to its `ValidationResult`.
 
 Conventions: each trial's own corrected force drives the model from rest, or the measured motion of its key where there
-is none or that is asked for; model and trial are never aligned;
-the evaluation window is fixed from measured events before anything is scored. A trial that cannot be used is listed
-with its reason and the rest goes on.
+is none or that is asked for; model and trial are never aligned; the evaluation window is fixed from measured events
+before anything is scored. A trial that cannot be used is listed with its reason and the rest goes on.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 import model
-from model.scene.string_terms import USUAL_TOLERANCE
+from model.tolerance import DEFAULT_TOLERANCE
 from rig.session import Session
 from validation.cache.result_store import ResultStore
 from validation.conventions import Array, rms
@@ -128,7 +128,7 @@ class TrialJudge:
     """
 
     action: model.Action | str | Path
-    tolerance: float = USUAL_TOLERANCE
+    tolerance: float = DEFAULT_TOLERANCE
     tested: ModelUnderTest = field(init=False, repr=False)
     _known: dict[str, list[tuple[MeasuredTrial, PredictedTrial]]] = field(init=False, repr=False, default_factory=dict)
 

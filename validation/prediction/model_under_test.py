@@ -12,7 +12,7 @@ from functools import cached_property
 import model
 from model.errors import ModelError
 from model.force_driven import simulate as own_simulate
-from model.scene.string_terms import USUAL_TOLERANCE
+from model.tolerance import DEFAULT_TOLERANCE
 from rig.atomic_write import sha256_of_bytes
 from validation.cache.content_hash import code_sha256
 from validation.cache.result_store import ResultStore
@@ -76,7 +76,7 @@ class ModelUnderTest:
     """
 
     action: model.Action
-    tolerance: float = USUAL_TOLERANCE
+    tolerance: float = DEFAULT_TOLERANCE
     stand_ins: StandIns = StandIns()
     rivals: tuple[str, ...] = RIVALS
     store: ResultStore = field(default_factory=ResultStore)
