@@ -43,7 +43,7 @@ over what other trials scatter by, where also the force must be unlike theirs by
 FEWEST_LIKE = 3
 """Other trials of the same stroke that tell what is usual: their median stands against one that is wrong."""
 MOST_LIKE = 15
-"""Of them, the nearest by number: more change a median by less than a quarter of the trials' scatter."""
+"""Of them, the nearest by number: their median has a standard uncertainty of a third of the trials' scatter."""
 LACKING = (0.6, 1.6)
 """Share of the answer that is lacking: 1 but for the estimated size of the spike; of a true one it is 0."""
 MOST_RUN = 4
