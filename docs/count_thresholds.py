@@ -23,7 +23,8 @@ EXEMPTIONS = {
     "formats and codes": "files, masks, powers of two, seeds, ports, codes, enumerations, bounds of a file's fields",
     "tableaux and series": "files, divisors, mathematical constants such as 1.4826",
     "units and physical constants": "conversions, gravity, declared parameters of a law or a screw",
-    "sizes of plots": "files, figure sizes, fonts, lines",
+    "sizes of plots": "files, figure sizes, fonts, lines, columns of a terminal",
+    "instruments of the virtual bench": "what is simulated there: constants, fields, defaults that say unit and source",
     "indices and shapes": "subscripts, ranges, shapes, axes, type annotations",
     "form of a formula": "halves, squares, powers of ten of a unit, inside an expression",
     "range of a double": "up to 1e-12 or from 1e100 inside an expression: they keep it finite",
@@ -33,15 +34,19 @@ MATHEMATICAL = {1.4826, 0.6745, 0.4549, 0.158655, 1.96, 700.0, 0.3186}
 PHYSICAL = {9.81, 9.80665, 9.80665e-3, 4.448222, 4.4482216152605}
 FILES = {
     "tableaux and series": r"methods\.py|elementary|banded|force_library",
-    "sizes of plots": r"figure|plots|drawing|colours|report/.*layout",
+    "sizes of plots": r"figure|plots|drawing|colours|report/.*layout|contact_sheet|console/(terminal|output)",
     "formats and codes": r"layout|workspace|signatures|mraw|cine_|avi_|tiff_|video_index|machine_code|orientation"
     r"|daqmx\.py|status|/rpc/|product|journal_records|tdms|lvm|messages|/flags|/quantity\.py|/native\.py|daq/faults",
 }
+INSTRUMENTS = r"rig/simulated/(bench/|device/state|backend|signals)|vision/synthetic/|workflows/examples"
+"""Files that describe what is simulated; what decides there (a step, a tolerance, a wait) stays a choice."""
+DECIDING = r".*(TOLERANCE|STEP|POLL|KEPT|MAX|BALANCED|STILL|INSTANTS|OVERSAMPLING|SUBPIXELS).*"
+BITS = r".*\b(bits?|bit_depth|itemsize)\b.*"
 NAMES = {
     "units and physical constants": r"_?(DEG|RAD|UNITS?|UNIT_\w+|G|NEWTON\w*|SECONDS|FACTORS|OUTLINES_M)",
-    "formats and codes": r"_?(SCHEMA\w*|VERSION\w*|\w*FORMAT\w*|CODES?|EXIT\w*|\w*PORT|\w*SEED|\w*STREAM"
-    r"|DOTS|INTERRUPTED)",
-    "tableaux and series": r"_?(GAUSS\w*|QUARTIC)",
+    "formats and codes": r"_?(SCHEMA\w*|VERSION\w*|\w*FORMAT\w*|CODES?|EXIT\w*|exit_code|\w*PORT|\w*SEED|\w*STREAM"
+    r"|DOTS|INTERRUPTED|GONE|(self\.)?bit_depth)",
+    "tableaux and series": r"_?(GAUSS\w*|QUARTIC|BASIS)",
     "sizes of plots": r"(SIZE_IN|ROW_IN|WIDTH_IN|DPI|MODEL_DASHES)",
 }
 ARGUMENTS = {
@@ -51,9 +56,9 @@ ARGUMENTS = {
     r"|height_ratios|shrink|borderaxespad",
 }
 CALLS = {
-    "indices and shapes": r"range|slice|round|np\.(zeros|empty|ones|full|eye|diff)",
+    "indices and shapes": r"range|slice|round|np\.(zeros|empty|ones|full|eye|diff)|.*\.reshape",
     "units and physical constants": r"Number|Screw",
-    "formats and codes": r"ir\.IntType|KINDS|chr|OSError|IsADirectoryError",
+    "formats and codes": r"ir\.IntType|KINDS|chr|OSError|IsADirectoryError|(self\.)?refuse|Refused|HTTPError",
     "sizes of plots": r"new_sheet|_write_label",
 }
 
@@ -75,8 +80,9 @@ def find_name(table: dict[str, str], text: str) -> str:
 
 def find_exemption(node: ast.AST, place: str) -> str:
     """Exemption of a whole assignment, argument, call or expression by its name or its form."""
-    if isinstance(node, ast.Assign | ast.AnnAssign) and place == "module":
-        return find_name(NAMES, ast.unparse(node.targets[0] if isinstance(node, ast.Assign) else node.target))
+    if isinstance(node, ast.Assign | ast.AnnAssign):
+        name = ast.unparse(node.targets[0] if isinstance(node, ast.Assign) else node.target)
+        return find_name(NAMES, name) if place == "module" or name.endswith(("exit_code", "bit_depth")) else ""
     if isinstance(node, ast.keyword):
         return find_name(ARGUMENTS, node.arg or "")
     if isinstance(node, ast.Call):
@@ -85,6 +91,10 @@ def find_exemption(node: ast.AST, place: str) -> str:
         values = [part.value if isinstance(part, ast.Constant) else None for part in node.elts]
         is_enumeration = len(values) > 1 and values in (list(range(len(values))), list(range(1, len(values) + 1)))
         return "formats and codes" if is_enumeration else ""
+    if isinstance(node, ast.Compare | ast.BinOp) and re.fullmatch(BITS, ast.unparse(node)):
+        parts = list(ast.iter_child_nodes(node))
+        is_depth = any(isinstance(part, ast.Constant) and part.value in (8, 10, 12, 16) for part in parts)
+        return "formats and codes" if is_depth else ""
     if isinstance(node, ast.BinOp) and isinstance(node.left, ast.Constant):
         is_power = isinstance(node.op, ast.LShift) or (isinstance(node.op, ast.Pow) and node.left.value == 2)
         return "formats and codes" if is_power else ""
@@ -169,6 +179,12 @@ def has_reason(lines: list[str], found: Literal) -> bool:
     return "  # " in at or above.startswith("# ") or below.startswith('"""')
 
 
+def describes_instrument(file: str, line: str, place: str) -> bool:
+    """Whether a line declares, by a name that decides nothing, a quantity of what is simulated."""
+    name = re.split(r"[:=]", line)[0]
+    return bool(re.search(INSTRUMENTS, file)) and place != "inline" and not re.fullmatch(DECIDING, name.strip())
+
+
 def main(arguments: list[str]) -> None:
     folders = [a for a in arguments if not a.startswith("-")] or ["model", "rig", "vision", "validation", "pianorig"]
     counts: dict[str, Counter[str]] = {"all": Counter()}
@@ -179,10 +195,13 @@ def main(arguments: list[str]) -> None:
         lines = source.splitlines()
         whole = next((exemption for exemption, pattern in FILES.items() if re.search(pattern, name)), "")
         for found in find_literals(ast.parse(source), source, taken=whole):
-            if found.exemption:
-                exempt[found.exemption] += 1
-                continue
             reason = has_reason(lines, found)
+            exemption = found.exemption
+            if not exemption and reason and describes_instrument(name, lines[found.statement[0] - 1], found.place):
+                exemption = "instruments of the virtual bench"
+            if exemption:
+                exempt[exemption] += 1
+                continue
             for of in (counts["all"], counts.setdefault(name.split("/")[0], Counter())):
                 of[found.place] += 1
                 of["no reason"] += not reason
