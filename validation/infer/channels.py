@@ -28,7 +28,6 @@ class ChannelError:
     name: str
     unit: str  # SI unit of what is added; 1 means a factor
     wrong: float  # how large it is where the channel is not as declared, as a logarithm where ``unit`` is 1
-    scatter: float = 0.0  # from trial to trial, standard deviation in units of ``wrong``
     kind: str = ""  # of an encoder: `SCALE`, `ZERO` or `DELAY`; empty for force and clock
     encoder: int = -1  # place of the encoder; -1 for force and clock
 
@@ -45,19 +44,19 @@ def error_shape(kind: str, turned: Array) -> Array:
 def _encoder_errors(name: str, encoder: int) -> tuple[ChannelError, ...]:
     """Errors of one encoder: 5 % of its scale, 1 ms, and 1 mrad, a sixtieth of what a key turns."""
     return (
-        ChannelError(f"{name} {SCALE}", "1", 0.05, 0.02, SCALE, encoder),
-        ChannelError(f"{name} {DELAY}", "s", 1e-3, 0.0, DELAY, encoder),
-        ChannelError(f"{name} {ZERO}", "rad", 1e-3, 0.0, ZERO, encoder),
+        ChannelError(f"{name} {SCALE}", "1", 0.05, SCALE, encoder),
+        ChannelError(f"{name} {DELAY}", "s", 1e-3, DELAY, encoder),
+        ChannelError(f"{name} {ZERO}", "rad", 1e-3, ZERO, encoder),
     )
 
 
 CHANNEL_ERRORS = (
-    ChannelError(FORCE_GAIN, "1", 0.05, 0.06),
-    ChannelError(FORCE_LEVEL, "N", 0.1, 0.1),
-    ChannelError(FORCE_DELAY, "s", 1e-3, 0.05),
+    ChannelError(FORCE_GAIN, "1", 0.05),
+    ChannelError(FORCE_LEVEL, "N", 0.1),
+    ChannelError(FORCE_DELAY, "s", 1e-3),
     ChannelError(CLOCK, "1", 0.01),
     *(error for i, name in enumerate(ENCODER_CHANNELS) for error in _encoder_errors(name, i)),
 )
 """All errors that a search compares: 5 % of the force, 0.1 N, 1 ms, 1 % of the clock's rate, and those of the encoders.
-They scatter by 0.3 % of the force (a bench's blows), 0.01 N, 0.05 ms, and 0.1 % of a scale."""
+From trial to trial only the force's offset scatters, as its trial declares it (`ObservedTrial.u_offset_n`)."""
 ERROR_BY_NAME = {error.name: error for error in CHANNEL_ERRORS}

@@ -157,7 +157,7 @@ def sources(action: model.Action, trial: ObservedTrial) -> tuple[Source, ...]:
     declared = {FORCE_GAIN: math.log1p(trial.u_gain), FORCE_LEVEL: trial.u_preload_n, FORCE_DELAY: trial.u_delay_s}
     found = [
         Source(
-            e.name, e.unit, (), e.wrong, declared.get(e.name, 0.0) / e.wrong, scatter=e.scatter,
+            e.name, e.unit, (), e.wrong, declared.get(e.name, 0.0) / e.wrong,
             step=SMALL_STEP if e.unit == "s" else STEP_SIZE, profiles=(ALL,) if e.name == CLOCK else every,
         )
         for e in CHANNEL_ERRORS

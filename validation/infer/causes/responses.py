@@ -143,15 +143,15 @@ class Responses:
             out.append(np.zeros(predicted.size) if turn is None else (turn - predicted) / step)
         return out
 
-    def force_columns(self, at: Point, here: Array) -> Array:
-        """Changes (m, 3, 1 + n) of the first trial under one u of its own force's offset, and parts of its noise."""
-        first, place = self.trials[0], self._place(at, 0)
+    def force_columns(self, at: Point, t: int, here: Array) -> Array:
+        """Changes (m, 3, 1 + n) of trial ``t`` (index) under one u of its force's offset, and parts of its noise."""
+        trial, place = self.trials[t], self._place(at, t)
         places = [replace(place, offset_n=BUMP_N), *(replace(place, knot=k) for k in range(1, SEGMENTS + 1))]
         steps = np.array([BUMP_N, *SEGMENTS * [BUMP_N]])
-        base = self.measured[0] - here[0]
-        found = self._read_all([(p, 0) for p in places])
+        base = self.measured[t] - here[t]
+        found = self._read_all([(p, t) for p in places])
         moved = np.column_stack([np.zeros(base.size) if turn is None else turn - base for turn in found]) / steps
-        scaled = moved * np.concatenate([[first.u_offset_n], slow_noise_n(first)])
+        scaled = moved * np.concatenate([[trial.u_offset_n], slow_noise_n(trial)])
         return np.moveaxis(scaled.reshape(3, -1, scaled.shape[1]), 0, 1)
 
     def scattered(self, amounts: Array, here: Array) -> Array:

@@ -44,7 +44,7 @@ class BalancedNoise:
 
     Parameters
     ----------
-    block : linear model of the representative trial
+    blocks : linear model of one trial of each condition, with the share of the trials that it stands for
     families : (p,) of its columns, see `noise.Sizes`
     scatter : (p,) declared standard deviations of the amounts of columns that are no laws between trials
     known : (p, k) root of the declared covariance of its columns' amounts
@@ -55,7 +55,7 @@ class BalancedNoise:
 
     def __init__(
         self,
-        block: Block,
+        blocks: Sequence[tuple[float, Block]],
         families: NDArray[np.intp],
         scatter: Array,
         known: Array,
@@ -65,13 +65,11 @@ class BalancedNoise:
     ) -> None:
         half = len(runs) // 2  # what estimates the curvature is drawn no more: in it, noise looks smaller than it is
         self.trials, self.runs = trials, runs[half:]
-        scattered, declared, curved = block.moved * scatter, block.moved @ known, (runs - linear)[:half]
+        curved = (runs - linear)[:half]
         sizes = [Sizes.null(families, own) for own in DEVIATIONS]
-        found = [null_covariances(block, size) for size in sizes]
-        own = [each for each, _, _ in found]
-        _, laws, shared = found[0]
-        shared = shared + declared @ declared.T
-        total = [each + laws + scattered @ scattered.T + curved.T @ curved / len(curved) for each in own]
+        found = [(share, _covariances(block, sizes, scatter, known)) for share, block in blocks]
+        own, laws, shared = (np.sum([share * parts[k] for share, parts in found], axis=0) for k in range(3))
+        total = [each + laws + curved.T @ curved / len(curved) for each in own]
         self._inverse: dict[int, list[Array]] = {}
         self._own = [cholesky(c, lower=True) for c in own]
         self._shared = cholesky(shared, lower=True)
@@ -106,6 +104,15 @@ class BalancedNoise:
         """Log posterior of each of `DEVIATIONS`, but for a constant, at mean and contrasts (trials, n)."""
         squares = [np.sum(self.whiten(k, turned) ** 2) for k in range(len(DEVIATIONS))]
         return self.log_prior - 0.5 * np.array(squares)
+
+
+def _covariances(block: Block, sizes: Sequence[Sizes], scatter: Array, known: Array) -> tuple[Array, Array, Array]:
+    """Covariances of a trial: of its own (sizes, n, n), and of its scatter and of what all share (n, n)."""
+    found = [null_covariances(block, size) for size in sizes]
+    _, laws, shared = found[0]
+    scattered, declared = block.moved * scatter, block.moved @ known
+    own = np.array([each for each, _, _ in found])
+    return own, laws + scattered @ scattered.T, shared + declared @ declared.T
 
 
 @dataclass(frozen=True)

@@ -62,24 +62,26 @@ class Search:
             at = at if exact is None else replace(at, each=exact)
             self.at = at
         wanted = [j for j, s in enumerate(listed) if not s.added or j in effects]
-        columns = np.zeros((at.each.shape[1], len(listed)))
-        found = responses.columns([(at.point, 0, j) for j in wanted], len(wanted) * [at.each])
-        columns[:, wanted] = np.column_stack(found)
-        shaped = np.moveaxis(columns.reshape(len(ENCODERS), -1, len(listed)), 0, 1)
         laws, scatter = np.array([s.law for s in listed]), np.array([s.scatter for s in listed])
         families = np.array([law_family(s.paths[0]) if s.law else -1 for s in listed])
-        (block,) = make_blocks(trials[:1], [shaped], [responses.force_columns(at.point, at.each)], laws)
+        blocks, tangents = [], []
+        for t, share in self._conditions():
+            columns = np.zeros((at.each.shape[1], len(listed)))
+            found = responses.columns([(at.point, t, j) for j in wanted], len(wanted) * [at.each])
+            columns[:, wanted] = np.column_stack(found)
+            shaped = np.moveaxis(columns.reshape(len(ENCODERS), -1, len(listed)), 0, 1)
+            (block,) = make_blocks([trials[t]], [shaped], [responses.force_columns(at.point, t, at.each)], laws)
+            blocks.append((share, block))
+            tangents.append(columns)
+        columns = tangents[0]
         if before is None:
             amounts = np.random.default_rng(0).standard_normal((RUNS, len(listed))) * scatter
-            runs = responses.scattered(amounts, at.each)
-            self.drawn = amounts, runs
+            self.drawn = responses.scattered(amounts, at.each), amounts @ columns.T
         else:
             self.drawn = before.drawn
-        amounts, runs = self.drawn
-        linear = amounts @ (columns if before is None else before.columns).T
         known = known_root(responses.tested.action, listed)
         between = np.where(laws, 0.0, scatter)
-        self.noise = BalancedNoise(block, families, between, known, len(trials), runs, linear)
+        self.noise = BalancedNoise(blocks, families, between, known, len(trials), *self.drawn)
         self.columns, self._turn = columns, helmert(len(trials))
         shown = [i for i, c in enumerate(responses.candidates) if np.any(columns[:, c.source])]
         if before is None:
@@ -89,6 +91,16 @@ class Search:
             self.alike = {i: [] for i in self.at.members} | new | before.alike
         self.named = sorted(self.alike)
         self.test = ScoreTest(self.noise, columns, [responses.candidates[i] for i in self.named])
+
+    def _conditions(self) -> list[tuple[int, float]]:
+        """Trials (indices) that have least and most of the fit's causes, with the share of trials each stands for."""
+        weights = [self.responses.candidates[i].weights for i in self.at.members]
+        weights = [w for w in weights if np.ptp(w)]
+        if not weights:
+            return [(0, 1.0)]
+        most = np.max(np.abs(weights), axis=0)
+        share = float(np.mean(most) / np.max(most))
+        return [(int(np.argmin(most)), 1.0 - share), (int(np.argmax(most)), share)]
 
     def _group_alike(self, shown: Sequence[int]) -> dict[int, list[int]]:
         """Candidates (indexes) that can show, each with those that cannot be told from it."""

@@ -19,7 +19,7 @@ from validation.infer.causes import score_test
 from validation.infer.causes.explain import Explained, make_answer
 from validation.infer.causes.responses import Point, Responses
 from validation.infer.causes.score_test import BalancedNoise, ScoreTest, helmert
-from validation.infer.causes.search import find_causes
+from validation.infer.causes.search import Fit, Search, find_causes
 from validation.infer.channels import FORCE_GAIN
 from validation.infer.hypotheses import ALL, ONE, STEP, TREND, Candidate, Source, candidates
 
@@ -90,7 +90,7 @@ class Curved:
     def columns(self, asked: Sequence[tuple[Point, int, int]], here: Sequence[Array]) -> list[Array]:
         return [shapes()[:, j] * (1.0 + 6.0 * (shapes() @ self.amounts(p, t))) for p, t, j in asked]
 
-    def force_columns(self, at: Point, here: Array) -> Array:
+    def force_columns(self, at: Point, t: int, here: Array) -> Array:
         return np.zeros((M, 3, 1))
 
     def scattered(self, amounts: Array, here: Array) -> Array:
@@ -164,6 +164,21 @@ def test_what_no_cause_makes_is_called_none_with_what_was_compared() -> None:
     assert "force gain, laws of friction, felt and springs" in found.sentence and "fewer than four" in found.sentence
 
 
+def test_noise_around_a_cause_of_some_trials_is_that_of_trials_with_and_without_it() -> None:
+    """The curves bend, so that a trial with the cause answers the scatter of a law by another amount."""
+    responses = cast(Responses, Curved(np.tile(shapes()[:, 0], (6, 1))))
+    step = next(i for i, c in enumerate(responses.candidates) if (c.source, c.profile, c.first) == (0, STEP, 4))
+    each = np.zeros((6, 3 * M))
+    least, most, mixed = (
+        Search(responses, Fit((i,), np.array([z]), each, np.zeros((6, 3 * M, 1)))).noise
+        for i, z in ((0, 0.0), (0, 1.5), (step, 1.5))
+    )
+    for k in range(len(score_test.DEVIATIONS)):
+        first, second, both = (noise.between[k] @ noise.between[k].T for noise in (least, most, mixed))
+        assert both == pytest.approx(0.5 * (first + second), rel=1e-6, abs=1e-12)
+        assert np.trace(second) > 1.05 * np.trace(first)
+
+
 def test_trials_that_agree_need_no_cause() -> None:
     found = explain({}, 6)
     assert found.nothing and not found.changes and "no part of the model need have changed" in found.sentence
@@ -183,7 +198,7 @@ def noise() -> BalancedNoise:
     block = Block(0, TIME, columns, nil, nil, nil, np.full(3 * M, NOISE_RAD**2), size, np.zeros(M))
     scatter, families = np.where(np.arange(SHAPES) == 1, 0.05, 0.0), np.full(SHAPES, -1)
     runs = np.random.default_rng(1).standard_normal((200, SHAPES)) * scatter @ columns.T
-    return BalancedNoise(block, families, scatter, 1e-3 * np.eye(SHAPES), 6, runs, runs)
+    return BalancedNoise([(1.0, block)], families, scatter, 1e-3 * np.eye(SHAPES), 6, runs, runs)
 
 
 def test_score_statistic_is_that_of_the_whole_covariance(noise: BalancedNoise) -> None:
