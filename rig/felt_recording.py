@@ -35,7 +35,7 @@ from rig.configuration.toml_file import dump_toml
 from rig.errors import RigInputError
 from rig.guided_calibration import change_table
 from rig.keywords import make_options
-from rig.mains_hum import fit_mains_hum
+from rig.mains_hum import SEARCH_HZ, fit_mains_hum
 from rig.recording.begin_session import new_session
 from rig.recording.options import RecordingKeywords, RecordingOptions
 from rig.recording.record_entries import record_entries
@@ -46,14 +46,12 @@ from rig.session.folder import Session, Trial
 from rig.session.info import FileInfo, PlanInfo
 from rig.session.trial_data import TrialData
 
-BINS = 160
-"""Points of a phase at most: means over equal times."""
-FEWEST_SAMPLES = 3
-"""Of a point."""
-LOWEST, HIGHEST = 0.07, 0.92
-"""Part of the way that counts: between where the speed is reached and where it is left."""
-HUM_HZ = 0.15
-"""How far the mains may be from its nominal frequency."""
+BINS = 160  # points of a phase at most, means over equal times: a curve file of some 300 lines
+FEWEST_SAMPLES = 3  # of a point, so that a spike is averaged
+FEWEST_POINTS = 10  # of a phase: a cubic with its loop and first touch has five unknowns
+LOWEST, HIGHEST = 0.07, 0.92  # share of the way that counts: between reaching the speed and leaving it
+SETTLED_S = 0.15  # at the end of a press, in which the arm rests: seven periods of 50 Hz
+HUM_GRID = 41  # mains frequencies that are tried: 0.01 Hz apart, a tenth of a turn in ten seconds
 LEAST_COUNTS = 20  # turn of the encoder: the rounding of a count, u = 0.29, is then at most 1.5 % of it
 Array = NDArray[np.float64]
 
@@ -134,12 +132,12 @@ def _pressing_force(trial: TrialData, quiet: int) -> tuple[Array, float]:
     """Force above rest plus preload, without mains hum, and its scatter from sample to sample, N."""
     t, n = trial.time_s, trial.n_valid
     calm = np.zeros(n, dtype=bool)
-    calm[: max(quiet - 5, 1)] = True
-    calm[-int(0.15 * trial.sample_rate_hz) :] = True
+    calm[: max(quiet, 1)] = True
+    calm[-int(SETTLED_S * trial.sample_rate_hz) :] = True
     late = np.arange(n) > n // 2
     nominal = trial.force_info.mains_frequency_hz
     rest = np.column_stack([~late, late]).astype(float)  # a felt that has not come back rests at another force
-    fit = fit_mains_hum(t, trial.raw_force_n, calm, nominal + np.linspace(-HUM_HZ, HUM_HZ, 31), rest)
+    fit = fit_mains_hum(t, trial.raw_force_n, calm, nominal + np.linspace(-SEARCH_HZ, SEARCH_HZ, HUM_GRID), rest)
     scatter = float(np.sqrt(np.mean(fit.residual**2)))
     return trial.raw_force_n - fit.hum - fit.rest[0] + trial.force_info.preload_n, scatter
 
@@ -148,9 +146,10 @@ def _phase_span(moved: Array, start: int, top: int, low: float) -> tuple[int, in
     """First sample after the last one below ``low``, up to the first one that has reached the top."""
     below = np.flatnonzero(moved[start:top] < low)
     first = start + (int(below[-1]) + 1 if below.size else 0)
-    if top - first < 10 * FEWEST_SAMPLES:
+    fewest = FEWEST_POINTS * FEWEST_SAMPLES
+    if top - first < fewest:
         raise RigInputError(
-            f"felt: a phase of {top - first} samples, allowed from {10 * FEWEST_SAMPLES}; press more slowly or harder"
+            f"felt: a phase of {top - first} samples, allowed from {fewest}; press more slowly or harder"
         )
     return first, top
 
@@ -164,8 +163,8 @@ def _bin_means(span: tuple[int, int], *series: Array) -> tuple[Array, ...]:
     return *(np.add.reduceat(one[:end], edges[:-1]) / size for one in series), size.astype(np.float64)
 
 
-DEEPEST_REST = 0.5
-"""Share of the way that the preload may have taken up at most."""
+DEEPEST_REST = 0.5  # share of the way that the preload may have taken up: beyond it the start of the curve is guessed
+PRELOAD_SHARE = 0.1  # of a reading's u, to which the curve meets the preload; its own error is common to all points
 
 
 def first_touch(
@@ -183,7 +182,7 @@ def first_touch(
 
     span, top = float(moved_m.max()), float(force_n.max())
     sense = np.where(loading, 1.0, -1.0)
-    u_preload = 0.1 * float(np.median(u_n))  # the preload's own error is one of the errors common to all points
+    u_preload = PRELOAD_SHARE * float(np.median(u_n))
 
     def residual(p: Array) -> Array:
         a, b, c, rest, share = p
@@ -193,21 +192,21 @@ def first_touch(
         return np.append((fit - force_n / top) * top / u_n, at_rest)
 
     start = np.polyfit(moved_m / span, force_n / top, 3)
-    slope = max(start[2], 0.05)
-    guess = np.array([start[0], start[1], slope, min(preload_n / top / slope, 0.9 * DEEPEST_REST), 0.01])
+    slope = max(start[2], 4.0 * preload_n / top, 1e-3)  # so that the rest begins at a quarter of the way at most
+    guess = np.array([start[0], start[1], slope, preload_n / top / slope, 0.0])
     fit = least_squares(
         residual,
         guess,
         bounds=([-np.inf, -np.inf, 0.0, 0.0, -0.5], [np.inf, np.inf, np.inf, DEEPEST_REST, 0.5]),
-        x_scale=[1.0, 1.0, 1.0, 0.01, 0.01],
+        x_scale="jac",
     )
     rest = float(fit.x[3])
-    if not fit.success or not 0.0 <= rest < 0.98 * DEEPEST_REST:
+    if not fit.success or not 0.0 <= rest < DEEPEST_REST - 1e-3:
         raise RigInputError(
             f"felt: first touch not found: at rest the felt would be compressed by {1e3 * rest * span:.3g} mm of "
             f"{1e3 * span:.3g} mm; look at force.preload_n, or lighten the preload"
         )
-    freedom = max(moved_m.size + 1 - 5, 1)
+    freedom = max(moved_m.size + 1 - guess.size, 1)
     widened = max(2.0 * float(fit.cost) / freedom, 1.0)
     covariance = np.linalg.pinv(fit.jac.T @ fit.jac) * widened
     return rest * span, float(np.sqrt(covariance[3, 3])) * span
@@ -303,8 +302,7 @@ def _compression_and_force(read: Readings, known: _Truth, stated_preload_n: floa
     return compression_m + rest_m, force, u_rest_m
 
 
-ABOVE_N = 2.0
-"""Below, surfaces that are not flat yet give way."""
+ABOVE_N = 2.0  # on the block: below, surfaces that are not flat yet give way
 
 
 @dataclass(frozen=True)
@@ -322,7 +320,7 @@ def compliance(trials: Sequence[TrialData], felt: FeltConfig) -> Compliance:
     for trial in trials:
         read = readings(trial, felt)
         hard = read.force_n > ABOVE_N
-        if hard.sum() < 20:
+        if hard.sum() < 2 * FEWEST_POINTS:
             raise RigInputError(
                 f"trial {trial.number}: {read.peak_n:.3g} N on the block, allowed well above {ABOVE_N:g} N"
             )
@@ -344,7 +342,8 @@ def compliance(trials: Sequence[TrialData], felt: FeltConfig) -> Compliance:
 
 BLOCK = "block"
 """What is pressed to measure the compliance of arm and cell: a block of steel."""
-SLOWEST_M_PER_S, FASTEST_M_PER_S = 1e-4, 0.2
+SLOWEST_M_PER_S, FASTEST_M_PER_S = 1e-4, 0.2  # of a press: a millimetre in ten seconds; in 5 ms, below a blow's 1 m/s
+MOST_REPEATS, LONGEST_REST_S = 100, 3600.0  # that may be asked for: a typing error is larger
 
 
 @dataclass(frozen=True)
@@ -388,9 +387,15 @@ def check_order(order: FeltOrder, config: RigConfig, source: str) -> FeltConfig:
             raise RigInputError(
                 f"felt: peak force {peak:g} N, allowed 1 to {felt.force_limit_n:g} N (felt.force_limit_n)"
             )
-    if not 1 <= order.repeats <= 100 or not 0 <= order.rest_s <= 3600:
-        raise RigInputError(f"felt: {order.repeats} repeats, rest {order.rest_s:g} s; allowed 1 to 100, 0 to 3600 s")
+    if not 1 <= order.repeats <= MOST_REPEATS or not 0 <= order.rest_s <= LONGEST_REST_S:
+        raise RigInputError(
+            f"felt: {order.repeats} repeats, rest {order.rest_s:g} s; allowed 1 to {MOST_REPEATS}, "
+            f"0 to {LONGEST_REST_S:g} s"
+        )
     return felt
+
+
+SPEED_MARGIN, FORCE_MARGIN = 5.0, 1.1  # interlock's limits over what a press should reach: room for ringing
 
 
 def press_settings(config: RigConfig, felt: FeltConfig, peak_n: float) -> RigConfig:
@@ -398,10 +403,10 @@ def press_settings(config: RigConfig, felt: FeltConfig, peak_n: float) -> RigCon
     limits, body = config.limits, [encoder.name for encoder in config.encoders].index(felt.encoder)
     travel, speed = list(limits.travel_rad), list(limits.speed_rad_per_s)
     travel[body] = (felt.depth_limit_m + felt.compliance_m_per_n * felt.force_limit_n) / felt.radius_m
-    speed[body] = 5 * FASTEST_M_PER_S / felt.radius_m
+    speed[body] = SPEED_MARGIN * FASTEST_M_PER_S / felt.radius_m
     narrowed = limits.model_copy(
         update={
-            "force_max_n": min(limits.force_max_n, 1.2 * peak_n + 1.0, 1.1 * felt.force_limit_n),
+            "force_max_n": min(limits.force_max_n, FORCE_MARGIN * peak_n + 1.0, FORCE_MARGIN * felt.force_limit_n),
             "travel_rad": tuple(travel),
             "speed_rad_per_s": tuple(speed),
         }
@@ -409,11 +414,9 @@ def press_settings(config: RigConfig, felt: FeltConfig, peak_n: float) -> RigCon
     return config.model_copy(update={"camera": None, "limits": narrowed})
 
 
-RAMP_S = 1.5
-"""Of the first press, each way."""
+RAMP_S = 1.5  # of the first press, each way
 HOLD_S = 0.08  # at the deepest point, between loading and unloading
-EASE = 0.12
-"""Share of the way over which the speed is reached, and left."""
+EASE = 0.12  # share of the way over which the speed is reached, and left: choice; shorter rings more
 POINTS = 60  # key points of a press, straight lines between them
 SLEW_SHARE = 0.9  # of the rig file's slew limit that a press may ask for
 
@@ -466,12 +469,11 @@ def checked_command(profile: Profile, config: RigConfig, deepest_rad: float, bod
 
 def _ease_in_out(phase: Array) -> Array:
     """Way over time, both from 0 to 1: constant speed between a smooth beginning and a smooth end."""
-    fine = np.linspace(0.0, 1.0, 2001)
-    at = EASE / (1.0 + EASE)
-    speed = np.clip(np.minimum(fine, 1.0 - fine) / at, 0.0, 1.0)
-    speed = speed * speed * (3.0 - 2.0 * speed)
-    way = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]))))
-    return np.interp(phase, fine, way / way[-1])
+    eased = EASE / (1.0 + EASE)
+    near = np.minimum(phase, 1.0 - phase)
+    u = np.minimum(near / eased, 1.0)  # the speed is 3 u^2 - 2 u^3
+    way = (eased * (u**3 - 0.5 * u**4 - u) + near) / (1.0 - eased)
+    return np.where(phase < 0.5, way, 1.0 - way)
 
 
 def _mirror_profile(name: str, time_s: Array, force_n: Array) -> Profile:
@@ -589,7 +591,7 @@ class _Press:
 
     def command(self, profile: Profile) -> None:
         body = [encoder.name for encoder in self.config.encoders].index(self.setup.encoder)
-        checked_command(profile, self.config, 0.99 * self.config.limits.travel_rad[body], body)
+        checked_command(profile, self.config, (1 - 1e-6) * self.config.limits.travel_rad[body], body)
 
     def evaluate_press(self, session: Session, trial: Trial) -> FeltPress:
         """Evaluate a press and write its curve."""
@@ -658,6 +660,6 @@ def _rising(session: Session, felt: FeltConfig) -> tuple[NDArray[np.float64], ND
     order = np.argsort(force)
     force, compression_m = force[order], np.maximum.accumulate(compression_m[order])
     above = (force > 0) & (compression_m > 0)
-    if above.sum() < 10:
+    if above.sum() < FEWEST_POINTS:
         raise RigInputError("felt: the ramp moved nothing; is the arm on the felt, the drive on?")
     return np.concatenate(([0.0], compression_m[above])), np.concatenate(([0.0], force[above]))

@@ -31,21 +31,21 @@ from rig.errors import RigInputError, refuse
 from rig.mains_hum import fit_mains_hum
 from rig.session.trial_data import TrialData
 
-LEAD_S = 0.05
-"""Time before the force rises, as in the thesis's profiles."""
-QUIET_S = 0.01
-"""Rest that a recording must begin with, s."""
-ONSET = 0.02
-"""The force has risen when it has left its rest by this fraction of the peak before key bottom."""
+LEAD_S = 0.05  # before the force rises, as in the thesis's profiles
+QUIET_S = 0.01  # rest that a recording must begin with: its mean and drift are the zero
+LONGEST_INTERVAL_S = 0.005  # between samples of a recording: ten in the rise of a forte
+LONGEST_S = 60.0  # of a recording: one blow was cut out
+ONSET = 0.02  # of the peak before key bottom: the force has risen when it is so far off its rest
 SMOOTH_S = 0.001  # window over which the force's slope is averaged
-SPIKE = 4.0
-"""A rise is the spike at key bottom when it is steeper than the rise before it (median) by this factor."""
-FIRST = 0.3
-"""Least slope of the first spike, as a fraction of the steepest."""
+SPIKE = 4.0  # times the median slope of the rise before it: the spike at key bottom is as steep
+FIRST = 0.3  # of the steepest slope: a check or a bounce later may be three times as steep
+FOOT = 0.15  # of the way from the rise's slope to the spike's, where the spike begins: choice
 SPIKE_S = 0.06  # after key bottom, taken for the spike and its ringing
-RELEASE_S = 0.02  # time in which the command goes to zero at the end
-FIRST_CUTOFF_HZ = 60.0
-"""Of the zero-phase low-pass of the first command."""
+RELEASE_S = 0.02  # in which the command goes to zero at the end
+FADE_S = 0.01  # over which a command begins before the onset, and corrections end before key bottom
+FIRST_CUTOFF_HZ = 60.0  # of the low-pass of the first command: a recording's ringing must not excite the arm
+CUTOFF_HZ = 150.0  # of the low-pass Q: below the resonance of arm and cell
+HIGHEST_CUTOFF = 0.4  # of the sample rate: a low-pass needs less than half of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,23 +130,26 @@ def make_target(
             f"{name}: force: found a value that is not finite, allowed finite ones; cut lost data out",
         ),
         (not (np.isfinite(scale) and scale > 0), f"{name}: scale = {scale:g}, allowed above 0"),
-        (interval_s > 0.005, f"{name}: sampled every {interval_s:g} s, allowed at most every 0.005 s"),
         (
-            force_n.size * interval_s > 60,
-            f"{name}: lasts {force_n.size * interval_s:.3g} s, allowed at most 60 s; cut out one blow",
+            interval_s > LONGEST_INTERVAL_S,
+            f"{name}: sampled every {interval_s:g} s, allowed at most every {LONGEST_INTERVAL_S:g} s",
+        ),
+        (
+            force_n.size * interval_s > LONGEST_S,
+            f"{name}: lasts {force_n.size * interval_s:.3g} s, allowed at most {LONGEST_S:g} s; cut out one blow",
         ),
     )
     on_clock = scale * _resample_force(force_n, interval_s, sample_rate_hz)
     quiet = max(int(round(QUIET_S * sample_rate_hz)), 2)
-    if on_clock.size < 5 * quiet:
-        raise RigInputError(f"{name}: lasts {on_clock.size / sample_rate_hz:.3g} s, allowed from {5 * QUIET_S:g} s")
+    if on_clock.size < 4 * quiet:
+        raise RigInputError(f"{name}: lasts {on_clock.size / sample_rate_hz:.3g} s, allowed from {4 * QUIET_S:g} s")
     rest_n = float(np.mean(on_clock[:quiet]))
     force = on_clock - rest_n
     highest = float(np.max(force))
     line = np.polynomial.polynomial.Polynomial.fit(np.arange(quiet), force[:quiet], 1)
     noise = 4 * float(np.std(force[:quiet] - line(np.arange(quiet))))
     drift = abs(float(line(quiet - 1) - line(0)))
-    if highest <= 0 or np.max(np.abs(force[:quiet])) > 0.05 * highest or drift > max(0.01 * highest, noise):
+    if highest <= 0 or max(float(np.max(np.abs(force[:quiet]))), drift) > max(ONSET * highest, noise):
         raise RigInputError(
             f"{name}: does not begin with {QUIET_S:g} s of rest before a push; cut the recording earlier"
         )
@@ -178,7 +181,7 @@ def _resample_force(force_n: NDArray[np.float64], interval_s: float, rate_hz: fl
     time_s = np.arange(force_n.size) * interval_s
     n = int(np.floor(time_s[-1] * rate_hz + 1e-6)) + 1
     wanted = np.arange(n) / rate_hz
-    if interval_s * rate_hz > 0.75:
+    if interval_s * rate_hz > 1 - 1e-6:
         return np.interp(wanted, time_s, force_n)
     area = np.concatenate(([0.0], np.cumsum(0.5 * (force_n[1:] + force_n[:-1]) * interval_s)))
     half = 0.5 / rate_hz
@@ -195,7 +198,7 @@ def key_bottom(force_n: NDArray[np.float64], rate_hz: float) -> int | None:
     # the first of the steep rises: a check that catches the hammer, or a bounce, may be steeper than key bottom
     steep = int(np.argmax(slope > FIRST * slope.max())) if slope.max() > 0 else 0
     top = steep + int(np.argmax(slope[steep : steep + 4 * width]))
-    rise = np.flatnonzero(smooth[:top] > 0.05 * smooth[top])
+    rise = np.flatnonzero(smooth[:top] > ONSET * smooth[top])
     start = int(rise[0]) if rise.size else top
     before = slope[start:top]
     gentle = float(np.median(before[before > 0])) if np.any(before > 0) else 0.0
@@ -203,7 +206,7 @@ def key_bottom(force_n: NDArray[np.float64], rate_hz: float) -> int | None:
         return None
     # the foot: where the slope last was near that of the rise
     foot = top
-    while foot > start and slope[foot] > gentle + 0.15 * (slope[top] - gentle):
+    while foot > start and slope[foot] > gentle + FOOT * (slope[top] - gentle):
         foot -= 1
     return foot
 
@@ -213,20 +216,15 @@ def _cut_target(
 ) -> TargetForce:
     held = force.copy()
     after = min(bottom + int(SPIKE_S * rate_hz), force.size - 1)
-    level = float(np.median(force[after : after + max(int(0.02 * rate_hz), 1)]))
+    level = float(np.median(force[after : after + max(int(RELEASE_S * rate_hz), 1)]))
     held[bottom : after + 1] = np.interp(np.arange(bottom, after + 1), [bottom, after], [force[bottom], level])
-    width = max(int(0.005 * rate_hz), 1)
-    kernel = np.hanning(2 * width + 3)[1:-1]
-    smooth = np.convolve(np.pad(held, width, mode="edge"), kernel / kernel.sum(), "valid")
-    held[bottom:] = smooth[bottom:]
     significant = np.flatnonzero(np.abs(held) > ONSET * np.max(force[: bottom + 1]))
     end = min(int(significant[-1]) + 1, force.size)
     lead, tail = int(round(LEAD_S * rate_hz)), max(int(round(RELEASE_S * rate_hz)), 1)
     shown = np.concatenate((np.zeros(lead), force[onset:], np.zeros(tail)))[: lead + end - onset + tail]
     command = np.concatenate((np.zeros(lead), held[onset:end], held[end - 1] * np.linspace(1, 0, tail + 1)[1:]))
-    # oscillations of the recording must not excite the arm
-    command = sosfiltfilt(butter(2, min(FIRST_CUTOFF_HZ, 0.4 * rate_hz), fs=rate_hz, output="sos"), command)
-    command *= np.clip((np.arange(command.size) / rate_hz - 0.8 * LEAD_S) / (0.2 * LEAD_S), 0.0, 1.0)
+    command = low_pass(command, FIRST_CUTOFF_HZ, rate_hz)
+    command *= np.clip((np.arange(command.size) / rate_hz - (LEAD_S - FADE_S)) / FADE_S, 0.0, 1.0)
     command[0] = command[-1] = 0.0
     n = min(shown.size, command.size)
     return TargetForce(
@@ -240,11 +238,14 @@ def _cut_target(
     )
 
 
-CUTOFF_HZ = 150.0  # of the low-pass Q: below the resonance of arm and cell
-FADE_S = 0.01  # over which corrections begin before the onset, and end before key bottom
+def low_pass(values: NDArray[np.float64], cutoff_hz: float, rate_hz: float) -> NDArray[np.float64]:
+    """Return values (n,) after a zero-phase low-pass of the second order, run forwards and backwards."""
+    lowpass = butter(2, min(cutoff_hz, HIGHEST_CUTOFF * rate_hz), fs=rate_hz, output="sos")
+    return np.asarray(sosfiltfilt(lowpass, values))
+
+
 LATE_S = 0.0015  # before key bottom; a message names the share of the error that lies there
-GUARD_S = 0.001
-"""Learning ends this long before key bottom: a zero-phase filter spreads the spike backwards."""
+GUARD_S = 0.001  # before key bottom, where learning ends: a zero-phase filter spreads the spike backwards
 
 
 @dataclass(frozen=True, eq=False)
@@ -308,8 +309,7 @@ def correct_command(
     error[time_s < target.onset_s - FADE_S] = 0.0
     last = max(int(np.flatnonzero(inside)[-1]) - int(GUARD_S * rate_hz), 0) if inside.any() else 0
     error[last:] = error[last]  # so that the filter meets no edge
-    lowpass = butter(2, min(CUTOFF_HZ, 0.4 * rate_hz), fs=rate_hz, output="sos")
-    error = sosfiltfilt(lowpass, error)
+    error = low_pass(error, CUTOFF_HZ, rate_hz)
     error[last:] *= np.exp(-np.arange(error.size - last) / (FADE_S * rate_hz))
     # the profile begins with LEAD_S of zeros: the correction comes in smoothly before the onset
     error *= np.clip((time_s - (target.onset_s - FADE_S)) / FADE_S, 0.0, 1.0)
@@ -318,11 +318,14 @@ def correct_command(
     return np.asarray(corrected_n)
 
 
+LIMIT_SHARE = 0.98  # of the motor's limits, that a command takes: key points are rounded
+
+
 def limit_command(
     command_n: NDArray[np.float64], force_limit_n: float, slew_limit_n_per_s: float, rate_hz: float
 ) -> NDArray[np.float64]:
-    step = 0.98 * slew_limit_n_per_s / rate_hz  # a little less: key points are rounded
-    limited = np.clip(command_n, -0.98 * force_limit_n, 0.98 * force_limit_n)
+    step = LIMIT_SHARE * slew_limit_n_per_s / rate_hz
+    limited = np.clip(command_n, -LIMIT_SHARE * force_limit_n, LIMIT_SHARE * force_limit_n)
     for order in (range(1, limited.size), range(limited.size - 2, -1, -1)):
         back = 1 if order.step < 0 else -1
         for k in order:
@@ -331,13 +334,12 @@ def limit_command(
     return limited
 
 
+GROWN = 1.2  # times the least error: a blow whose error exceeds it began to diverge, which noise does not
 GAIN = 0.8  # of the error that one stroke corrects: below 1, so that noise is not learnt whole
 GOAL = 0.03  # relative error of the force at which learning ends; needs a peak of 33 times the noise
-MARGIN = 0.75
-"""Learning continues to this fraction of the goal while blows improve: a replay must follow as well."""
+MARGIN = 0.75  # of the goal, to which learning goes on while blows improve: a replay must follow as well
 MOST_BLOWS = 50  # that a user may ask for
-POINT_TOLERANCE = 0.002
-"""Key points omit changes of the command below this fraction of its peak."""
+POINT_TOLERANCE = 0.002  # of the peak: smaller changes of the command get no key point; a fifteenth of the goal
 
 
 @dataclass(frozen=True, eq=False)
@@ -386,7 +388,7 @@ def learn(
     config: RigConfig,
     blow: Callable[[Profile, int], TrialData],
     *,
-    blows: int = 8,
+    blows: int = 8,  # choice: the virtual bench reaches the goal within five
     goal: float = GOAL,
     progress: Callable[[Blow], None] | None = None,
 ) -> Learned:
@@ -452,7 +454,7 @@ def learn(
         best = min(played_blows, key=lambda entry: entry.error)
         if best.error <= MARGIN * goal or (best.error <= goal and best is not played_blows[-1]):
             break
-        if played_blows[-1].error > 1.2 * best.error:  # it grew: continue from the best one, in smaller steps
+        if played_blows[-1].error > GROWN * best.error:  # it grew: continue from the best one, in smaller steps
             gain *= 0.5
         played = np.zeros_like(target.time_s)
         sampled = best.profile.sample(rate)[: played.size]

@@ -117,7 +117,7 @@ def valid_record(
     allowed_h = rig.config.safety.selftest_valid_h
     if not timedelta(0) <= age <= timedelta(hours=allowed_h):
         raise NotPermitted(
-            f"{path}: self-test of {_utc(record.created_utc):%Y-%m-%d %H:%M} UTC is {age.total_seconds() / 3600:.1f} h "
+            f"{path}: self-test of {_utc(record.created_utc):%Y-%m-%d %H:%M} UTC is {age / timedelta(hours=1):.1f} h "
             f"old, allowed 0 to {allowed_h:g} h (safety.selftest_valid_h); {advice}"
         )
     return path, record
@@ -143,24 +143,30 @@ class SelftestBackend(Backend, Protocol):
         """Read without resetting the watchdog; the blocks, in which it expired, and whether the device ended it."""
 
 
-PUSHES, PUSH_S, PAUSE_S, LEAD_S = 8, 0.15, 0.15, 0.3  # averaged pushes; each, the pause after it, rest before all
+PUSHES = 8  # averaged, so that noise is divided by 2.8
+PUSH_S = 0.15  # of a push, and of the pause after it: ringing has died away
+LEAD_S = 0.3  # rest before the pushes: 15 periods of 50 Hz, 18 of 60 Hz
 
 
 def push_train(volts: float, rate_hz: float) -> NDArray[np.float64]:
     """Return the motor command of a row of equal gentle pushes, V, on the sample clock."""
-    one = np.concatenate((np.full(int(PUSH_S * rate_hz), volts), np.zeros(int(PAUSE_S * rate_hz))))
-    return np.concatenate((np.zeros(int(LEAD_S * rate_hz)), np.tile(one, PUSHES), np.zeros(int(0.1 * rate_hz))))
+    push = int(PUSH_S * rate_hz)
+    one = np.concatenate((np.full(push, volts), np.zeros(push)))
+    return np.concatenate((np.zeros(int(LEAD_S * rate_hz)), np.tile(one, PUSHES), np.zeros(push)))
 
 
 def push_response(force_n: NDArray[np.float64], rate_hz: float, delay: int) -> tuple[NDArray[np.float64], float]:
     """Return the mean response to one push, N above the force before it, from the push on, and its plateau, N."""
     lead, push = int(LEAD_S * rate_hz), int(PUSH_S * rate_hz)
-    period = push + int(PAUSE_S * rate_hz)
+    period = 2 * push
     rows = [force_n[lead + i * period + delay :][:period] for i in range(PUSHES)]
     before = [force_n[lead + i * period - period // 4 : lead + i * period].mean() for i in range(PUSHES)]
     shortest = min(row.size for row in rows)
     response = np.mean([row[:shortest] - zero for row, zero in zip(rows, before, strict=True)], axis=0)
     return response, float(response[push // 3 : push - 2].mean())
+
+
+UNMOVED_SHARE = 0.02  # of a stroke: below it a body has not moved; every wrong scale named gives more
 
 
 def encoder_advice(config: RigConfig, body: int, turned_rad: float) -> str:
@@ -174,7 +180,7 @@ def encoder_advice(config: RigConfig, body: int, turned_rad: float) -> str:
     def is_near(other: float) -> bool:
         return abs(counts - other) <= tolerance * abs(other)
 
-    if abs(counts) < 0.02 * abs(expected[body]):
+    if abs(counts) < UNMOVED_SHARE * abs(expected[body]):
         return "does not move: look at its plug, supply and terminals"
     if is_near(-expected[body]):
         return "turns the wrong way: change its sign, or exchange A and B"
@@ -196,13 +202,11 @@ def join_blocks(blocks: list[Block]) -> Block:
     )
 
 
-FITTED_S = 0.012
-"""How much of a push is fitted."""
-EARLIEST_S, LATEST_S = -2e-3, 15e-3
-"""Where the edge is looked for, beside the time at which it should be."""
-RINGING_HZ = (80.0, 2400.0)  # resonances of arm and cell that the fitted oscillation may have
-SHAPE_SAMPLES = 0.1
-"""Standard uncertainty for a bench that does not ring like the fitted curve, samples."""
+FITTED_S = 0.012  # of a push after half its plateau: one period of the slowest ringing
+EARLIEST_S, LATEST_S = -2e-3, 15e-3  # of the edge, against when it is due: a delay of 8 ms that was forgotten is seen
+RINGING_HZ = (80.0, 2400.0)  # of arm and cell: slower is no ringing, faster is above half the sample rate
+STARTS = 6  # frequencies from which the fit begins: each resonance is within a factor 1.3 of one
+SHAPE_SAMPLES = 0.1  # standard uncertainty for a bench that rings unlike the fitted curve
 Array = NDArray[np.float64]
 
 
@@ -217,12 +221,12 @@ class Edge:
 
 def without_hum(force_n: Array, rate_hz: float, mains_hz: float, delay: int) -> Array:
     """Return the force less mains hum, fitted where nothing pushes: before the pushes and late in each pause."""
-    lead, push, pause = (int(s * rate_hz) for s in (LEAD_S, PUSH_S, PAUSE_S))
+    lead, push = int(LEAD_S * rate_hz), int(PUSH_S * rate_hz)
     quiet = np.zeros(force_n.size, dtype=bool)
     quiet[:lead] = True
     for k in range(PUSHES):
-        end = lead + (k + 1) * (push + pause) + delay
-        quiet[end - pause // 2 : end] = True
+        end = lead + 2 * (k + 1) * push + delay
+        quiet[end - push // 2 : end] = True
     t = np.arange(force_n.size) / rate_hz
     fit = fit_mains_hum(t, force_n, quiet, np.array([mains_hz]), np.column_stack([np.ones(t.size), t]))
     return force_n - fit.rest - fit.hum
@@ -233,7 +237,7 @@ def fit_edge(response_n: Array, rate_hz: float, at_sample: float) -> Edge | None
     from scipy.optimize import least_squares  # start-up: 0.2 s that only a self-test needs
 
     t = (np.arange(response_n.size) - at_sample) / rate_hz
-    plateau = float(response_n[int(2 * LATEST_S * rate_hz) : int(0.8 * PUSH_S * rate_hz)].mean())
+    plateau = float(response_n[int(2 * LATEST_S * rate_hz) : int(PUSH_S * rate_hz) - EDGE_LEAD].mean())
     crossed = np.flatnonzero((response_n > 0.5 * plateau) & (t > EARLIEST_S) & (t < LATEST_S))
     if not np.isfinite(response_n).all() or plateau <= 0 or not crossed.size:
         return None
@@ -248,19 +252,23 @@ def fit_edge(response_n: Array, rate_hz: float, at_sample: float) -> Edge | None
         return np.asarray(rest + level * (1.0 - ringing))
 
     bounds = (
-        [EARLIEST_S, 0.2 * plateau, 1.0, 2 * np.pi * RINGING_HZ[0], -plateau],
-        [LATEST_S, 3.0 * plateau, 3e4, 2 * np.pi * RINGING_HZ[1], plateau],
+        [EARLIEST_S, 0.0, 0.0, 2 * np.pi * RINGING_HZ[0], -plateau],
+        [LATEST_S, np.inf, np.inf, 2 * np.pi * RINGING_HZ[1], plateau],
     )
+    # without damping half the level is reached after a sixth of a period
+    starts = [(crossing_s - 1 / (6 * hz), 2 * np.pi * hz) for hz in np.geomspace(*RINGING_HZ, STARTS + 2)[1:-1]]
     fits = [
         least_squares(
             lambda p: curve(p) - response_n[:n],
-            [late, plateau, 200.0, 2 * np.pi * hz, 0.0],
+            [late, plateau, w / 10, w, 0.0],
             bounds=bounds,
-            x_scale=[1e-4, plateau, 200.0, 1e3, 0.1 * plateau],
+            x_scale=[1 / w, plateau, w, w, plateau],
         )
-        for late in np.clip(crossing_s - np.array([0.1e-3, 0.6e-3]), 0.99 * EARLIEST_S, 0.99 * LATEST_S)
-        for hz in (150.0, 350.0, 600.0, 1000.0, 1800.0)
+        for late, w in starts
+        if EARLIEST_S < late < LATEST_S
     ]
+    if not fits:
+        return None
     best = min(fits, key=lambda fit: float(fit.cost))
     variance = 2 * best.cost / max(n - best.x.size, 1)
     covariance = np.linalg.pinv(best.jac.T @ best.jac) * variance
@@ -272,12 +280,12 @@ def fit_edge(response_n: Array, rate_hz: float, at_sample: float) -> Edge | None
 
 
 PRESS_S = 4.5  # for the operator to lift the arm and press the key once
-REST_WINDOW_S = 0.3  # of a mean at rest: 15 periods of 50 Hz
-SETTLED_S = 0.1
-"""Force before and after the watchdog trips is the mean over the last of this, however long the blocks are."""
-CAMERA_S = 0.5  # over which frame pulses are counted
-EDGE_LEAD = 10
-"""Samples before the edge of a push that are evaluated with it."""
+SETTLED_S = 0.1  # of a mean, before and after the watchdog trips: 5 periods of 50 Hz
+ABSENT_SHARE = 0.3  # of a push: below it no force is there: choice; a drive that is off leaves noise
+CAMERA_S = 0.5  # over which frame pulses are counted: choice: 1 of 1000 at 2000 frames/s
+EDGE_LEAD = 10  # samples before the edge of a push that are evaluated with it: choice
+TRIP_SLACK_S = 0.25  # that a watchdog may trip late: blocks last at most 50 ms, calls some more
+LOOPBACK_V = 0.02  # off the sample put out: choice; an input that is not wired is off by 0.5 V
 INSTRUCTION = (
     "drive disabled: lift the arm off the key for a second, put it back, then press the key slowly to its bottom and "
     f"let it come up again, all within {PRESS_S:g} s"
@@ -344,7 +352,7 @@ class Checks:
 
     def _check_force_by_hand(self, block: Block) -> None:
         """Add the checks of the unloaded reading, preload and sign, from a block in which a hand pushed and lifted."""
-        n = int(REST_WINDOW_S * self.rate)
+        n = int(LEAD_S * self.rate)
         mean = np.convolve(block.force_n, np.full(n, 1 / n), "valid")
         resting = float(np.median(mean[: max(n // 4, 1)]))
         up, down = float(block.force_n.max()) - resting, resting - float(block.force_n.min())
@@ -356,7 +364,7 @@ class Checks:
         self.add("unloaded reading", abs(self.unloaded_n) <= limit, f"{self.unloaded_n:.4f} N", f"within {limit:g} N",
                  f"null the bridge on {channel}; look at its wiring")  # fmt: skip
         least = self.config.limits.least_preload_n or 0.0
-        least, preload = max(least, 1e-4), abs(resting - self.unloaded_n)
+        least, preload = max(least, self.config.force.u_noise_n), abs(resting - self.unloaded_n)
         advice = "lift the arm when asked; it must rest on the key by itself"
         self.add("preload", preload >= least, f"{preload:.4f} N", f"from {least:g} N", advice)
         advice = f"{channel} does not feel the hand: swapped or open analog inputs"
@@ -379,15 +387,16 @@ class Checks:
             self.add("drive-enable line", False, "none in the rig file", "a line", "add [drive_enable] and wire it")
             return
         _, force = self._push(enable_drive=False)
-        self.add("drive disabled", abs(force) < 0.3 * self.expected.push_n, f"{force:+.4f} N",
-                 f"below {0.3 * self.expected.push_n:.3g} N", "the motor pushes though its drive-enable is low: "
-                 f"{self.config.drive_enable.line} does not reach the drive, or is bridged")  # fmt: skip
+        most = ABSENT_SHARE * self.expected.push_n
+        self.add("drive disabled", abs(force) < most, f"{force:+.4f} N", f"below {most:.3g} N",
+                 f"the motor pushes though its drive-enable is low: {self.config.drive_enable.line} does not reach "
+                 "the drive, or is bridged")  # fmt: skip
 
     def pushed_enabled(self) -> None:
         """Enable the drive, push the key gently by the motor, and add the checks of force (sign, size) and delay."""
         response, force = self._push(enable_drive=True)
         wanted = self.expected.push_n
-        if abs(force) < 0.3 * wanted:
+        if abs(force) < ABSENT_SHARE * wanted:
             line = self.config.drive_enable.line if self.config.drive_enable else "its drive-enable"
             advice = (
                 f"no force: {line} does not enable the drive, or {self.config.motor.channel} is not the motor's input"
@@ -403,7 +412,7 @@ class Checks:
         tolerance = self.expected.push_tolerance
         self.add("motor and force", abs(force - wanted) <= tolerance * wanted, f"{force:+.4f} N",
                  f"{wanted:+.3g} N ± {tolerance:.0%}", advice)  # fmt: skip
-        self._add_delay(response if force > 0.3 * wanted else None)
+        self._add_delay(response if force > ABSENT_SHARE * wanted else None)
 
     def _add_delay(self, response: NDArray[np.float64] | None) -> None:
         """Add the check that the push begins after the delays of module and drive; ``response`` (n,), N, or None."""
@@ -438,24 +447,26 @@ class Checks:
         self.backend.start()
         size = max(int(round(config.recording.block_s * self.rate)), 1)
         first = join_blocks(
-            [self.backend.read_block(size, CALL_TIMEOUT_S) for _ in range(int(0.6 * self.rate) // size)]
+            [self.backend.read_block(size, CALL_TIMEOUT_S) for _ in range(int(2 * LEAD_S * self.rate) // size)]
         )
         lead, settled = int(LEAD_S * self.rate), int(SETTLED_S * self.rate)
         pushed = float(first.force_n[-settled:].mean() - first.force_n[:lead].mean())
-        expiry = self.backend.let_watchdog_expire(size, int((timeout + 0.6) * self.rate) // size)
+        expiry = self.backend.let_watchdog_expire(size, int((timeout + 2 * TRIP_SLACK_S) * self.rate) // size)
         self.backend.safe_stop()  # a chassis that has expired is reset by it, and everything made afresh
         if expiry.locked:
-            last = self._acquire(np.zeros(int(REST_WINDOW_S * self.rate)), enable_drive=False)[1].force_n
+            last = self._acquire(np.zeros(int(LEAD_S * self.rate)), enable_drive=False)[1].force_n
         else:
             last = join_blocks(expiry.blocks).force_n[-settled:]
         left = float(last.mean() - first.force_n[:lead].mean())
         after_s = None if expiry.tripped is None else (expiry.tripped + 1) * size / self.rate
-        late = after_s is None or not 0.5 * timeout <= after_s <= timeout + 0.25
-        self.add("watchdog trips", not late, "never" if after_s is None else f"after {after_s:.3f} s",
-                 f"{0.5 * timeout:g} to {timeout + 0.25:g} s", "the device's watchdog does not run")  # fmt: skip
-        cut = pushed > 0.3 * self.expected.push_n and abs(left) < 0.3 * self.expected.push_n
+        low, high = 0.5 * timeout, timeout + TRIP_SLACK_S
+        trips = after_s is not None and low <= after_s <= high
+        self.add("watchdog trips", trips, "never" if after_s is None else f"after {after_s:.3f} s",
+                 f"{low:g} to {high:g} s", "the device's watchdog does not run")  # fmt: skip
+        most = ABSENT_SHARE * self.expected.push_n
+        cut = pushed > most and abs(left) < most
         advice = "the watchdog's line does not reach the drive's enable input"
-        if pushed <= 0.3 * self.expected.push_n:
+        if pushed <= most:
             advice = "no force was there to cut: mend what is said under motor and force first"
         self.add(
             "watchdog cuts the force",
@@ -481,13 +492,13 @@ class Checks:
         """An input wired to the motor's output reads each sample one edge after it was put out."""
         if self.expected.loopback is None:
             return
-        volts = 0.5 * np.sin(np.linspace(0, 40 * np.pi, int(0.4 * self.rate))) * np.hanning(int(0.4 * self.rate))
-        volts[0] = volts[-1] = 0.0
+        n = int(LEAD_S * self.rate)
+        volts = 0.5 * np.sin(2 * np.pi * self.config.mains_frequency_hz * np.arange(n) / self.rate) * np.hanning(n)
         read = self.backend.loopback_read(self.config, self.expected.loopback, volts)
         errors = [float(np.abs(read[lag:] - volts[: volts.size - lag]).max()) for lag in range(6)]
         lag = int(np.argmin(errors))
-        self.add("output to input", lag == 1 and errors[lag] < 0.02, f"{lag} samples, {errors[lag]:.4f} V off",
-                 "1 sample, below 0.02 V",
+        self.add("output to input", lag == 1 and errors[lag] < LOOPBACK_V,
+                 f"{lag} samples, {errors[lag]:.4f} V off", f"1 sample, below {LOOPBACK_V:g} V",
                  f"{self.expected.loopback} is not wired to {self.config.motor.channel}")  # fmt: skip
 
     def camera(self) -> None:

@@ -19,16 +19,16 @@ from scipy.special import fdtri
 from rig.arrays import as_numbers
 from rig.errors import RigInputError
 from rig.keywords import make_options
-from rig.mains_hum import HARMONICS, hum_terms
+from rig.mains_hum import HARMONICS, SEARCH_HZ, hum_terms
 
 Array = NDArray[np.float64]
 
-SEARCH_HZ = 0.2  # largest steady deviation from 50 Hz that Europe's grid code allows
+GRID = 17  # frequencies from which the least residual is refined: 0.025 Hz apart, below 1 over any baseline
 SEARCH_BASELINE_S = 0.2  # ten periods of 50 Hz; a shorter baseline takes the nominal frequency
 MAINS_HZ = (50.0, 60.0)  # nominal frequencies of public grids
 TOO_SHORT = "baseline of"  # how the reason begins when hum could not be looked for
-# probability with which a baseline without hum would pass the variance test
-REFUSAL_P = 1e-3
+REFUSAL_P = 1e-3  # probability with which a baseline without hum passes the variance test
+MOST_CORRELATION = 0.98  # of neighbouring samples: choice; a baseline that drifts has one mean in 99 samples then
 
 
 @dataclass(frozen=True)
@@ -93,14 +93,11 @@ def _solve(time: Array, force: Array, frequency_hz: float) -> tuple[Array, float
 
 def _search(time: Array, force: Array, centre_hz: float) -> float:
     """Frequency of least residual within ± SEARCH_HZ of the nominal one."""
-    grid = np.linspace(centre_hz - SEARCH_HZ, centre_hz + SEARCH_HZ, 17)
+    grid = np.linspace(centre_hz - SEARCH_HZ, centre_hz + SEARCH_HZ, GRID)
     cost = [_solve(time, force, f)[1] for f in grid]
     best = int(np.argmin(cost))
     low, high = grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)]
-    found = minimize_scalar(
-        lambda f: _solve(time, force, f)[1], bounds=(low, high), method="bounded", options={"xatol": 1e-7}
-    )
-    return float(found.x)
+    return float(minimize_scalar(lambda f: _solve(time, force, f)[1], bounds=(low, high), method="bounded").x)
 
 
 def correlation_inflation(residual: Array) -> float:
@@ -113,7 +110,7 @@ def correlation_inflation(residual: Array) -> float:
     power = float(r @ r)
     if power == 0.0 or r.size < 3:
         return 1.0
-    rho = float(np.clip(float(r[1:] @ r[:-1]) / power, 0.0, 0.98))
+    rho = float(np.clip(float(r[1:] @ r[:-1]) / power, 0.0, MOST_CORRELATION))
     return (1 + rho) / (1 - rho)
 
 
@@ -224,6 +221,7 @@ def _polar(coefficient: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
 MINIMUM_QUIET_S = 0.02  # one period of 50 Hz: a shorter mean holds a part of the hum
 MARGIN_S = 0.01  # kept before the onset, which is found only when the force is above its noise
 ONSET_SIGMA = 5.0  # standard deviations of noise that force or encoder leaves its level by: 6e-7 a sample, if normal
+FIRST_SAMPLES = 8  # from which a first level and its scatter are taken at least: the scatter is known to a quarter
 ONSET_SAMPLES = 5  # successive ones, so that a spike on a wire is no onset
 ONSET_SHARE = 0.01  # of the largest excursion: below it lie drift and what is left of hum
 MOVED_COUNTS = 3  # a resting encoder may flicker between neighbouring counts
@@ -397,7 +395,7 @@ def find_quiet(
     time, force = _two_columns(time_s, force_n)
     _refuse_lost(time, force)
     step = float(np.median(np.diff(time)))
-    first = max(int(round(MINIMUM_QUIET_S / step)), 8)
+    first = max(int(round(MINIMUM_QUIET_S / step)), FIRST_SAMPLES)
     if time.size <= 2 * first:
         raise RigInputError(
             f"record of {1e3 * step * time.size:.0f} ms is too short; record at least 0.3 s before the blow"
@@ -426,7 +424,7 @@ def find_quiet(
 
 def quiet_of_motion(time_s: Array, encoder_count: NDArray[np.int64]) -> Quiet:
     step = float(np.median(np.diff(time_s)))
-    first_change = _first_move(encoder_count, max(round(MINIMUM_QUIET_S / step), 8))
+    first_change = _first_move(encoder_count, max(round(MINIMUM_QUIET_S / step), FIRST_SAMPLES))
     if first_change is None:
         raise RigInputError("no encoder moves by more than three counts; was the blow played?")
     return _quiet_before(time_s, first_change, float(time_s[first_change]), "encoders rest for", "before the blow")
