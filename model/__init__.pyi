@@ -39,6 +39,8 @@ from .parameters.effects import EFFECTS as EFFECTS
 from .parameters.effects import KEY_LIFT as KEY_LIFT
 from .parameters.effects import MOTOR as MOTOR
 from .parameters.scaling import scale_parameters as scale_parameters
+from .regulation.regulate import Regulation as Regulation
+from .regulation.regulate import regulate as regulate
 from .scene.build import Scene as Scene
 from .scene.build import build_scene as build_scene
 from .scene.key_motion import KeyMotion as KeyMotion
@@ -61,4 +63,6 @@ from .simulation.solution import EnergyAudit as EnergyAudit
 from .simulation.solution import Solution as Solution
 from .simulation.statics import RestState as RestState
 from .simulation.statics import rest_state as rest_state
+from .touch.measure import Touch as Touch
+from .touch.measure import measure_touch as measure_touch
 from .version import __version__ as __version__

@@ -47,7 +47,7 @@ class StaticsError(ModelError):
 
 
 def did_you_mean(word: str, known: Iterable[str], most: int = 1) -> str:
-    """What joins "unknown" and what is allowed in a message: the nearest names, where some are near.
+    """What joins "unknown" and what is allowed in a message: the nearest names, or those that hold the word.
 
     Parameters
     ----------
@@ -65,5 +65,6 @@ def did_you_mean(word: str, known: Iterable[str], most: int = 1) -> str:
     >>> "unknown" + did_you_mean("hamer", ["hammer", "key"]) + "allowed hammer, key"
     'unknown; did you mean hammer? allowed hammer, key'
     """
-    near = difflib.get_close_matches(word, list(known), n=most)
+    names = list(known)
+    near = difflib.get_close_matches(word, names, n=most) or [name for name in names if word and word in name][:most]
     return f"; did you mean {' or '.join(near)}? " if near else "; "

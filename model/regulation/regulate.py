@@ -187,7 +187,7 @@ def regulate(
     Examples
     --------
     >>> import model
-    >>> done = model.regulation.regulate(model.load_action("hirschkorn2004-regulated"))
+    >>> done = model.regulate(model.load_action("hirschkorn2004-regulated"))
     >>> done.turned_m["let_off"]  # it is regulated already
     0.0
     """

@@ -1,10 +1,10 @@
 from . import figure as figure
 from .check_load import CheckLoad as CheckLoad
 from .check_load import find_check_load as find_check_load
-from .feel import Feel as Feel
-from .feel import fastest_repetition as fastest_repetition
-from .feel import feel as feel
 from .hammer_speed import FORCES as FORCES
 from .hammer_speed import hammer_speeds as hammer_speeds
+from .measure import Touch as Touch
+from .measure import fastest_repetition as fastest_repetition
+from .measure import measure_touch as measure_touch
 from .weights import Weights as Weights
 from .weights import weigh as weigh

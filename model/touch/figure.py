@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from model.files.figure_sheet import new_sheet
-from model.touch.feel import Feel
+from model.touch.measure import Touch
 
 
-def draw(feels: Sequence[Feel], path: str | Path) -> None:
+def draw(feels: Sequence[Touch], path: str | Path) -> None:
     """Draw force over dip, hammer speed over force and the fastest repetition of several actions on one sheet.
 
     Parameters
@@ -22,7 +22,7 @@ def draw(feels: Sequence[Feel], path: str | Path) -> None:
     Examples
     --------
     >>> import model
-    >>> model.touch.figure.draw([model.touch.feel(model.load_action(), forces_n=[5.0, 10.0])], "touch.svg")
+    >>> model.touch.figure.draw([model.touch.measure(model.load_action(), forces_n=[5.0, 10.0])], "touch.svg")
     """
     with new_sheet(path, 10.0, 4.2) as figure:
         press, blow = figure.subplots(1, 2)

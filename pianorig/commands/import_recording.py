@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -74,7 +75,8 @@ def command(
             "cannot_be_a_blow": _implausibility(data),
             "rejected": trial.rejected,
             "condition": data.condition,
-            "peak_force_n": float(data.raw_force_n.max()) if data.has_force else None,
+            "peak_force_n": None if math.isnan(peak_n := data.peak_force_n) else peak_n,
+            "raw_peak_force_n": float(data.raw_force_n.max()) if data.has_force else None,
             "blow_start_s": data.blow_start_s,
             "turned_rad": {
                 encoder.name: max(angle, key=abs)
@@ -87,7 +89,8 @@ def command(
     lines = []
     for row in rows:
         source = session.info.notes[f"trial {row['trial']}"].partition(" sha256 ")[0]
-        peak = "no force" if row["peak_force_n"] is None else f"peak {row['peak_force_n']:.2f} N"
+        raw_n, peak_n = row["raw_peak_force_n"], row["peak_force_n"]
+        peak = "no force" if raw_n is None else f"raw peak {raw_n:.2f} N" if peak_n is None else f"peak {peak_n:.2f} N"
         lines.append(
             f"trial {row['trial']}: {source}, {row['samples']} samples at {row['sample_rate_hz']:g} Hz, "
             f"{peak}, blow from {row['blow_start_s']:.3f} s{_doubts(row)}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import platform
 from contextlib import closing
 from importlib import metadata
@@ -108,9 +109,7 @@ def session_facts(path: Path) -> dict[str, Any]:
                 "status": trial.status,
                 "rejected": trial.rejected or "no",
                 "samples": data.n_valid,
-                "peak_force_n": round(float(data.raw_force_n.max()), 2)
-                if data.n_valid and data.has_force
-                else "not recorded",
+                "peak_force_n": _peak_force(data),
                 "not_recorded": ", ".join(data.absent if data.has_force else ("force", *data.absent)) or "nothing",
                 "positions": ", ".join(data.position_names) or "none",
                 "film": trial.film.name if trial.film else "none",
@@ -129,6 +128,13 @@ def session_facts(path: Path) -> dict[str, Any]:
         "trials": rows,
         **({"absent_trials": ", ".join(map(str, absent))} if absent else {}),
     }
+
+
+def _peak_force(data: rig.TrialData) -> float | str:
+    if not (data.n_valid and data.has_force):
+        return "not recorded"
+    peak_n = data.peak_force_n
+    return "not known" if math.isnan(peak_n) else round(peak_n, 2)
 
 
 def backend_facts(backend: str, rig_name: str | None) -> dict[str, Any]:

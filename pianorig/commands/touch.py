@@ -44,7 +44,7 @@ def command(
     feels = []
     for action, name in zip(chosen, names, strict=True):
         with working(f"pressing, striking and repeating {name}", quiet=as_json):
-            feels.append(model.touch.feel(action, name=name))
+            feels.append(model.measure_touch(action, name=name))
     if figure is not None:
         model.touch.figure.draw(feels, figure)
     if curve is not None:
@@ -68,8 +68,8 @@ def command(
     tell(as_json, facts, [*lines, *file_lines([figure, curve])])
 
 
-def _cells(feels: Sequence[model.touch.Feel], rows: Sequence[Mapping[str, float]]) -> list[list[str]]:
-    """Rows of the table: weights in grams with their standard uncertainty, all else as `model.touch.Feel.rows`."""
+def _cells(feels: Sequence[model.Touch], rows: Sequence[Mapping[str, float]]) -> list[list[str]]:
+    """Rows of the table: weights in grams with their standard uncertainty, all else as `model.Touch.rows`."""
     weights = [f.weights.rows() for f in feels]
     table = []
     for words in rows[0]:

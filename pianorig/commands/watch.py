@@ -97,7 +97,7 @@ def curve(values: NDArray[np.float64], width: int = 72, height: int = 8, braille
 
 
 def view_facts(view: LiveView) -> dict[str, Any]:
-    """The state of the recording, its last force and angles."""
+    """The state of the recording, its last force, as it is read, and angles."""
     from rig.session.trial_data import absent_bodies  # start-up: 0.4 s of h5py
 
     return {
@@ -107,8 +107,8 @@ def view_facts(view: LiveView) -> dict[str, Any]:
         "condition": view.condition,
         "samples": int(view.time_s.size),
         "time_s": float(view.time_s[-1]),
-        "force_n": float(view.force_n[-1]),
-        "peak_force_n": float(view.force_n.max()),
+        "raw_force_n": float(view.raw_force_n[-1]),
+        "raw_peak_force_n": float(view.raw_force_n.max()),
         "not_recorded": list(absent_bodies(view.names)),
         **{f"{name}_rad": float(view.angle_rad[-1, k]) for k, name in enumerate(view.names)},
     }
@@ -124,8 +124,9 @@ def view_as_text(view: LiveView, width: int = 72, *, braille: bool = True) -> st
     from rig.session.trial_data import absent_bodies  # start-up: 0.4 s of h5py
 
     head = f"trial {view.trial} of {view.trials}  {view.state}" + (f"  {view.condition}" if view.condition else "")
-    lines = [f"{head}  t = {view.time_s[-1]:.2f} s  force {view.force_n[-1]:.2f} N (peak {view.force_n.max():.1f})"]
-    curves = [("force, N", view.force_n)]
+    raw_n = view.raw_force_n
+    lines = [f"{head}  t = {view.time_s[-1]:.2f} s  raw force {raw_n[-1]:.2f} N (peak {raw_n.max():.1f})"]
+    curves = [("raw force, N", raw_n)]
     if view.names:
         turned = "  ".join(f"{name} {np.degrees(view.angle_rad[-1, k]):+.2f}" for k, name in enumerate(view.names))
         lines.append(f"turned: {turned} deg")
@@ -174,8 +175,8 @@ def draw_view(path: Path, view: LiveView) -> None:
 
     figure = Figure(figsize=(8.0, 5.0), layout="constrained")
     top, bottom = figure.subplots(2, 1, sharex=True)
-    top.plot(view.time_s, view.force_n, lw=0.8, color="C3")
-    top.set(ylabel="Force (N)", title=f"trial {view.trial} of {view.trials}: {view.state} {view.condition}".strip())
+    top.plot(view.time_s, view.raw_force_n, lw=0.8, color="C3")
+    top.set(ylabel="Raw force (N)", title=f"trial {view.trial} of {view.trials}: {view.state} {view.condition}".strip())
     for k, name in enumerate(view.names):
         bottom.plot(view.time_s, np.degrees(view.angle_rad[:, k]), lw=0.9, label=name)
     absent = absent_bodies(view.names)

@@ -201,7 +201,7 @@ def recording_line(quiet: bool = False, title: str = "") -> Iterator[Callable[[A
             trial, peak_n = at.trial, 0.0
             if not LIVE.is_on and time.monotonic() - began_s >= PATIENCE_S:
                 say(f"trial {at.trial}{count_of(at)}" + (f", {title}" if title else ""))
-        peak_n = max(peak_n, at.peak_force_n)
+        peak_n = max(peak_n, at.raw_peak_force_n)
         left = "" if at.left_s is None else f"  {clock(at.left_s)} left"
         LIVE.show(f"trial {at.trial}{count_of(at, '/')}  {at.time_s:5.2f} s  peak {peak_n:5.1f} N{left}")
 

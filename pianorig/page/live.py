@@ -113,7 +113,7 @@ class LiveStream:
 
 def _channels(head: TrialHead) -> list[dict[str, Any]]:
     """Name, unit and colour of each column of the samples."""
-    columns = [{"name": "force", "title": "Force", "unit": "N", "color": ""}]
+    columns = [{"name": "force", "title": "Raw force", "unit": "N", "color": ""}]
     for i, encoder in enumerate(head.encoders):
         title = TITLE.get(encoder.name, encoder.name)
         columns.append({"name": encoder.name, "title": title, "unit": "°", "color": body_colour(encoder.name, i)})
@@ -139,9 +139,9 @@ def _rows(part: TrialData, first_count: Any) -> np.ndarray:
 
 
 def _trial_figures(number: int, path: Path) -> dict[str, Any]:
-    """Read the key figures of a sealed trial: forces, turns, status; only its status where it cannot be read."""
+    """Read the key figures of a sealed trial: raw forces, turns, status; only its status where it cannot be read."""
     row: dict[str, Any] = {"trial": number, "status": "unreadable", "reason": ""}
-    row |= {"peak_force_n": None, "rest_force_n": None, "turned_deg": {}}
+    row |= {"raw_peak_force_n": None, "raw_rest_force_n": None, "turned_deg": {}}
     try:
         if path.stat().st_size > LARGEST_TRIAL_BYTES:
             return row
@@ -150,9 +150,9 @@ def _trial_figures(number: int, path: Path) -> dict[str, Any]:
         return {**row, "reason": shorten_text(error)}
     row |= {"status": data.status, "reason": shorten_text(data.reason)}
     if data.n_valid:
-        row["peak_force_n"] = float(data.raw_force_n.max())
+        row["raw_peak_force_n"] = float(data.raw_force_n.max())
         before = data.raw_force_n[: max(int(data.blow_start_s * data.sample_rate_hz), 1)]
-        row["rest_force_n"] = float(before.mean())
+        row["raw_rest_force_n"] = float(before.mean())
         turned = np.abs(np.degrees(data.angle_rad)).max(axis=0)
         row["turned_deg"] = {one.name: float(deg) for one, deg in zip(data.encoders, turned, strict=True)}
     return row

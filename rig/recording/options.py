@@ -23,7 +23,7 @@ from rig.session.journal_writer import JournalWriter, OpenJournal
 
 @dataclass(frozen=True)
 class Progress:
-    """Trial of trials, time in the trial, and the largest force of the last block.
+    """Trial of trials, time in the trial, and the largest force of the last block, as it is read.
 
     What was acquired before ``committed_s`` is in the journal and survives whatever happens to the program.
     """
@@ -32,7 +32,7 @@ class Progress:
     trials: int
     time_s: float
     blow_end_s: float
-    peak_force_n: float
+    raw_peak_force_n: float
     committed_s: float = 0.0
     left_s: float | None = None
     """Time left for all trials, s; None until it is known."""

@@ -313,7 +313,8 @@ class Session:
     def to_frame(self) -> pd.DataFrame:
         """Return one row per trial: number, status, rejected (reason or ""), duration, peak force, frames, film.
 
-        A trial that cannot be read has the status ``unreadable`` and no duration.
+        A trial that cannot be read has the status ``unreadable`` and no duration. The force is corrected, NaN where
+        that cannot be done.
         """
         import pandas as pd  # start-up: pandas costs 0.4 s, opening a session does not need it
 
@@ -325,8 +326,8 @@ class Session:
                     "trial": trial.number,
                     "status": UNREADABLE if data is None else data.status,
                     "rejected": trial.rejected or "",
-                    "duration_s": float("nan") if data is None else data.n_valid / data.sample_rate_hz,
-                    "peak_force_n": float(data.raw_force_n.max()) if data and data.n_valid else float("nan"),
+                    "duration_s": float("nan") if data is None else data.duration_s,
+                    "peak_force_n": float("nan") if data is None else data.peak_force_n,
                     "frames": data.camera.n_frames if data and data.camera else 0,
                     "film": trial.film.name if trial.film else "",
                 }

@@ -88,9 +88,9 @@ class LiveView(ArrayRecord):
     trials: int
     state: str  # ``recording``, or the status of a sealed trial
     condition: str
-    # time_s, force_n: (n,), of a trial in progress the last 30 s
+    # time_s, raw_force_n: (n,), of a trial in progress the last 30 s
     time_s: NDArray[np.float64]
-    force_n: NDArray[np.float64]
+    raw_force_n: NDArray[np.float64]
     angle_rad: NDArray[np.float64]  # (n, len(names)), of the bodies ``names`` from the first sample on
     names: tuple[str, ...]
     sealed: int  # trials sealed so far

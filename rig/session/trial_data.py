@@ -161,11 +161,25 @@ class TrialData(Tabular, ArrayRecord):
         force = self.corrected_force()
         return np.interp(self.time_s, force.time_s, force.force_n)
 
+    @property
+    def peak_force_n(self) -> float:
+        """Largest corrected force, N; NaN where none was recorded, or where it cannot be corrected."""
+        try:
+            return float(self.corrected_force().force_n.max())
+        except RigInputError:
+            return float("nan")
+
+    @property
+    def duration_s(self) -> float:
+        """Samples over their rate, s."""
+        return self.n_valid / self.sample_rate_hz
+
     def __repr__(self) -> str:
         has = [*(["force"] if self.has_force else []), *(encoder.name for encoder in self.encoders)]
         names = ", ".join([*has, *(channel.name for channel in self.channels)])
-        seconds = self.n_valid / self.sample_rate_hz
-        return f"TrialData({self.number}, {self.status}: {seconds:.2f} s at {self.sample_rate_hz:g} Hz; {names})"
+        return (
+            f"TrialData({self.number}, {self.status}: {self.duration_s:.2f} s at {self.sample_rate_hz:g} Hz; {names})"
+        )
 
     @property
     def position_names(self) -> tuple[str, ...]:

@@ -26,8 +26,8 @@ ANY_SHAPE = (
 )
 HEAVY = {
     "model.inside.draw_sheet": ("model.inside.figure._draw_motion",),
-    f"{TOUCH}.feel": (f"{TOUCH}.feel.weigh", f"{TOUCH}.feel.hammer_speeds"),
-    f"{TOUCH}.fastest_repetition": (f"{TOUCH}.feel.strikes_string",),
+    "model.measure_touch": (f"{TOUCH}.measure.weigh", f"{TOUCH}.measure.hammer_speeds"),
+    f"{TOUCH}.fastest_repetition": (f"{TOUCH}.measure.strikes_string",),
     f"{STUDY}.compare": (f"{STUDY}.variants.simulate_many",),
 }
 
@@ -136,7 +136,7 @@ CALLS: dict[str, Callable[[], Arguments]] = {
     "model.drive.drive_readings": lambda: {
         "action": action(), "solution": blow(by_drive=True), "time_s": TIME, "command_v": np.array([0.0, 1.0]),
     },
-    f"{TOUCH}.feel": lambda: {"action": action(), "forces_n": np.array([20.0, 50.0])},
+    "model.measure_touch": lambda: {"action": action(), "forces_n": np.array([20.0, 50.0])},
     f"{TOUCH}.find_check_load": lambda: {"action": action(), **TABLE},
     f"{TOUCH}.hammer_speeds": lambda: {"action": action(), "forces_n": np.array([50.0])},
     f"{TOUCH}.fastest_repetition": lambda: {"action": action(), "peaks_n": np.array([20.0])},

@@ -12,6 +12,7 @@ import xarray
 
 import model
 import rig
+import validation
 
 SESSION = Path(__file__).parents[2] / "sessions" / "example_forte"
 ACTION = "hirschkorn2004-regulated"
@@ -163,3 +164,38 @@ def test_an_action_a_scene_and_sensitivities_show_themselves(session, tmp_path):
     np.testing.assert_allclose(line.get_ydata(), np.degrees(0.01 * 0.0121 * found.d_angles[:, 4, 0]))
     assert found.save(tmp_path / "found.csv").read_text().startswith("parameter,value,unit,u,d_")
     plt.close("all")
+
+
+@pytest.mark.parametrize(
+    ("package", "function"),
+    [
+        ("touch", "model.measure_touch(action)"),
+        ("sensitivity", "model.sensitivities(action, trial, parameters)"),
+        ("regulation", "model.regulate(action)"),
+        ("study", "model.study.compare(action, time_s, force_n, variants)"),
+        ("batch", "model.simulate_many(action, trials)"),
+        ("inside", "model.simulate(action, trial, inside=True)"),
+    ],
+)
+def test_a_package_that_is_called_names_the_function(package, function):
+    found = getattr(model, package)
+    with pytest.raises(TypeError) as refused:
+        found(ACTION)
+    assert str(refused.value) == f"model.{package} is a package, not a function; call {function}"
+    name = function.partition("(")[0].rpartition(".")[2]
+    assert callable(getattr(found if ".study." in function else model, name))
+
+
+def test_former_and_half_names_lead_to_the_new_ones():
+    assert model.touch.feel is model.measure_touch and model.touch.Feel is model.Touch
+    with pytest.warns(DeprecationWarning, match=r"validation\.correct_force is rig\.correct_force now"):
+        assert validation.correct_force is rig.correct_force
+    with pytest.raises(model.InputError, match="scene 'shank': not found; did you mean flexible-shank"):
+        model.simulate(ACTION, *model.force_table("piano"), scene="shank")
+
+
+def test_the_peak_is_that_of_the_corrected_force(session):
+    trial = session[1].read()
+    assert trial.peak_force_n == trial.corrected_force().force_n.max() < trial.raw_force_n.max()
+    assert session.to_frame()["peak_force_n"][0] == trial.peak_force_n
+    assert trial.duration_s == pytest.approx(len(trial.time_s) / 5000.0)

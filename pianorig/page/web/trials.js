@@ -6,7 +6,7 @@ const style = (name) => getComputedStyle(document.documentElement).getPropertyVa
 /** Figures of a trial as [key, title, unit, value]. */
 function figuresOf(row) {
   const turned = Object.entries(row.turned_deg || {}).map(([body, deg]) => [`turned ${body}`, `${body[0].toUpperCase()}${body.slice(1)} turned`, "°", deg]);
-  return [["peak", "Peak force", "N", row.peak_force_n], ["rest", "Force before the blow", "N", row.rest_force_n], ...turned];
+  return [["peak", "Raw peak force", "N", row.raw_peak_force_n], ["rest", "Raw force before the blow", "N", row.raw_rest_force_n], ...turned];
 }
 
 const digits = (x) => (x === null || x === undefined ? "–" : Math.abs(x) >= 100 ? x.toFixed(1) : x.toFixed(3));

@@ -38,7 +38,7 @@ def test_what_needs_a_played_key_says_so(action: model.Action, name: str) -> Non
     chosen, blow = model.load_scene(name).on(action), model.force_table("forte")
     for ask in (
         lambda: model.regulation.regulate(chosen),
-        lambda: model.touch.feel(chosen),
+        lambda: model.measure_touch(chosen),
         lambda: model.touch.hammer_speeds(chosen, [5.0]),
         lambda: model.study.compare(chosen, *blow, []),
     ):

@@ -10,10 +10,10 @@ import pytest
 
 import model
 from model.observables import head_approach_m_per_s
-from model.touch import fastest_repetition, feel, hammer_speeds
-from model.touch.feel import strikes_string
+from model.touch import fastest_repetition, hammer_speeds
 from model.touch.figure import draw
 from model.touch.hammer_speed import string_contact_starts
+from model.touch.measure import strikes_string
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,7 @@ def test_repetition_tells_a_regulated_action_from_one_that_is_not(
 
 
 def test_figure_shows_every_action(action: model.Action, tmp_path: Path) -> None:
-    one = feel(action, [0.3, 3.0], name="first")
+    one = model.measure_touch(action, [0.3, 3.0], name="first")
     assert list(one.rows())[-2] == "hammer at 3 N, m/s" and one.rows()["down weight, g"] == pytest.approx(45.4, abs=1)
     from dataclasses import replace
 

@@ -26,7 +26,7 @@ def test_a_ramp_rises_from_the_lowest_left_to_the_highest_right_dot() -> None:
 def test_a_finished_session_is_shown_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("watch", str(SHIPPED), "--json") == 0
     seen = json.loads(capsys.readouterr().out)
-    assert seen["state"] == "complete" and seen["trial"] == seen["trials"] and seen["peak_force_n"] > 20
+    assert seen["state"] == "complete" and seen["trial"] == seen["trials"] and seen["raw_peak_force_n"] > 20
     assert run("watch", str(SHIPPED)) == 0
     assert "force, N" in capsys.readouterr().out
     picture = tmp_path / "live.png"

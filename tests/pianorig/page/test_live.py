@@ -73,7 +73,7 @@ def test_a_sealed_trial_brings_its_figures_and_the_next_starts_anew(folder: Path
     assert state is not None and not state["recording"] and samples == b""
     last = state["figures"][-1]
     assert (last["trial"], last["status"], last["reason"]) == (4, "fault", "force <above> limit")
-    assert last["peak_force_n"] == pytest.approx(data.raw_force_n.max())
+    assert last["raw_peak_force_n"] == pytest.approx(data.raw_force_n.max())
     Session.open(root).annotate(4, "reject", "fault")
     state, _ = stream.poll()
     assert state is not None and state["figures"][-1]["rejected"]
@@ -216,7 +216,9 @@ def test_a_session_without_force_is_sent_as_plain_json(folder: Path, looking: Pa
     made.add_trial(replace(data, raw_force_n=nothing, force_raw=nothing, force_info=NO_FORCE))
     (state,), _ = heard(looking, "/live/no_force")
     (figures,) = json.loads(state, parse_constant=pytest.fail)["figures"]
-    assert figures["peak_force_n"] is None and figures["rest_force_n"] is None and figures["turned_deg"]["key"] > 1
+    assert (
+        figures["raw_peak_force_n"] is None and figures["raw_rest_force_n"] is None and figures["turned_deg"]["key"] > 1
+    )
 
 
 def test_after_a_trial_the_scope_keeps_its_curves_and_its_seconds(browser: Any, folder: Path, looking: Page) -> None:

@@ -336,7 +336,7 @@ def test_over_a_slow_connection_a_trial_plays_or_is_refused_before_anything_move
     try:
         session = record_session(
             tmp_path / "s", profile="forte", backend=backend, trials=2,
-            progress=lambda at: moved.append(at.peak_force_n),
+            progress=lambda at: moved.append(at.raw_peak_force_n),
         )  # fmt: skip
     except NotSupported as refused:
         assert delay_ms > 8.3 and f"takes {delay_ms} ms" in str(refused) and "allowed 8.33 ms" in str(refused)

@@ -155,6 +155,22 @@ def test_encoders_that_were_not_there_are_absent_and_named(tmp_path, recording, 
     assert Session.open(session).info.notes["absent encoders"] == "whippen, hammer"
 
 
+def test_the_corrected_force_of_an_export_is_not_corrected_again(tmp_path, recording) -> None:
+    """Of an exported trial ``raw_force_n`` is imported; of another program's file ``force_n`` may be the reading."""
+    rows = recording.read_text().splitlines()
+    named = MAPPING.replace('channel = "load"', 'channel = "force_n"')
+    for head, refused in (("t,force_n,k,w,h", False), ("t,force_n,k,w,h,raw_force_n", True)):
+        file = tmp_path / "export.csv"
+        file.write_text("\n".join([head, *(row + (",0.0" if refused else "") for row in rows[1:])]))
+        if refused:
+            with pytest.raises(InputError, match=r"export\.csv: force_n .* corrected already; import raw_force_n"):
+                import_session(tmp_path / "again", [file], parse_mapping(named))
+            assert not (tmp_path / "again").exists()
+        else:
+            data = import_session(tmp_path / "other", [file], parse_mapping(named))[1].read()
+            np.testing.assert_allclose(data.raw_force_n, 25 * (FORCE_V - 0.2), atol=1e-12)
+
+
 def test_force_alone_makes_a_session(tmp_path, recording, capsys) -> None:
     text = MAPPING[: MAPPING.index("[[encoders]]")]
     mapping = parse_mapping(text.replace("[time]", 'absent_encoders = ["key", "whippen", "hammer"]\n[time]'))

@@ -76,7 +76,7 @@ def test_progress_and_feed_see_every_block_and_a_full_feed_never_holds_up(record
     assert len(seen) == sum(lengths) // 100 == feed.n_dropped + 3
     assert [(p.trial, p.trials) for p in seen[:1] + seen[-1:]] == [(1, 2), (2, 2)]
     assert seen[-1].time_s == pytest.approx(lengths[1] / 5000)
-    assert max(p.peak_force_n for p in seen) == pytest.approx(6.05, abs=0.1)
+    assert max(p.raw_peak_force_n for p in seen) == pytest.approx(6.05, abs=0.1)
 
 
 def test_the_drivers_own_count_must_be_what_is_stored(record) -> None:

@@ -94,7 +94,7 @@ def fastest_repetition(action: ActionLike, peaks_n: ArrayLike = PEAKS) -> float:
 
 
 @dataclass(frozen=True)
-class Feel(ArrayRecord):
+class Touch(ArrayRecord):
     """Touch of one action.
 
     Attributes
@@ -140,12 +140,12 @@ class Feel(ArrayRecord):
         return str(pd.DataFrame({self.name: self.rows()}).to_html(float_format="{:.3g}".format))
 
 
-def feel(
+def measure_touch(
     action: ActionLike,
     forces_n: ArrayLike = FORCES,
     name: str | None = None,
     progress: Callable[[str], None] | None = None,
-) -> Feel:
+) -> Touch:
     """Measure the touch of an action: a slow press, blows at each force, ever faster repetition.
 
     Parameters
@@ -157,8 +157,8 @@ def feel(
 
     Returns
     -------
-    Feel
-        Weights, N, hammer speeds, m/s, and repetition, 1/s; `Feel.rows` names them all with units.
+    Touch
+        Weights, N, hammer speeds, m/s, and repetition, 1/s; `Touch.rows` names them all with units.
 
     Raises
     ------
@@ -168,7 +168,7 @@ def feel(
     Examples
     --------
     >>> import model
-    >>> touch = model.touch.feel(model.load_action("hirschkorn2004-regulated"), forces_n=[5.0])
+    >>> touch = model.measure_touch(model.load_action("hirschkorn2004-regulated"), forces_n=[5.0])
     >>> print(f"{touch.weights.down_n:.2f} N down, {touch.repetition_hz:.1f} blows a second")
     0.44 N down, 12.3 blows a second
     """
@@ -179,7 +179,7 @@ def feel(
     report("blows")
     speeds = hammer_speeds(action, forces)
     report("repetition")
-    return Feel(
+    return Touch(
         name=action.name if name is None else name,
         weights=weights,
         blow_n=forces,
