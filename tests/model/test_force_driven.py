@@ -14,7 +14,6 @@ from model.simulation.statics import solve_rest
 from tests.model.conftest import read_table
 
 BLOWS = ("forte", "piano", "noisy")
-SHARED = Path(__file__).parents[3] / "shared" / "data"
 
 
 def reference(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -36,16 +35,6 @@ def test_tight_tolerance_reaches_the_reference(action: model.Action, blow: str, 
     solution = model.simulate(action, time, force, output_time_s=rows[:, 0], tolerance=1e-9, method=method)
     assert np.abs(solution.angle_rad - rows[:, 1:6]).max() < 2e-8
     assert np.abs(solution.speed_rad_per_s - rows[:, 6:]).max() < 1e-4
-
-
-@pytest.mark.skipif(not SHARED.is_dir(), reason="the project's shared reference forte is not on this machine")
-def test_shared_reference_forte(action: model.Action) -> None:
-    table = np.loadtxt(SHARED / "forte_force_5kHz.csv", delimiter=",", skiprows=1)
-    rows = np.loadtxt(SHARED / "forte_reference_1kHz.csv", delimiter=",", skiprows=1)
-    solution = model.simulate(action, table[:, 0], table[:, 1], output_time_s=rows[:, 0], contact_forces=True)
-    assert np.abs(solution.angle_rad - rows[:, 2:7]).max() < 1e-5
-    assert solution.contact_normal_n is not None
-    assert np.abs(solution.contact_normal_n - rows[:, 14:]).max() < 0.05
 
 
 def test_error_falls_with_the_tolerance(action: model.Action) -> None:

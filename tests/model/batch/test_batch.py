@@ -270,7 +270,7 @@ def test_processes_of_this_machine_are_counted() -> None:
 def test_dask_cluster_of_two_workers(action: model.Action) -> None:
     distributed = pytest.importorskip("distributed", reason="the extra 'cluster' (dask[distributed]) is not installed")
     with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster,
+        distributed.LocalCluster(2, threads_per_worker=1, processes=False, dashboard_address=None) as cluster,
         distributed.Client(cluster) as client,
     ):
         members = many(action, executor=client.get_executor())

@@ -9,29 +9,23 @@ import pytest
 
 from model.compiler.expressions import (
     ONE,
-    ZERO,
     compute_where,
     constant,
     cosine,
     exponential,
     intern,
     maximum,
-    read,
     root,
     sine,
     solve_by_newton,
     tanh,
     value_of,
-    where,
 )  # fmt: skip
 from model.compiler.programs import (
     Accumulate,
     Assign,
     If,
     While,
-    as_integer,
-    compute_vectorised,
-    loop_over,
     slot,
     variable,
 )
@@ -87,28 +81,6 @@ def test_a_lane_gets_what_it_gets_alone(lanes: int) -> None:
         np.testing.assert_allclose(found[:5] if lanes == 1 else found[:5, lane], want, rtol=1e-15, atol=1e-15)
 
 
-def test_a_lane_that_takes_no_part_keeps_its_bits() -> None:
-    nothing = If(given(0) > 0.0, [Accumulate(slot("y", 0), given(1)), Assign(slot("y", 1), given(1))])
-    run = machine([Assign(slot("y", 0), given(1)), Assign(slot("y", 1), -given(1)), nothing], 4)
-    found = run(np.array([[-1.0, 1.0, -1.0, 1.0], [-0.0, 2.0, np.nan, 0.0]]))
-    assert math.copysign(1.0, found[0, 0]) == -1.0 and found[0, 1] == 4.0
-    assert np.isnan(found[0, 2]) and found[1, 1] == 2.0
-
-
-def test_loops_read_behind_a_place_and_see_what_they_changed() -> None:
-    count = as_integer(given(0))
-
-    def one(i):  # type: ignore[no-untyped-def]
-        return [
-            Accumulate(variable("sum"), value_of("last") * read("x", 1, i)),
-            Assign(variable("last"), read("x", 1, i)),
-        ]
-
-    run = machine([Assign(variable("last"), ONE), loop_over("row", count, one), Assign(slot("y", 0), value_of("sum"))])
-    assert run(np.array([4.0, 2.0, 3.0, 5.0, 7.0, 11.0]))[0] == 2.0 + 6.0 + 15.0 + 35.0
-    assert run(np.array([0.0, 2.0]))[0] == 0.0
-
-
 @pytest.mark.parametrize("lanes", [1, 4])
 def test_newton_finds_the_root_and_knows_its_slope(lanes: int) -> None:
     from model.compiler.expressions import differentiate_once, differentiator
@@ -125,24 +97,3 @@ def test_newton_finds_the_root_and_knows_its_slope(lanes: int) -> None:
     found = run(values[None] if lanes > 1 else values)[:2].reshape(2, -1)
     np.testing.assert_allclose(found[0], np.cbrt(values), rtol=1e-14)
     np.testing.assert_allclose(found[1], np.cbrt(values) / (3.0 * values), rtol=1e-13)
-
-
-def test_like_numbers_side_by_side_are_those_of_each_alone() -> None:
-    xs = [given(k) for k in range(5)]
-    bumped = [x * tanh(3.0 * x) + compute_where(intern("differs", x, ZERO), 1.0 / where(x > 0.0, x, 2.0)) for x in xs]
-    turned = [cosine(x) for x in xs]
-    run = machine(
-        [
-            compute_vectorised(*bumped),
-            compute_vectorised(*turned),
-            *(Assign(slot("y", k), e) for k, e in enumerate(bumped + turned)),
-        ]
-    )
-    alone = machine([given(0) * tanh(3.0 * given(0)), cosine(given(0))])
-    for values in RANDOM.normal(size=(50, 5)):
-        values[0] = 0.0
-        found = run(values)
-        for k, value in enumerate(values):
-            product, cosine_ = alone(np.array([value]))[:2]
-            more = 0.0 if value == 0.0 else 1.0 / (value if value > 0.0 else 2.0)
-            np.testing.assert_allclose(found[[k, 5 + k]], [product + more, cosine_], rtol=2e-15, atol=1e-16)

@@ -97,24 +97,6 @@ def test_a_minor_loop_closes_on_itself() -> None:
     assert force[-98:] == pytest.approx(force[-2 * 98 : -98], rel=1e-9)
 
 
-def test_stulov_after_a_sudden_press() -> None:
-    law = Stulov(1e10, 2.5, 0.8, 2e-3)
-    time_s = np.concatenate([[0.0, 1e-9], np.linspace(1e-5, 2e-2, 200)])
-    force = law.response(time_s, np.where(time_s > 0.0, DEEP, 0.0)).force_n
-    t = time_s[1:]
-    assert force[1:] == pytest.approx(1e10 * DEEP**2.5 * (1.0 - 0.8 * (1.0 - np.exp(-t / 2e-3))), rel=1e-6)
-
-
-def test_stulov_pressed_slowly() -> None:
-    f0, p, epsilon, tau = 1e11, 2.0, 0.99, 1e-6
-    time_s = np.linspace(0.0, 1.0, 20_001)
-    u_rate = DEEP**2 / 1.0
-    depth = np.sqrt(u_rate * time_s)  # so that x^p grows evenly
-    force = Stulov(f0, p, epsilon, tau).response(time_s, depth).force_n
-    q0, alpha = f0 * (1.0 - epsilon), tau * epsilon / (1.0 - epsilon)
-    assert force[5:] == pytest.approx(q0 * (depth**p + alpha * u_rate)[5:], rel=1e-9)
-
-
 @pytest.mark.parametrize("seed", range(8))
 def test_stulov_against_an_independent_integration(seed: int) -> None:
     rng = np.random.default_rng(seed)

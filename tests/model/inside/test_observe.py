@@ -10,8 +10,6 @@ from model.inside import Observer, tensions
 from tests.model.conftest import random_states, read_table
 from tests.model.verification.reference_equations import Twin
 
-FREE = {f"contact{i:02d}": 0.0 for i in range(1, 14)} | {f"{b}_spring": 0.0 for b in ("jack", "repetition")}
-
 
 @pytest.fixture(scope="module")
 def forte(action: model.Action) -> model.Solution:
@@ -162,59 +160,6 @@ def test_rows_do_not_change_what_adds_up(action: model.Action, forte: model.Solu
     np.testing.assert_allclose(coarse.joint_n, forte.inside.joint_n[rows], atol=1e-9)
 
 
-def test_impulses_of_a_whole_blow(action: model.Action, twin: Twin, forte: model.Solution) -> None:
-    """What the key's joint gave in all, from the change of the key's momentum and every other impulse."""
-    inside = forte.inside
-    assert inside is not None
-    table = read_table("forte_force.csv")
-    times = inside.dense_time_s
-    until = 0.13  # strike and key bottom; later the key is still
-    times = times[times <= until]
-    start = model.rest_state(action).angle_rad
-    scene = model.build_scene(action)
-    run = model.Simulation(scene, model.State(0.0, start, np.zeros(5)), tolerance=1e-7)
-    q, v = run.advance(until, table[:, 0], table[:, 1], output_time_s=times)
-    others = np.zeros((len(times), 2))
-    for k in range(len(times)):
-        twin._place(q[k], v[k])
-        for name in ("contact01", "contact02", "contact03", "contact04"):
-            normal, tangential, _ = twin.contact(name, v[k])
-            _, n, _, first, _ = twin.gap(name)
-            push = normal * n + tangential * np.array([-n[1], n[0]])
-            others[k] += push if first == "key" else -push
-    others[:, 1] -= np.interp(times, table[:, 0], table[:, 1]) + action["key.mass"] * action["gravity.g"]
-    step = 1e-7
-    ends = [(center(twin, q[k] + step * v[k], "key") - center(twin, q[k], "key")) / step for k in (0, -1)]
-    wanted = action["key.mass"] * (ends[1] - ends[0]) - np.trapezoid(others, times, axis=0)
-    found = np.trapezoid(inside.dense_joint_n[: len(times), 0], times, axis=0)
-    np.testing.assert_allclose(found, wanted, atol=2e-5 * np.abs(others).max() * until)
-
-
-def test_a_pendulum_let_go_level(action: model.Action) -> None:
-    """Its pin bears m g I_c / (I_c + m l^2) at first, and turns the rest into speed."""
-    free = action.with_values(FREE | {"hammer.joint_friction": 0})
-    m, inertia, g = (free[p] for p in ("hammer.mass", "hammer.inertia", "gravity.g"))
-    x, y = free["hammer.center_of_mass.x"], free["hammer.center_of_mass.y"]
-    q = np.zeros((1, 5))
-    q[0, 4] = np.pi - np.arctan2(y, x)
-    state = Observer(model.build_scene(free)).evaluate(q, np.zeros((1, 5)), np.zeros(1))
-    lever2 = m * (x * x + y * y)
-    np.testing.assert_allclose(state.joint_forces()[0, 4], [0.0, m * g * inertia / (inertia + lever2)], atol=1e-15)
-    assert state.acceleration[0, 4, 1] == pytest.approx(-g * lever2 / (inertia + lever2))
-
-
-def test_a_still_action_bears_its_weight(action: model.Action) -> None:
-    rest = model.rest_state(action)
-    state = Observer(model.build_scene(action)).evaluate(rest.angle_rad[None], np.zeros((1, 5)), np.zeros(1))
-    joints = state.joint_forces()[0]
-    weight = sum(action[f"{b}.mass"] for b in model.BODIES) * action["gravity.g"]
-    ground = {name: f for name, f in zip(rest.contacts, rest.contact_normal_n, strict=True)}
-    carried = joints[[0, 1, 4], 1].sum()
-    up = ground["contact03"] * 0.999 / np.hypot(0.041, 0.999)  # key back, nearly upright; turned by the key's angle
-    assert carried == pytest.approx(weight - up - ground["contact13"], abs=2e-2)
-    assert np.abs(state.acceleration).max() < 1e-9
-
-
 def test_the_motors_tip(action: model.Action) -> None:
     """At rest its shaft bears what the tip presses with, that is torque over length; in motion it loses energy."""
     scene = model.build_scene(action, model.SceneChoice(effects=("motor_arm",)))
@@ -247,16 +192,6 @@ def test_tensions_of_a_sine() -> None:
     assert tensions(time, np.ones_like(time)) == []
     (all_of_it,) = tensions(time, -np.ones_like(time))
     assert (all_of_it.start_s, all_of_it.end_s, all_of_it.impulse_ns) == (0.0, 2.0, pytest.approx(2.0))
-
-
-def test_the_key_lifts_when_it_hits_the_bottom(forte: model.Solution) -> None:
-    """Seen in the thesis's film (3.2.2): first when the key front hits, later when the key comes back."""
-    inside = forte.inside
-    assert inside is not None
-    found = tensions(inside.dense_time_s, inside.dense_joint_n[:, 0, 1])
-    bottom = forte.time_s[np.argmax(inside.normal_n[:, 1])]
-    assert found[0].start_s - 5e-4 < bottom < found[0].end_s + 5e-4
-    assert found[-1].start_s > 0.39
 
 
 def test_a_smaller_scene_and_one_that_never_moves(action: model.Action) -> None:

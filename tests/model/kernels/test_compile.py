@@ -23,6 +23,17 @@ def test_every_compiled_module_of_the_step_loop_is_among_the_hashed_sources() ->
             assert path.relative_to(package).as_posix() in hashed
 
 
+def test_an_edited_source_changes_the_key(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("model.kernels.compile._PACKAGE", tmp_path)
+    keys = [cache_key()]
+    for name in ("kernels/inputs.py", "elements/felts.py", "kernels/inputs.py"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        with (tmp_path / name).open("a") as file:
+            file.write("# edited\n")
+        keys.append(cache_key())
+    assert len(set(keys)) == len(keys) and cache_key() == keys[-1]
+
+
 @pytest.mark.parametrize(
     ("platform", "named", "where"),
     [("win32", "LOCALAPPDATA", "local"), ("linux", "XDG_CACHE_HOME", "cache"), ("win32", "PIANORIG_CACHE_DIR", "own")],

@@ -40,13 +40,6 @@ def test_a_loop_is_compiled_once_for_all_kernels_of_a_signature(twice: Any) -> N
     assert len(twice.signatures) == 1
 
 
-def test_called_from_python_it_changes_its_arrays_and_takes_what_may_not_be_written() -> None:
-    a, b = np.zeros(2), np.array([4.0])
-    b.setflags(write=False)
-    assert adding(1.0)(a, b, 0.25, 1) == 2
-    np.testing.assert_array_equal(a, [0.0, 4.25])
-
-
 @pytest.mark.parametrize(
     "wrong",
     [

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import model
-from model import METHODS
 from model.motion_driven.prescribed_key import run_prescribed
 from tests.model.key_blows import blow, counted, key_truth
 
@@ -28,15 +27,6 @@ def test_force_has_the_accuracy_of_the_integrator(action: model.Action) -> None:
         np.max(np.abs(run_prescribed(action, motion, time, tolerance=tol).force_n - best)) for tol in (1e-5, 1e-6, 1e-8)
     ]
     assert errors[0] < 0.1 and errors[1] < 0.02 and errors[2] < 3e-4, errors  # of 26 N; falls with the tolerance
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_every_method_gives_the_same_force(action: model.Action, method: str) -> None:
-    time, _, forward = blow("forte")
-    motion = model.simulate_motion(action, time[:700], forward.angle_rad[:700, 0], members=0).fit.motion()
-    usual, other = run_prescribed(action, motion, time[:700]), run_prescribed(action, motion, time[:700], method=method)
-    assert np.max(np.abs(other.force_n - usual.force_n)) < 0.05
-    assert np.max(np.abs(other.angle_rad - usual.angle_rad)) < 1e-6
 
 
 def test_a_run_that_stops_early_or_is_looked_at_elsewhere_is_the_same(action: model.Action) -> None:

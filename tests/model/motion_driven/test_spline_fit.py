@@ -5,40 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from model.kernels import banded
 from model.motion_driven.spline_fit import find_resolution, fit_key_motion, fit_noise, repeated_share
 from tests.model.key_blows import COUNT, PROFILES, counted, key_truth
-
-
-def test_banded_sums_equal_dense_ones() -> None:
-    random = np.random.default_rng(1)
-    n, b = 12, 3
-    first = np.arange(n - b).astype(np.int64)
-    rows, weight = random.normal(size=(n - b, b + 1)), random.uniform(1.0, 2.0, n - b)
-    band, vector, dense = np.zeros((b + 1, n)), np.zeros(n), np.zeros((n - b, n))
-    for r in first:
-        dense[r, r : r + b + 1] = rows[r]
-    banded.add_outer_products(band, first, rows, weight)
-    band[-1] += 0.5
-    normal = dense.T @ np.diag(weight) @ dense + 0.5 * np.eye(n)
-    for i in range(n):
-        for j in range(i, min(n, i + b + 1)):
-            assert band[b + i - j, j] == pytest.approx(normal[i, j], abs=1e-12)
-    banded.add_weighted_rows(vector, first, rows, weight)
-    np.testing.assert_allclose(vector, dense.T @ weight)
-    np.testing.assert_allclose(banded.multiply_rows(vector, first, rows), dense @ vector)
-    from scipy.linalg import cholesky_banded
-
-    inverse = banded.inverse_band(cholesky_banded(band))
-    whole = np.linalg.inv(normal)
-    for i in range(n):
-        for j in range(i, min(n, i + b + 1)):
-            assert inverse[b + i - j, j] == pytest.approx(whole[i, j], rel=1e-9, abs=1e-12)
-    np.testing.assert_allclose(banded.row_variances(inverse, first, rows), np.diag(dense @ whole @ dense.T), rtol=1e-9)
-    low, high = np.array([0, 2, 5]), np.array([3, 4, 12])
-    np.testing.assert_allclose(
-        banded.window_means(vector, low, high), [vector[a:z].mean() for a, z in zip(low, high, strict=True)]
-    )
 
 
 def test_width_of_a_count_is_found() -> None:

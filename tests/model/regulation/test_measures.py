@@ -11,7 +11,6 @@ import model
 from model import hand_set_rest
 from model.regulation import TARGETS, measure
 from model.regulation.measures import first_touch_angle, measure_at_rest, medium_blow
-from model.simulation.hand_set_rest import slip_angle
 from tests.model.verification.reference_equations import Twin
 
 
@@ -58,16 +57,6 @@ def test_rest_measures_follow_their_own_part(action: model.Action) -> None:
 def test_a_lever_above_the_jack_reads_negative(action: model.Action) -> None:
     high = action.with_values({"contact06.second.y": action["contact06.second.y"] - 1.5e-3})
     assert -2e-3 < measure_at_rest(high)["repetition"] < -0.2e-3
-
-
-def test_slip_angle_is_the_angle_of_the_knuckle_seen_from_the_jack(action: model.Action) -> None:
-    q = hand_set_rest(action)
-    twin = Twin(action)
-    twin.forces_and_mass(q, np.zeros(5), 0.0)
-    _, normal, _, _, _ = twin.gap("contact07")
-    jack = q[1] + q[2]
-    expected = math.atan2(normal[1], normal[0]) - (jack + action["contact07.second.arc_start"])
-    assert slip_angle(action, q[None, :])[0] == pytest.approx(expected, abs=1e-12)
 
 
 def test_a_jack_that_never_lets_go_says_so(action: model.Action) -> None:

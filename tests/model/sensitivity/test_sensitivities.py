@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import model
-from model.sensitivity import EVENTS, find_parameters
-from model.sensitivity.parameter_names import directions
+from model.sensitivity import EVENTS
 from model.sensitivity.tangents import input_kinks
 from tests.model.sensitivity.richardson import Blow, changed, relative_error, richardson
 
@@ -17,8 +16,7 @@ from tests.model.sensitivity.richardson import Blow, changed, relative_error, ri
 # with a step of differences: small beside what felt is pressed in, large beside the error of a run
 STEPS = {
     "hammer.mass": 1e-6, "contact02": 1e-4, "friction": 1e-4, "contact07.second.x": 2e-7, "hammer.pivot.x": 2e-7,
-    "jack_spring.torque": 4e-7, "contact01.normal.D": 3e-3, "hammer.joint_friction.A": 1e-6,
-    "whippen.center_of_mass.y": 2e-5, "gravity.g": 1e-3,
+    "jack_spring.torque": 4e-7, "contact01.normal.D": 3e-3, "gravity.g": 1e-3,
 }  # fmt: skip
 NAMES = tuple(STEPS)
 END_S = 0.125  # after strike, rebound and the first touch of the back check
@@ -48,22 +46,6 @@ def test_angles_agree_with_converged_differences(
     assert left < 2e-4  # the differences have converged, so that the tangents are what is tested
     error = relative_error(found.d_angles[:, :, NAMES.index(name)], limit)
     assert error < 3e-5
-
-
-def test_piano_of_another_force(action: model.Action) -> None:
-    time = np.linspace(0.0, 0.22, 1101)
-    force = np.interp(time, [0.0, 0.02, 0.06, 0.2], [0.0, 0.5, 4.0, 4.0])
-    steps = {
-        "contact01.friction.A": 1e-5,
-        "key.inertia": 1e-7,
-        "repetition_spring.stiffness": 1e-5,
-        "contact11.first.y": 3e-7,
-    }
-    found = model.sensitivities(action, (time, force), [*steps])
-    for j, (name, step) in enumerate(steps.items()):
-        limit, left = richardson(action, (time, force), name, step)
-        assert left < 2e-4
-        assert relative_error(found.d_angles[:, :, j], limit) < 3e-5, name
 
 
 def test_the_blow_itself_is_that_of_simulate(action: model.Action, forte: Blow, found: model.Sensitivities) -> None:
@@ -232,23 +214,6 @@ def test_a_motion_of_too_many_steps_ends(action: model.Action, forte: Blow, monk
     monkeypatch.setattr("model.sensitivity.tangents.ROWS", 100)  # the limit is of all parts of the record together
     with pytest.raises(model.IntegrationError, match="too many steps"):
         model.sensitivities(action, forte, ["hammer.mass"])
-
-
-def test_columns_do_not_depend_on_which_parameters_share_a_build(action: model.Action) -> None:
-    blow = cut(model.force_table("forte"), 0.03)
-    names = ["contact01", "contact02.friction.B1", "contact01.first.x", "key.mass", "hammer.mass", "key.pivot.x"]
-    names += ["contact07.second.x", "whippen.pivot.y", "friction"]
-    options = model.SensitivityOptions(allow_idle=True)
-    choice = model.SceneChoice()
-    together = directions(action, choice, find_parameters(action, names)).slope
-    alone = [directions(action, choice, find_parameters(action, [name])).slope[0] for name in names]
-    np.testing.assert_array_equal(together, alone)
-    shank = model.load_scene("flexible-shank")  # there a mass of the hammer changes two bodies
-    together = directions(action, shank, find_parameters(action, names)).slope
-    alone = [directions(action, shank, find_parameters(action, [name])).slope[0] for name in names]
-    np.testing.assert_array_equal(together, alone)
-    assert np.sum(together[names.index("hammer.mass")] != 0.0) > 1
-    assert model.sensitivities(action, blow, names, options=options).d_angles.shape[2] == len(names)
 
 
 def test_a_kink_of_the_force_in_a_quiet_phase_is_not_stepped_over(action: model.Action) -> None:

@@ -7,22 +7,12 @@ import numpy as np
 import model
 from tests.model.conftest import read_table
 
-SETTLED = 2.0  # s after which a blow has come to rest
-
 
 def work(action: model.Action, time: np.ndarray, force: np.ndarray) -> np.ndarray:
     solution = model.simulate(action, time, force, tolerance=1e-4, output_time_s=time[-1:])
     count = solution.counters
     assert count["time_at_rest"] > 0.0
     return np.array([count["n_steps"] + count["n_rejected"], count["n_rhs"], count["n_contact_evaluations"]])
-
-
-def test_a_minute_of_rest_after_a_blow_costs_next_to_nothing(action: model.Action) -> None:
-    table = read_table("forte_force.csv")
-    time, force = np.append(table[:, 0], table[-1, 0] + SETTLED), np.append(table[:, 1], 0.0)
-    alone = work(action, time, force)
-    longer = work(action, np.append(time, time[-1] + 60.0), np.append(force, 0.0))
-    assert (longer <= 1.02 * alone).all()
 
 
 def test_cost_is_in_proportion_to_the_blows_not_to_the_minute(action: model.Action) -> None:

@@ -12,11 +12,6 @@ from model.touch import find_check_load
 from model.touch.hammer_speed import string_contact_starts
 
 
-@pytest.fixture(scope="module")
-def regulated() -> model.Action:
-    return model.load_action("hirschkorn2004-regulated")
-
-
 def blow(force_n: float, rise_s: float) -> tuple[list[float], list[float]]:
     return [0.0, rise_s, 0.15], [0.0, force_n, force_n]
 

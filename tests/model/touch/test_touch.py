@@ -16,11 +16,6 @@ from model.touch.hammer_speed import string_contact_starts
 from model.touch.measure import strikes_string
 
 
-@pytest.fixture(scope="module")
-def regulated() -> model.Action:
-    return model.load_action("hirschkorn2004-regulated")
-
-
 def test_approach_speed_is_that_of_a_point_on_a_turning_body(action: model.Action) -> None:
     angle, speed, i = np.array([0.1, -0.02]), np.array([-20.0, -30.0]), model.BODIES.index("hammer")
     rows, rates = np.zeros((2, 5)), np.zeros((2, 5))

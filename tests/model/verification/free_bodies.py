@@ -30,18 +30,15 @@ class FreeBodies(Twin):
     ----------
     action : parameter set
     pins : body and direction, x or y, of each way in which a joint gives, as `model.scene.build.Scene.pins`
-    lifts : the key lies on its balance rail; its height is the coordinate after those of the bodies
     """
 
-    def __init__(self, action: Action, pins: Sequence[tuple[str, str]], lifts: bool = False) -> None:
+    def __init__(self, action: Action, pins: Sequence[tuple[str, str]]) -> None:
         super().__init__(action)
-        self.pins, self.lifts = list(pins), lifts
+        self.pins = list(pins)
 
     def _place(self, q: Vector, v: Vector) -> None:
-        count = len(BODIES) + self.lifts
+        count = len(BODIES)
         give = {pin: (q[count + k], v[count + k]) for k, pin in enumerate(self.pins)}
-        if self.lifts:
-            give[("key", "y")] = (q[len(BODIES)], v[len(BODIES)])
         self.way, self.rate = (
             {b: np.array([give.get((b, axis), (0.0, 0.0))[k] for axis in "xy"]) for b in BODIES} for k in (0, 1)
         )
@@ -67,14 +64,11 @@ class FreeBodies(Twin):
         if (body, name) not in self.given:
             return None
         way, rate = self.given[(body, name)]
-        if body == "key" and axis == 1 and self.lifts:
-            friction = a["balance_rail.guide_friction.A"] * np.tanh(rate / a["friction_threshold.v_t"])
-            return float(self.rail_force(way, rate) - friction)
         pin = f"{body}_pin"
         return float(a[f"{pin}.load.{name}"] - a[f"{pin}.stiffness"] * way - a[f"{pin}.damping"] * rate)
 
     def acceleration(self, q: Vector, v: Vector, force_n: float) -> Vector:
-        """Accelerations of angles, lift and give (n,), in the order of ``q``."""
+        """Accelerations of angles and give (n,), in the order of ``q``."""
         a, n = self.action, len(BODIES)
         self._place(q, v)
         centre = {b: self._point(b, f"{b}.center_of_mass") for b in BODIES}
@@ -134,11 +128,6 @@ class FreeBodies(Twin):
             act(self.action.structure[f"{name}.second.body"], point, -force)
         return self._of_coordinates(np.asarray(np.linalg.solve(rows, right), dtype=float), column)
 
-    def contact_forces(self, q: Vector, v: Vector) -> dict[str, tuple[float, float]]:
-        """Normal and friction force of each contact at a state, N."""
-        self._place(q, v)
-        return {name: self._pressed(name)[:2] for name in self.contacts}
-
     def _pressed(self, name: str) -> tuple[float, float, Vector, Vector]:
         """Normal force, friction force, normal and point of action of a contact at the placed state."""
         a = self.action
@@ -167,6 +156,4 @@ class FreeBodies(Twin):
                 carrier = found[column[up] : column[up] + 2] + turns * _turn(hang) - self.omega[up] ** 2 * hang
             out.append(spin - turns)
             gave |= {(body, name): x for name, x in zip("xy", here - carrier, strict=True)}
-        if self.lifts:
-            out.append(gave[("key", "y")])
         return np.array([*out, *(gave[pin] for pin in self.pins)])

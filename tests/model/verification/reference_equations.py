@@ -13,9 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from model import BODIES, Action, InputError
-from model.parameters.action import CONTACTS, USUAL
-from model.parameters.effects import PINS
+from model import BODIES, Action
 
 Vector = NDArray[np.float64]
 
@@ -59,11 +57,6 @@ class Twin:
     """
 
     def __init__(self, action: Action, effects: Sequence[str] = ()) -> None:
-        remembering = [c for c in CONTACTS if action.law(c) != USUAL]
-        if remembering:
-            raise InputError(f"reference equations: found felt that remembers ({', '.join(remembering)}), allowed none")
-        if giving := [e for e in effects if e in PINS]:
-            raise InputError(f"reference equations: found joints that give ({', '.join(giving)}), allowed `FreeBodies`")
         self.action = action
         self.bodies = [*BODIES, *(["shank"] if "shank" in effects else [])]
         self.coordinates = [*BODIES, *(c for e, c in _COORDINATE.items() if e in effects)]

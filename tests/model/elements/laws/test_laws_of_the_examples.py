@@ -41,16 +41,6 @@ def test_a_stage_solves_the_system_with_the_jacobian_of_differences(action: mode
     assert max(wrong) < 1e-5
 
 
-def test_felt_at_rest_presses_as_its_slow_curve_says_and_stays(action: model.Action) -> None:
-    plain = action.with_laws(dict.fromkeys(FELTS, "hunt-crossley"))
-    rest = model.rest_state(action, 20.0)
-    assert np.array_equal(rest.angle_rad, model.rest_state(plain, 20.0).angle_rad)
-    scene = model.build_scene(action)
-    run = Simulation(scene, State(0.0, rest.angle_rad, np.zeros(scene.size)))
-    moved, _ = run.advance(0.1, np.array([0.0, 1.0]), np.full(2, 20.0), output_time_s=np.array([0.05, 0.1]))
-    assert np.max(np.abs(moved - rest.angle_rad)) < 1e-9
-
-
 def test_along_a_press_the_law_is_followed_however_it_is_sampled(action: model.Action) -> None:
     """Through partings, and where one of two layers parts: a first-order error would be 2 % of the force."""
     felt = model.felt.NamedLaw(action.law("contact12"), 4.41e10, -1.02e7, 1.57e4)
