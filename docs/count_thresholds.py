@@ -95,6 +95,8 @@ def find_exemption(node: ast.AST, place: str) -> str:
         parts = list(ast.iter_child_nodes(node))
         is_depth = any(isinstance(part, ast.Constant) and part.value in (8, 10, 12, 16) for part in parts)
         return "formats and codes" if is_depth else ""
+    if isinstance(node, ast.BinOp) and re.fullmatch(r"\d+ \* (self\.)?seed \+ \w+", ast.unparse(node)):
+        return "formats and codes"
     if isinstance(node, ast.BinOp) and isinstance(node.left, ast.Constant):
         is_power = isinstance(node.op, ast.LShift) or (isinstance(node.op, ast.Pow) and node.left.value == 2)
         return "formats and codes" if is_power else ""

@@ -359,10 +359,10 @@ class FeltOrder:
     """
 
     contact: str
-    speeds_m_per_s: Sequence[float] = (0.002, 0.008, 0.02)
-    peaks_n: Sequence[float] = (15.0, 30.0)
+    speeds_m_per_s: Sequence[float] = (0.002, 0.008, 0.02)  # choice: a decade, below ringing
+    peaks_n: Sequence[float] = (15.0, 30.0)  # choice: half and whole of a forte
     repeats: int = 1
-    rest_s: float = 2.0
+    rest_s: float = 2.0  # choice; a felt that still recovers shows in the first touch
 
     def __post_init__(self) -> None:
         for name in ("speeds_m_per_s", "peaks_n"):

@@ -48,6 +48,9 @@ class LineFit:
     hysteresis: float
 
 
+LARGEST_U_SLOPE = 0.2  # of the slope: five standard uncertainties from none
+
+
 def fit_line(reference: ArrayLike, reading: ArrayLike, where: str) -> LineFit:
     """Fit a line by least squares.
 
@@ -57,11 +60,11 @@ def fit_line(reference: ArrayLike, reading: ArrayLike, where: str) -> LineFit:
     from scipy.stats import linregress  # start-up: half a second that only a calibration needs
 
     x, y = as_numbers(reference, where, 1), as_numbers(reading, where, 1)
-    if x.size < 4 or np.unique(x).size < 3:
+    if x.size < 4 or np.unique(x).size < 3:  # two unknowns, and at least one more value that can contradict
         raise RigInputError(f"{where}: {x.size} readings at {np.unique(x).size} values, allowed from 4 at 3 values")
     line = linregress(x, y)
     off = y - line.intercept - line.slope * x
-    if line.slope == 0.0 or not np.isfinite(line.slope) or line.stderr >= 0.2 * abs(line.slope):
+    if line.slope == 0.0 or not np.isfinite(line.slope) or line.stderr >= LARGEST_U_SLOPE * abs(line.slope):
         raise RigInputError(
             f"{where}: the readings do not follow the values ({line.slope:.4g}, u {line.stderr:.2g}); look at the "
             "wiring"
@@ -138,8 +141,10 @@ def read_quiet(
 
 READ_S = 2.0  # of a mean, cut to whole mains periods
 SETTLE_S = 0.3  # left out after the operator says the mass hangs
-STANDARD_GRAVITY, U_GRAVITY = 9.80665, 0.015
-"""m/s^2; from the equator to the poles it differs by less than 0.03."""
+STANDARD_GRAVITY, U_GRAVITY = 9.80665, 0.015  # m/s^2; from equator to poles it differs by less than 0.03
+U_LOCAL_GRAVITY = 1e-4  # of a stated local one, relative: a hundred metres of height change a third of it
+LARGEST_CORRECTION = 0.1  # of a gain: a larger one is a wrong scale, wire or sign, no error of the sensor
+SHUNT_STEPS = 5  # readings with the shunt: their scatter is known to a third
 Found = dict[str, float | str | list[float]]
 Ask = Callable[[str, float], None]
 """Shows an instruction, with the mass that is to hang on the cell, kg, and returns when it is done."""
@@ -181,7 +186,7 @@ def dead_weights(
     gravity : local acceleration, m/s^2, known to 1e-4; None takes the standard value with an uncertainty of 0.015
     """
     force = rig.config.force
-    g, u_g = (STANDARD_GRAVITY, U_GRAVITY) if gravity is None else (gravity, 1e-4 * gravity)
+    g, u_g = (STANDARD_GRAVITY, U_GRAVITY) if gravity is None else (gravity, U_LOCAL_GRAVITY * gravity)
     masses = list(masses_kg)
     if len(masses) < 2 or masses != sorted(set(masses)) or masses[0] <= 0:
         raise RigInputError(f"weights {masses} kg: allowed from two, above 0, each once, rising")
@@ -231,10 +236,10 @@ def shunt(rig: Rig, backend: SelftestBackend) -> Calibration:
     if force.kind != "bridge" or selftest is None or selftest.shunt_ohm == 0:
         raise RigInputError(f"{rig.source}: has no bridge with a shunt resistor (force.kind, selftest.shunt_ohm)")
     wanted = 1e3 * force.bridge_resistance_ohm / (4 * selftest.shunt_ohm + 2 * force.bridge_resistance_ohm)
-    steps = [backend.shunt_step(rig.config) for _ in range(5)]
+    steps = [backend.shunt_step(rig.config) for _ in range(SHUNT_STEPS)]
     mean, u_mean = float(np.mean(steps)), float(np.std(steps, ddof=1) / np.sqrt(len(steps)))
     gain = mean / wanted
-    if abs(gain - 1) > 0.1:
+    if abs(gain - 1) > LARGEST_CORRECTION:
         raise RigInputError(
             f"{force.channel}: the shunt changes the reading by {mean:.4f} mV/V, expected {wanted:.4f}; look at the "
             "wiring, excitation and bridge_resistance_ohm before calibrating"
@@ -281,13 +286,11 @@ def _finish_calibration(kind: str, found: Found, rig: Rig, values: dict[str, Val
     return Calibration(kind, found, rewritten(rig, "force", values | {"calibration": dated}))
 
 
-HELD_S = 0.8
-"""How long the body rests at a reference angle at least."""
+HELD_S = 0.8  # at least, at a reference angle: 40 periods of 50 Hz
 STILL_COUNTS = 3  # within which an encoder counts as at rest
-APART = 0.3
-"""Share of the smallest step by which two angles must differ to be two."""
+APART = 0.3  # of the smallest step, by which two angles must differ to be two: choice below a half
+ARC_BLOCK_S = 0.1  # of a block: rests are noticed an eighth of their length late
 LONGEST_ARC_S = 1800.0  # half an hour for all angles by hand
-LARGEST_CORRECTION = 0.1  # of the gain: a larger one is a wrong count, sign or sense, no eccentricity
 CONTRADICTS = 3.0  # standard uncertainties between references and rig file, from which the references replace it
 
 
@@ -326,7 +329,7 @@ def read_plateaus(backend: Backend, config: RigConfig, body: str, references: Se
             found.append(float(recent.mean()))
         return len(found) == len(references)
 
-    read_quiet(backend, config, 0.1, LONGEST_ARC_S, take)
+    read_quiet(backend, config, ARC_BLOCK_S, LONGEST_ARC_S, take)
     if len(found) < len(references):
         raise RigInputError(
             f"{encoder.counter}: {len(found)} rests of {HELD_S:g} s seen, expected {len(references)}; hold each angle "
@@ -383,10 +386,10 @@ def corrected_rig(rig: Rig, body: str, arc: Arc) -> str:
 
 LONGEST_SWING_S = 60.0  # from the lift to rest; a swing that takes longer was not let go
 STILL_S = 0.5  # within two counts: the swing has ended
-SMOOTHED_S = 0.012
-"""Length of the local parabola that gives the speed."""
-LEAST_TURN_RAD = 0.1
-"""Way of a half swing that counts."""
+SMOOTHED_S = 0.012  # length of the local parabola that gives the speed: what it flattens is in the uncertainty
+LEAST_TURN_RAD = 0.1  # of a half swing that counts: 50 counts of a usual scale and more
+MOVING_SHARE = 0.2  # of a half swing's largest speed, above which the sign of its friction is sure
+FITTED_SAMPLES = 200  # of a half swing at most: more of them are not independent
 FEWEST_SWINGS = 3  # half swings, so that their scatter is known
 
 
@@ -447,7 +450,7 @@ def friction_of_swing(angle_rad: Array, rate_hz: float, body: str) -> Swing:
         raise RigInputError(f"{body}: gains energy as it swings ({share:.3g}); look for a push, or the encoder's sign")
     frequency = float(np.sqrt(omega2) / (2 * np.pi))
     # the parabola takes this share off a speed that changes within it
-    flattened = share * (2 * np.pi * frequency * half / rate_hz) ** 2 / 10
+    flattened = share * (2 * np.pi * frequency * half / rate_hz) ** 2 / 10  # slope of a line through a sine
     return Swing(share, float(np.hypot(jackknife, flattened)), frequency, n, float(np.abs(speed).max()))
 
 
@@ -457,7 +460,7 @@ def _half_swings(angle: Array, speed: Array) -> list[tuple[int, int]]:
     edges = np.concatenate(([0], turns, [speed.size]))
     spans = []
     for first, end in zip(edges[:-1], edges[1:], strict=True):
-        moving = np.flatnonzero(np.abs(speed[first:end]) > 0.2 * np.abs(speed[first:end]).max(initial=0.0))
+        moving = np.flatnonzero(np.abs(speed[first:end]) > MOVING_SHARE * np.abs(speed[first:end]).max(initial=0.0))
         if moving.size and abs(angle[end - 1] - angle[first]) > LEAST_TURN_RAD:
             spans.append((int(first + moving[0]), int(first + moving[-1])))
     return spans
@@ -467,7 +470,7 @@ def _fit(angle: Array, speed: Array, spans: list[tuple[int, int]]) -> tuple[floa
     """Friction over weight times arm, and the square of the small swings' angular frequency."""
     rows, energy = [], []
     for number, (first, end) in enumerate(spans):
-        step = max((end - first) // 200, 1)
+        step = max((end - first) // FITTED_SAMPLES, 1)
         a, v = angle[first:end:step], speed[first:end:step]
         offsets = np.zeros((a.size, len(spans)))
         offsets[:, number] = 1.0

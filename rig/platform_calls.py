@@ -94,10 +94,14 @@ def lock(descriptor: int) -> bool:
     return True
 
 
+WINDOWS_CODES = (32, 33)  # of Windows: sharing violation, lock violation
+
+
 def is_locked(error: BaseException) -> bool:
     """Whether opening or reading a file failed because another program has locked it; HDF5 says so in words only."""
     codes = getattr(error, "errno", None), getattr(error, "winerror", None)
-    return codes[0] in (errno.EAGAIN, errno.EWOULDBLOCK) or codes[1] in (32, 33) or "unable to lock file" in str(error)
+    is_taken = codes[0] in (errno.EAGAIN, errno.EWOULDBLOCK) or codes[1] in WINDOWS_CODES
+    return is_taken or "unable to lock file" in str(error)
 
 
 def is_held(path: Path) -> bool:
@@ -135,7 +139,7 @@ def replace(source: Path, target: Path) -> None:
         os.replace(source, target)
 
 
-def remove(path: Path, *, attempts: int = 20, wait: Callable[[float], None] = time.sleep) -> None:
+def remove(path: Path, *, attempts: int = 20, wait: Callable[[float], None] = time.sleep) -> None:  # 0.2 s in all
     """Delete a file that another program may be reading; Windows refuses meanwhile, so retry for 0.2 s.
 
     A file that cannot be deleted even then stays; a later reader of the folder recognises it as obsolete.
@@ -146,4 +150,4 @@ def remove(path: Path, *, attempts: int = 20, wait: Callable[[float], None] = ti
             return
         except PermissionError:
             if attempt < attempts - 1:
-                wait(0.01)
+                wait(0.01)  # as the line of the function says

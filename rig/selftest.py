@@ -260,7 +260,7 @@ def fit_edge(response_n: Array, rate_hz: float, at_sample: float) -> Edge | None
     fits = [
         least_squares(
             lambda p: curve(p) - response_n[:n],
-            [late, plateau, w / 10, w, 0.0],
+            [late, plateau, 0.25 * w, w, 0.0],
             bounds=bounds,
             x_scale=[1 / w, plateau, w, w, plateau],
         )

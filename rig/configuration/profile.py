@@ -24,7 +24,7 @@ from rig.configuration.rig_file import Number, RigConfig, Table, Text
 from rig.errors import RigInputError, refuse
 
 FOLDER = Path(__file__).parents[1] / "profiles"
-MAX_DURATION_S = 900.0
+MAX_DURATION_S = 900.0  # of a profile and of a recording: a quarter of an hour
 
 
 class _Point(Table):

@@ -81,8 +81,8 @@ class ForceConfig(ScaledTable):
     physical_n: tuple[Number, Number]
     min_n: Number
     max_n: Number
-    excitation_v: Number = Field(default=2.5, ge=0.5, le=10)
-    bridge_resistance_ohm: Number = Field(default=350.0, ge=60, le=5000)
+    excitation_v: Number = Field(default=2.5, ge=0.5, le=10)  # one of the four that an NI 9237 supplies
+    bridge_resistance_ohm: Number = Field(default=350.0, ge=60, le=5000)  # the usual full bridge of a load cell
     group_delay_s: Number | None = Field(default=None, ge=0, le=0.1)
     u_group_delay_s: Number = Field(default=0.0, ge=0, le=0.01)
     u_noise_n: Number = Field(ge=0, le=10)
@@ -116,7 +116,7 @@ class ForceConfig(ScaledTable):
         """
         if self.group_delay_s is not None:
             return self.group_delay_s
-        return (40 + 5 / 512) / sample_rate_hz + 4.5e-6 if "9237" in self.module else 0.0
+        return (40 + 5 / 512) / sample_rate_hz + 4.5e-6 if "9237" in self.module else 0.0  # its data sheet
 
 
 RESERVED_NAMES = (
@@ -211,7 +211,7 @@ class EncoderConfig(Table):
     sign: Literal[1, -1]
     a_terminal: Text
     b_terminal: Text
-    filter_min_pulse_s: Number = Field(default=1e-7, ge=0, le=1e-3)
+    filter_min_pulse_s: Number = Field(default=1e-7, ge=0, le=1e-3)  # the shortest input filter of the counters
     arc_gain: Number = Field(default=1.0, gt=0.8, lt=1.25)
     """True angle over reading, over the arc the body turns (``pianorig calibrate encoder``)."""
     u_scale_relative: Number = Field(default=0.0, ge=0, le=0.1)
@@ -250,7 +250,7 @@ class OppositeHeadConfig(Table):
     b_terminal: Text
     sign: Literal[1, -1]
     scale_radius_m: Number = Field(gt=1e-3, le=1.0)
-    u_scale_radius_m: Number = Field(default=1e-5, ge=0, le=0.01)
+    u_scale_radius_m: Number = Field(default=1e-5, ge=0, le=0.01)  # choice: a turned disc
 
 
 class MotorConfig(Table):
@@ -258,11 +258,11 @@ class MotorConfig(Table):
 
     channel: Text
     force_per_volt_n: Number = Field(gt=0, le=100)
-    voltage_limit_v: Number = Field(default=10.0, gt=0, le=10)
+    voltage_limit_v: Number = Field(default=10.0, gt=0, le=10)  # range of the outputs
     force_limit_n: Number = Field(gt=0, le=120)
-    slew_limit_n_per_s: Number = Field(default=2000.0, gt=0, le=100_000)
-    rms_force_limit_n: Number = Field(default=30.0, gt=0, le=120)
-    rms_over_s: Number = Field(default=10.0, gt=0, le=1000)
+    slew_limit_n_per_s: Number = Field(default=2000.0, gt=0, le=100_000)  # choice: 50 N in 25 ms
+    rms_force_limit_n: Number = Field(default=30.0, gt=0, le=120)  # heating of the motor: choice, give its own
+    rms_over_s: Number = Field(default=10.0, gt=0, le=1000)  # thermal time of its winding: choice
 
     @model_validator(mode="after")
     def _reach(self) -> MotorConfig:
@@ -283,9 +283,9 @@ class ArmConfig(Table):
 
     length_m: Number = Field(gt=0, le=1)
     inertia_kg_m2: Number = Field(gt=0, le=0.1)
-    friction_nm: Number = Field(default=1e-4, ge=0, le=1)
+    friction_nm: Number = Field(default=1e-4, ge=0, le=1)  # choice: a ball bearing; 1 mN at 0.1 m
     spring_nm_per_rad: Number = Field(default=0.0, ge=0, le=10)
-    contact_stiffness_n_per_m: Number = Field(default=2e5, gt=0, le=1e8)
+    contact_stiffness_n_per_m: Number = Field(default=2e5, gt=0, le=1e8)  # of the arm's tip on wood: choice
     contact_damping_s_per_m: Number = Field(default=0.5, ge=0, le=10)
     free_travel_rad: Number = Field(gt=0, le=3.1)
     free_speed_limit_rad_per_s: Number = Field(default=100.0, gt=0, le=10_000)
@@ -332,11 +332,11 @@ class FeltConfig(Table):
     encoder: Literal["key", "whippen", "hammer"] = "key"
     radius_m: Number = Field(gt=0, le=1)
     """From the shaft to where the felt is touched."""
-    u_radius_m: Number = Field(default=1e-4, ge=0, le=0.01)
+    u_radius_m: Number = Field(default=1e-4, ge=0, le=0.01)  # as read on a ruler
     compliance_m_per_n: Number = Field(ge=0, le=1e-3)
     u_compliance_m_per_n: Number = Field(ge=0, le=1e-3)
-    force_limit_n: Number = Field(default=50.0, gt=0, le=120)
-    depth_limit_m: Number = Field(default=3e-3, gt=0, le=0.02)
+    force_limit_n: Number = Field(default=50.0, gt=0, le=120)  # choice: above the 34 N of a forte
+    depth_limit_m: Number = Field(default=3e-3, gt=0, le=0.02)  # choice: contact02 gives 0.75 mm at 30 N
 
 
 class FurtherDevice(Table):
@@ -391,30 +391,30 @@ class LimitsConfig(Table):
     18 rad/s, 0.05, 0.09 and 0.36 rad).
     """
 
-    force_min_n: Number = Field(default=-10.0, ge=-1000, le=0)
-    force_max_n: Number = Field(default=110.0, gt=0, le=1000)
-    force_rate_n_per_s: Number = Field(default=250_000.0, gt=0)
-    speed_rad_per_s: tuple[Number, Number, Number] = (15.0, 40.0, 100.0)
-    travel_rad: tuple[Number, Number, Number] = (0.12, 0.25, 1.2)
-    return_rad: Number = Field(default=0.005, gt=0, le=1)
+    force_min_n: Number = Field(default=-10.0, ge=-1000, le=0)  # the arm rests, it does not pull
+    force_max_n: Number = Field(default=110.0, gt=0, le=1000)  # three times a forte's
+    force_rate_n_per_s: Number = Field(default=250_000.0, gt=0)  # seven times a forte's 35 kN/s
+    speed_rad_per_s: tuple[Number, Number, Number] = (15.0, 40.0, 100.0)  # four to five times a forte's
+    travel_rad: tuple[Number, Number, Number] = (0.12, 0.25, 1.2)  # 2.4 to 3.3 times a forte's
+    return_rad: Number = Field(default=0.005, gt=0, le=1)  # 1 mm at the key's front
     baseline_n: tuple[Number, Number] = (-1.0, 1.0)
     least_preload_n: Number | None = None
-    push_n: Number = Field(default=3.0, gt=0, le=120)
-    no_force_s: Number = Field(default=0.005, ge=0.001, le=0.2)
-    stuck_s: Number = Field(default=0.005, ge=0.001, le=0.2)
+    push_n: Number = Field(default=3.0, gt=0, le=120)  # choice: a tenth of a forte
+    no_force_s: Number = Field(default=0.005, ge=0.001, le=0.2)  # choice: a quarter of a block
+    stuck_s: Number = Field(default=0.005, ge=0.001, le=0.2)  # choice, as no_force_s
 
 
 class WatchdogConfig(Table):
     """The device's watchdog timer: outputs made safe when the program has not reset it for ``timeout_s``."""
 
-    timeout_s: Number = Field(default=0.5, ge=0.05, le=30)
+    timeout_s: Number = Field(default=0.5, ge=0.05, le=30)  # 25 blocks of 20 ms
 
 
 class SafetyConfig(Table):
     """Who may let the motor move: ``--yes`` instead of a typed confirmation, and how old a self-test may be."""
 
     allow_yes: bool = Field(default=False, strict=True)
-    selftest_valid_h: Number = Field(default=24.0, gt=0, le=8760)
+    selftest_valid_h: Number = Field(default=24.0, gt=0, le=8760)  # one day of measuring
 
 
 class SelftestConfig(Table):
@@ -425,15 +425,15 @@ class SelftestConfig(Table):
     """
 
     stroke_rad: tuple[Number, Number, Number]
-    stroke_tolerance: Number = Field(default=0.15, gt=0, le=0.4)
-    push_n: Number = Field(default=0.25, gt=0, le=5)
-    push_tolerance: Number = Field(default=0.2, gt=0, le=0.5)
+    stroke_tolerance: Number = Field(default=0.15, gt=0, le=0.4)  # by hand: choice; swapped scales differ by 2
+    push_n: Number = Field(default=0.25, gt=0, le=5)  # half of what moves a key
+    push_tolerance: Number = Field(default=0.2, gt=0, le=0.5)  # of a push: choice; a wrong gain is off by 2
     latency_tolerance_samples: Number = Field(default=0.5, gt=0, le=100)
     drive_delay_s: Number = Field(default=0.0, ge=0, le=0.01)
     """From the analog output to the torque."""
-    offset_limit_n: Number = Field(default=2.0, gt=0, le=100)
-    shunt_ohm: Number = Field(default=100e3, ge=0)
-    shunt_tolerance: Number = Field(default=0.02, gt=0, le=0.5)
+    offset_limit_n: Number = Field(default=2.0, gt=0, le=100)  # of the unloaded cell: choice
+    shunt_ohm: Number = Field(default=100e3, ge=0)  # inside an NI 9237
+    shunt_tolerance: Number = Field(default=0.02, gt=0, le=0.5)  # of the step: choice
     loopback: Text | None = None
     """A voltage input that is wired to the motor's output, if there is one."""
 
@@ -441,12 +441,12 @@ class SelftestConfig(Table):
 class RecordingConfig(Table):
     """Timing of a trial and what counts as rest."""
 
-    quiet_s: Number = Field(default=0.35, ge=0.3, le=10)
-    rest_s: Number = Field(default=0.2, ge=0.2, le=10)
+    quiet_s: Number = Field(default=0.35, ge=0.3, le=10)  # 17 periods of 50 Hz for offset and hum
+    rest_s: Number = Field(default=0.2, ge=0.2, le=10)  # in which all must rest: ten periods of 50 Hz
     rest_counts: Count = Field(default=1, ge=0, le=1000)
-    rest_force_n: Number = Field(default=0.2, gt=0, le=10)
+    rest_force_n: Number = Field(default=0.2, gt=0, le=10)  # choice: half of what moves a key
     longest_s: Number = Field(default=3.0, ge=0.5, le=900)
-    block_s: Number = Field(default=0.02, ge=0.001, le=1)
+    block_s: Number = Field(default=0.02, ge=0.001, le=1)  # what a limit may act late: one period of 50 Hz
 
 
 class PassiveConfig(Table):
@@ -458,9 +458,9 @@ class PassiveConfig(Table):
 
     pre_s: Number = Field(default=0.5, ge=0.3, le=10)
     trigger_n: Number = Field(default=0.5, gt=0, le=20)
-    trigger_rad: Number = Field(default=0.002, gt=0, le=0.1)
-    still_rad: Number = Field(default=5e-4, gt=0, le=0.1)
-    longest_s: Number = Field(default=10.0, ge=0.5, le=900)
+    trigger_rad: Number = Field(default=0.002, gt=0, le=0.1)  # 0.4 mm at the key's front
+    still_rad: Number = Field(default=5e-4, gt=0, le=0.1)  # 0.1 mm at the key's front
+    longest_s: Number = Field(default=10.0, ge=0.5, le=900)  # choice: no stroke is held so long
 
 
 class RigConfig(Table):

@@ -17,7 +17,7 @@ from rig.errors import RigInputError
 
 DEFAULT_PORT = 31763
 RESET = "/nidevice_grpc.SessionUtilities/ResetServer"
-RESET_TIMEOUT_S = 10.0
+RESET_TIMEOUT_S = 10.0  # of a server: it closes the tasks of all its clients first
 
 
 def open_backend(url: str, config: RigConfig) -> NidaqmxBackend:

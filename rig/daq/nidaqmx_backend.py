@@ -35,19 +35,15 @@ from rig.daq.faults import translate_faults
 from rig.daq.safe_bench import SafeBench, leave_running, make_watchdog, worst_failure
 from rig.errors import HardwareFault, NotSupported, RigInputError
 
-PROBES = 5
-CALLS_BETWEEN_RESETS = 4
-"""Most calls between two resets of the watchdog before the master starts, the reset among them."""
-RESERVE = 0.5
-"""Part of the watchdog's timeout that those calls may use."""
-RESETS_IN_TIMEOUT = 8
-"""While blocks are read the watchdog is reset about so often in its timeout."""
-LENGTHENED_S = 0.05
-"""Longest block that replaces a shorter ``recording.block_s`` without being asked for, s."""
-DEAR = 0.05
-"""Part of a block's time that its calls may take before blocks are lengthened while the motor's command is 0 V."""
-LONGEST_USEFUL_S = 0.4
-"""A longer block is not proposed: limits that act so late protect nothing."""
+PROBES = 5  # calls that are timed: the longest of five is exceeded once in six
+CALLS_BETWEEN_RESETS = 4  # most, before the master starts, of the watchdog: the reset among them
+RESERVE = 0.5  # of the watchdog's timeout, that those calls may use
+BLOCK_RESERVE = 0.8  # of the watchdog's timeout, that a block and its calls may use
+RESETS_IN_TIMEOUT = 8  # of the watchdog, while blocks are read: one may fail to come seven times
+LENGTHENED_S = 0.05  # longest block that replaces a shorter ``recording.block_s`` without being asked for
+DEAR = 0.05  # of a block's time, that its calls may take before blocks are lengthened at 0 V
+ADVISED = 1.2  # times what is needed, that a message advises: calls take longer now and then
+LONGEST_USEFUL_S = 0.4  # of a block that is advised: limits that act so late protect nothing
 
 
 @dataclass(frozen=True)
@@ -92,14 +88,14 @@ def shortest_block_s(config: RigConfig, delay: CallDelay) -> float:
     longest_s = max(block_s, LENGTHENED_S)
     needed_s = calls * delay.usual_s
     allowed = {f"blocks of at most {longest_s:g} s": longest_s / calls}
-    remedy = [f"recording.block_s from {1.2 * needed_s:.2g} s"]
+    remedy = [f"recording.block_s from {ADVISED * needed_s:.2g} s"]
     if config.watchdog is not None:
         timeout_s = config.watchdog.timeout_s
         between_s = max(CALLS_BETWEEN_RESETS * delay.longest_s, calls * delay.longest_s + max(block_s, needed_s))
         allowed["the watchdog's timeout"] = min(
-            RESERVE * timeout_s / CALLS_BETWEEN_RESETS, max(0.8 * timeout_s - block_s, 0.0) / calls
+            RESERVE * timeout_s / CALLS_BETWEEN_RESETS, max(BLOCK_RESERVE * timeout_s - block_s, 0.0) / calls
         )
-        remedy.append(f"watchdog.timeout_s from {max(timeout_s, between_s / RESERVE, 2.4 * needed_s):.2g} s")
+        remedy.append(f"watchdog.timeout_s from {max(timeout_s, between_s / RESERVE, 2 * ADVISED * needed_s):.2g} s")
     slow = [
         f"{least * 1e3:.3g} ms by {name}"
         for name, least in allowed.items()
@@ -107,7 +103,7 @@ def shortest_block_s(config: RigConfig, delay: CallDelay) -> float:
     ]
     if slow:
         advice = "use a faster link"
-        if 1.2 * needed_s <= LONGEST_USEFUL_S:
+        if ADVISED * needed_s <= LONGEST_USEFUL_S:
             advice += f", or set {' and '.join(remedy)}: limits then act that much later"
         raise NotSupported(
             f"device {config.device.name}: a driver call takes {delay.usual_s * 1e3:.3g} ms, at most "
@@ -118,7 +114,7 @@ def shortest_block_s(config: RigConfig, delay: CallDelay) -> float:
     return needed_s if needed_s > block_s else 0.0
 
 
-SHUNT_S = 0.4
+SHUNT_S = 0.4  # of a mean with the shunt and without: 20 periods of 50 Hz
 CLIENT_VERSION = version("nidaqmx")
 
 

@@ -112,8 +112,7 @@ def _early_stop_expected() -> Iterator[None]:
         yield
 
 
-BUFFER_S = 20.0
-"""Length of the driver's buffers: how late the program may read before samples are lost."""
+BUFFER_S = 20.0  # of the driver's buffers: how late the program may read before samples are lost
 MASTER = "force"
 """Name of the master task."""
 

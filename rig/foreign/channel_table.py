@@ -22,6 +22,7 @@ from rig.foreign.sample_times import (
     SAMPLE_NAMES,
     SECONDS,
     TIME_NAMES,
+    UNEVEN_SHARE,
     Clock,
     check_times,
     even_interval,
@@ -137,7 +138,7 @@ def numbers(cells: Sequence[str], decimal: str = ".", thousands: str = "") -> ND
 
 def shorten_cell(cell: str) -> str:
     """Return a cell of text for a message, truncated if long."""
-    return repr(cell if len(cell) <= 40 else cell[:37] + "...")
+    return repr(cell if len(cell) <= 40 else cell[:37] + "...")  # half a line
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,7 +284,7 @@ class ChannelTable:
             unit = known_unit(self.units.get(path, "")) or (named and (named["unit"] or "s"))
             step = float(np.median(np.diff(values)))
             if unit in SECONDS:
-                if named or abs(step * SECONDS[unit] - interval_s) < 0.1 * interval_s:
+                if named or abs(step * SECONDS[unit] - interval_s) < UNEVEN_SHARE * interval_s:
                     found[path] = values * SECONDS[unit]
             elif interval_s > 0 and (k == 0 or SAMPLE_NAMES.search(name)) and is_mostly_even(values):
                 found[path] = values * (interval_s / step)

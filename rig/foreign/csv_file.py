@@ -70,19 +70,21 @@ def _decode(data: bytes, encoding: str, where: str) -> str:
         raise RigInputError(f"{where}: byte {error.start} is not {encoding} text, as its first bytes say") from error
 
 
+ASCII_SHARE = 0.9  # of a table's signs: units and names may hold others
+
+
 def _unmarked_utf16(data: bytes) -> str:
     """Return the byte order of UTF-16 without a mark: ASCII signs beside a zero each; empty for other text."""
     begin = data[:256]
     if len(begin) < 4 or len(data) % 2:
         return ""
     for order, zeros, signs in (("utf-16-le", begin[1::2], begin[::2]), ("utf-16-be", begin[::2], begin[1::2])):
-        if zeros.count(0) > 0.9 * len(zeros) and 0 not in signs:
+        if zeros.count(0) > ASCII_SHARE * len(zeros) and 0 not in signs:
             return order
     return ""
 
 
-UNDATED = 1900
-"""Year of clock times without a date."""
+UNDATED = 1900  # year of clock times without a date
 _SEPARATOR_LINE = re.compile(r"\"?sep=(.)\"?\s*", re.IGNORECASE)
 """First line of a CSV file for Excel."""
 
@@ -242,9 +244,12 @@ def _clock_time(cell: str) -> tuple[datetime, str] | None:
         return None
     hour = int(found["hour"] or 0)
     if found["half"]:
-        hour = hour % 12 + 12 * (found["half"].lower() == "pm")
+        hour = hour % 12 + 12 * (found["half"].lower() == "pm")  # hours of half a day
     second = float(f"{found['second']}.{found['fraction'] or 0}")
-    if hour > 23 or int(found["minute"]) > 59 or second >= 61:
+    if second >= 61.0:  # the last one of a day may be a leap second
         return None
-    day = datetime(UNDATED, 1, 1, hour, int(found["minute"]))
+    try:
+        day = datetime(UNDATED, 1, 1, hour, int(found["minute"]))
+    except ValueError:
+        return None
     return day + timedelta(seconds=second), found["date"] or ""

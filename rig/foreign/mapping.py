@@ -71,9 +71,9 @@ class StrokesMapping(Table):
     have been back within it for ``rest_s``. ``pre_s`` before and ``rest_s`` after belong to the trial.
     """
 
-    trigger: Number = Field(default=0.15, gt=0, lt=1)
-    pre_s: Number = Field(default=0.3, gt=0, le=10)
-    rest_s: Number = Field(default=0.12, gt=0, le=10)
+    trigger: Number = Field(default=0.15, gt=0, lt=1)  # of the ruler: choice, above noise and play
+    pre_s: Number = Field(default=0.3, gt=0, le=10)  # 15 periods of 50 Hz
+    rest_s: Number = Field(default=0.12, gt=0, le=10)  # choice: a rebound is shorter
     episodes: tuple[EpisodeMapping, ...] = ()
 
 

@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 
 from rig.errors import RigInputError
 
-JITTER = 0.02
-"""Largest deviation of a time from even spacing, relative to the spacing."""
-DRIFT = 1e-4
-"""Largest relative difference of two clocks that count the same samples; crystals differ by half of it."""
-COARSE = 0.45
-"""Rounding, relative to the spacing, from which on one lost sample no longer shows."""
+JITTER = 0.02  # of the spacing, that a time may be off even spacing; a lost sample is off by 1
+DRIFT = 1e-4  # relative, of two clocks that count the same samples; crystals differ by half of it
+COARSE = 0.45  # of the spacing: times rounded by more no longer show one lost sample
+ROUNDING = 1.01  # times the last digit, that a difference of two rounded times may be off: and binary's own
+UNEVEN_SHARE = 0.1  # of the steps: a column of times or numbers may have breaks in so many
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units a channel of times may have."""
 TIME_NAMES = re.compile(
@@ -51,7 +50,7 @@ class Clock(NamedTuple):
 
     def agrees(self, interval_s: float) -> bool:
         """Whether the stated interval is this one to its number of digits: 0.000021 s may be 1/48000 s."""
-        return abs(self.interval_s - interval_s) <= max(0.51 * self.resolution_s, DRIFT * interval_s)
+        return abs(self.interval_s - interval_s) <= max(0.5 * ROUNDING * self.resolution_s, DRIFT * interval_s)
 
     @property
     def is_rounded(self) -> bool:
@@ -84,12 +83,12 @@ def even_interval(time_s: NDArray[np.float64], what: str) -> float:
     if max(uneven.max(), away.max()) <= JITTER:
         return step
     rounding = time_resolution(time_s) / step
-    if rounding > COARSE and abs(np.median(steps) - step) > 0.1 * step:
+    if rounding > COARSE and abs(np.median(steps) - step) > 0.25 * step:
         raise CoarseTimes(
             f"{what} is written in steps of {rounding * step:g} s, too coarse for samples every {step:g} s; "
             "give sample_rate_hz instead"
         )
-    explained = 0.0 if rounding > COARSE else 1.01 * rounding
+    explained = 0.0 if rounding > COARSE else ROUNDING * rounding
     most = max(JITTER, explained)
     if uneven.max() > explained + JITTER or away.max() > most:
         refuse_break(time_s, typical_interval(time_s), what)
@@ -107,13 +106,13 @@ def is_mostly_even(values: NDArray[np.float64]) -> bool:
     """Whether nine steps in ten of a column are one step upwards, as those of times and of sample numbers are."""
     steps = np.diff(values)
     step = float(np.median(steps))
-    return step > 0 and float(np.mean(np.abs(steps - step) > 0.5 * step)) < 0.1
+    return step > 0 and float(np.mean(np.abs(steps - step) > 0.5 * step)) < UNEVEN_SHARE
 
 
 def refuse_break(time_s: NDArray[np.float64], interval_s: float, what: str) -> None:
     """Raise BrokenTimes with the first row whose time is not one interval after the row above, and by how much."""
     steps = np.diff(time_s)
-    allowed = JITTER * interval_s + 1.01 * time_resolution(time_s)
+    allowed = JITTER * interval_s + ROUNDING * time_resolution(time_s)
     off = np.abs(steps - interval_s) > allowed
     row = int(np.argmax(off if off.any() else np.abs(steps - interval_s))) + 2
     ratio = float(steps[row - 2]) / interval_s if interval_s > 0 else np.inf
@@ -136,13 +135,13 @@ def check_times(time_s: NDArray[np.float64], interval_s: float, what: str) -> No
     """
     away = np.abs(time_s - time_s[0] - interval_s * np.arange(time_s.size))
     rounding = time_resolution(time_s)
-    allowed = JITTER * interval_s + 1.01 * rounding
+    allowed = JITTER * interval_s + ROUNDING * rounding
     if away.max() <= allowed:
         return
     steps = np.diff(time_s)
     mean = float(time_s[-1] - time_s[0]) / steps.size
     typical = typical_interval(time_s)
-    if abs(typical - interval_s) > max(allowed, 0.01 * interval_s) or np.all(np.abs(steps - interval_s) <= allowed):
+    if abs(typical - interval_s) > max(allowed, JITTER * interval_s) or np.all(np.abs(steps - interval_s) <= allowed):
         if abs(mean - interval_s) <= max(interval_s / steps.size, DRIFT * interval_s):
             return
         raise RigInputError(
@@ -154,7 +153,7 @@ def check_times(time_s: NDArray[np.float64], interval_s: float, what: str) -> No
 
 def find_breaks(time_s: NDArray[np.float64], interval_s: float) -> list[int]:
     """Return the samples that do not follow the one before them by one interval."""
-    off = np.abs(np.diff(time_s) - interval_s) > 0.5 * interval_s + 1.01 * time_resolution(time_s)
+    off = np.abs(np.diff(time_s) - interval_s) > 0.5 * interval_s + ROUNDING * time_resolution(time_s)
     return [int(at) + 1 for at in np.flatnonzero(off)]
 
 
@@ -162,8 +161,9 @@ def time_resolution(time_s: NDArray[np.float64]) -> float:
     """Return the decimal place the times are written with, s, at least their floating-point resolution."""
     floor = float(4 * np.spacing(np.abs(time_s).max()))
     for digits in range(9):
-        if 10.0**-digits < floor:
+        resolution = 10.0**-digits  # s: one in the last decimal place
+        if resolution < floor:
             break
         if np.all(np.abs(np.round(time_s, digits) - time_s) <= max(floor, 1e-15)):
-            return float(10.0**-digits)
+            return resolution
     return floor

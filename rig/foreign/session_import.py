@@ -27,6 +27,7 @@ from rig.foreign.sample_times import SECONDS, BrokenTimes, typical_interval
 from rig.safety.interlocks import SPEED_OVER_S
 from rig.session import Session, SessionInfo
 from rig.session.annotation_file import utc_now
+from rig.session.force_correction import MINIMUM_QUIET_S, ONSET_SAMPLES, ONSET_SHARE, ONSET_SIGMA
 from rig.session.info import (
     NO_FORCE,
     ChannelInfo,
@@ -42,10 +43,8 @@ from rig.session.trial_data import TrialData
 
 Array = NDArray[np.float64]
 
-SUSTAINED_S = 2e-3
-"""How long a departure must hold: a spike is no stroke."""
-FIRST_S = 0.01
-"""Rest by which it is told when the first stroke leaves it, where it does so within the time kept before a stroke."""
+SUSTAINED_S = 2e-3  # that a departure must hold: a spike is no stroke
+FIRST_S = 0.01  # of rest that tells when the first stroke leaves it, where that is within the time kept before one
 
 
 @dataclass(frozen=True)
@@ -104,8 +103,7 @@ def cut_strokes(
     return cuts
 
 
-SATURATED = 3
-"""So many samples in a row at an end of the converter are no coincidence."""
+SATURATED = 3  # samples in a row at an end of the converter: no peak has as many equal ones
 
 
 def position_trials(
@@ -225,8 +223,7 @@ def _trial(
     return data, next((one.reject for one in inside if one.reject), "")
 
 
-RATES_HZ = (100.0, 1e6)
-"""Sample rates a blow can have been recorded at; others mean a wrong unit of time."""
+RATES_HZ = (100.0, 1e6)  # at which a blow can have been recorded; others mean a wrong unit of time
 
 
 def sample_interval(table: ChannelTable, mapping: ImportMapping) -> float:
@@ -250,9 +247,10 @@ def _agreed_interval(table: ChannelTable, mapping: ImportMapping) -> float:
         )
         clock = table.stated_clock(names)
         if time_channel is None and clock is not None and clock.is_rounded:
+            known = 0.5 * clock.resolution_s / interval_s
             raise RigInputError(
                 f"{table.where}: the interval {interval_s:g} s is rounded to {clock.resolution_s:g} s: its rate is "
-                f"known to {50 * clock.resolution_s / interval_s:.2g} % only; give time.sample_rate_hz in the mapping"
+                f"known to {100 * known:.2g} % only; give time.sample_rate_hz in the mapping"
             )
     else:
         table.check_together(names, time.same_start)
@@ -267,8 +265,7 @@ def _agreed_interval(table: ChannelTable, mapping: ImportMapping) -> float:
     return interval_s
 
 
-QUIET_S = 0.02
-ONSET = 0.01
+REST_SHARE = 0.1  # of a push or a pull, within which the rest before it lies: more is no rest
 LARGEST_COUNT = 2.0**53
 LARGEST_TURN_RAD = np.pi
 """No part of an action turns this far; a larger angle means a wrong unit or scale."""
@@ -535,10 +532,10 @@ def make_trial(table: ChannelTable, mapping: ImportMapping, number: int, started
 
 def _check_pushes(force_n: NDArray[np.float64], interval_s: float, what: str) -> None:
     """Refuse a force that leaves its rest in the wrong direction; a recording that begins within a push cannot tell."""
-    rest = force_n[: max(int(round(QUIET_S / interval_s)), 1)]
+    rest = force_n[: max(int(round(MINIMUM_QUIET_S / interval_s)), 1)]
     level = float(rest.mean())
     pull, push = level - float(force_n.min()), float(force_n.max()) - level
-    if np.ptp(rest) < 0.1 * pull and pull > 2 * push and level < 0.5 * pull:
+    if np.ptp(rest) < REST_SHARE * pull and pull > 2 * push and level < 0.5 * pull:
         raise RigInputError(
             f"{what} pulls by {pull:.3g} N and pushes by {push:.3g} N; a push must be positive: change the sign of "
             "force.newtons_per_unit"
@@ -598,9 +595,8 @@ def _unwrap_counts(values: Array, bits: int, what: str) -> Array:
     return np.concatenate((values[:1], values[0] + np.cumsum(steps - span * np.round(steps / span))))
 
 
-COUNTER_BITS = (16, 24, 32)
-WRAP_SHARE = 1 / 16
-"""Largest step between samples, as a share of a counter's range, beside which a jump by the range is its wrap."""
+COUNTER_BITS = (16, 24, 32)  # of the counters of DAQ cards
+WRAP_SHARE = 1 / 16  # of a counter's range, that a step between samples may have: beside it a wrap is sure
 
 
 def has_wraps(counts: NDArray[np.int64], bits: int) -> bool:
@@ -642,20 +638,21 @@ def values_beyond_limits(trial: TrialData, limits: LimitsConfig) -> str:
 
 def find_start(force_n: NDArray[np.float64], interval_s: float, where: str) -> float:
     """Return when the force first leaves its rest for good, s."""
-    quiet = int(round(QUIET_S / interval_s))
-    if quiet < 5 or force_n.size < 2 * quiet:
+    quiet = int(round(MINIMUM_QUIET_S / interval_s))
+    if quiet < ONSET_SAMPLES or force_n.size < 2 * quiet:
         raise RigInputError(f"{where}: too short or too slow to find the blow; give blow_start_s in the mapping")
     rest = force_n[:quiet]
     level, noise = float(rest.mean()), float(rest.std())
     peak = float(force_n.max()) - level
-    threshold = max(5 * noise, ONSET * peak)
-    if peak <= 10 * noise or peak <= 0 or np.abs(rest - level).max() > 0.05 * peak:
+    threshold = max(ONSET_SIGMA * noise, ONSET_SHARE * peak)
+    if peak <= 2 * ONSET_SIGMA * noise or peak <= 0 or np.ptp(rest) > REST_SHARE * peak:
         raise RigInputError(
-            f"{where}: does not begin with {QUIET_S:g} s of rest before a push; give blow_start_s in the mapping"
+            f"{where}: does not begin with {MINIMUM_QUIET_S:g} s of rest before a push; give blow_start_s in the "
+            "mapping"
         )
     above = force_n - level > threshold
     first = int(np.argmax(above))
-    smooth = np.convolve(force_n - level, np.ones(5) / 5, "same")
+    smooth = np.convolve(force_n - level, np.ones(ONSET_SAMPLES) / ONSET_SAMPLES, "same")
     while first > 0 and smooth[first - 1] < smooth[first] and smooth[first - 1] > 0:
         first -= 1
     return first * interval_s

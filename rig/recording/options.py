@@ -65,7 +65,7 @@ class TimeLeft:
 class BlockFeed:
     """At most ``capacity`` blocks waiting for a viewer; thread-safe."""
 
-    def __init__(self, capacity: int = 50) -> None:
+    def __init__(self, capacity: int = 50) -> None:  # blocks: one second of 20 ms
         self._blocks: deque[Block] = deque(maxlen=capacity)
         self._lock = threading.Lock()
         self._dropped = 0
@@ -132,7 +132,7 @@ class RecordingOptions:
     profile: Profile | str | Path = "forte"
     rig_config: Rig | str | Path = "virtual"
     backend: Backend | str = "sim://"
-    trials: int = 5
+    trials: int = 5  # choice: a scatter known to a third
     plan: Plan | None = None
     operator: str = "unknown"
     action_name: str = "unknown"

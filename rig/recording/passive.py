@@ -40,11 +40,9 @@ from rig.session.info import PASSIVE, FileInfo, PlanInfo, restore_info, take_sam
 from rig.session.journal_writer import JournalWriter
 from rig.session.trial_head import TrialHead
 
-SUSTAINED_S = 2e-3
-"""How long a trigger must hold: a spike on a wire is no stroke."""
-SMOOTH_S = 0.01
-BACK = 2.0
-"""The key is back within so many times ``trigger_rad``."""
+SUSTAINED_S = 2e-3  # that a trigger must hold: a spike on a wire is no stroke
+SMOOTH_S = 0.01  # of a mean of the force, by which a stroke ends: noise is divided by seven
+BACK = 2.0  # times ``trigger_rad``, within which the key is back
 
 
 @dataclass(frozen=True)
@@ -193,10 +191,8 @@ class StrokeDetector:
         self._level = float(self._force[-n:].mean()), self._count[-n:].mean(axis=0)
 
 
-CALM_BLOCK_S = 0.1
-"""Length of a block while nobody plays."""
-ROTATE_S = 10.0
-"""A journal in which nobody has played for so long is begun afresh."""
+CALM_BLOCK_S = 0.1  # of a block while nobody plays: nothing has to react
+ROTATE_S = 10.0  # without a stroke, after which a journal is begun afresh: it stays below some megabytes
 
 
 def record_passive(

@@ -18,7 +18,7 @@ from rig.session.journal_records import Journal, scan_journal, stored_blocks
 from rig.session.trial_data import TrialData
 from rig.session.trial_head import TrialHead
 
-PART_SAMPLES = 5_000
+PART_SAMPLES = 5_000  # of a trial that are sealed at once: one second, so that memory does not grow
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,7 @@ def seal_journal(session: Session, file: Path, scanned: Journal, status: str, re
     return session.add_trial_parts(about, scanned.n_samples, _assemble_parts(head, stored_blocks(file, scanned)))
 
 
-NOTICED_LATE_S = 0.05
-"""A stroke begins at most so long before it is noticed, by far: the force has to reach the trigger."""
+NOTICED_LATE_S = 0.05  # at most, by far, after a stroke begins: the force has to reach the trigger
 
 
 def seal_cut(session: Session, file: Path, cut: Stroke, status: str, reason: str) -> Trial:

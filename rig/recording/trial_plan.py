@@ -25,7 +25,7 @@ from rig.session.folder import Session
 from rig.session.info import ActionInfo, FileInfo, PlanCondition, PlanInfo, RoomInfo
 from rig.session.trial_data import TrialData
 
-MAX_TRIALS = 9999
+MAX_TRIALS = 9999  # four digits of a file name
 WARM_UP_REASON = "warm-up blow of the plan"
 Whole = Annotated[int, Field(strict=True)]
 

@@ -23,11 +23,8 @@ from rig.safety.interrupts import defer_interrupts
 from rig.session.journal_writer import JournalWriter
 from rig.session.trial_head import TrialHead
 
-LATE_S = 0.2
-"""How long a block may be late where there is no watchdog: without a sample clock the motor holds its last voltage."""
-LATE_IN_TIMEOUT = 0.76
-"""How long a block may take with a watchdog, in its timeout: the driver's buffer keeps 20 s, but the watchdog, which is
-reset only by data, ends the trial sooner."""
+LATE_S = 0.2  # of a block where there is no watchdog: without a sample clock the motor holds its last voltage
+LATE_IN_TIMEOUT = 0.76  # of the watchdog's timeout, that a block may take: data reset it, and it ends the trial first
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,14 +20,11 @@ from rig.backend import Block, Timing
 from rig.configuration.rig_file import BODIES, RigConfig
 from rig.errors import LimitExceeded
 
-STILL_S = 0.2
-"""How long the encoders must have been still before a blow."""
-SPEED_OVER_S = 1e-3
-STUCK_OVER_S = 0.01
-STUCK_WHILE_RAD = 0.01
-"""A body whose count does not change while another turns by this much within 10 ms is stuck."""
-FORCE_GONE_N = 0.3
-"""Less force than this above the baseline is no force."""
+STILL_S = 0.2  # that the encoders must have been still before a blow
+SPEED_OVER_S = 1e-3  # over which a speed is a difference: a count of 8192 a turn is then below 1 rad/s
+STUCK_OVER_S = 0.01  # in which an encoder is stuck whose count does not change
+STUCK_WHILE_RAD = 0.01  # that another body turns meanwhile: both move together in a blow
+FORCE_GONE_N = 0.3  # above the baseline, less is no force: choice below what moves a key
 
 
 class Interlocks:

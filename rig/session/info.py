@@ -230,7 +230,7 @@ class ForceInfo:
     u_gain_relative: float = 0.0
     preload_n: float = 0.0
     u_preload_n: float = 0.0
-    mains_frequency_hz: float = 60.0
+    mains_frequency_hz: float = 60.0  # choice: the bench of the thesis, in Canada
     device_scaling: tuple[float, ...] = ()
     """Polynomial from the converter's code to the reading in V or V/V, by the driver; empty where it is not known."""
 

@@ -21,13 +21,9 @@ from rig.session.journal_records import BLOCK, OVERHEAD, block_of, blocks_of, re
 from rig.session.trial_data import TrialData
 from rig.session.trial_head import TrialHead
 
-KEEP_S = 30.0
-"""How much of a trial in progress is kept and shown, s: a long one must not fill the memory."""
-
-LOOKS = 3
-"""Without a journal, one after the other, that show the end of a recording of what somebody plays."""
-READ_BYTES = 2_000_000
-"""Most that a poll reads of a journal whose head is known: some seconds of a dozen channels."""
+KEEP_S = 30.0  # of a trial in progress, kept and shown: a long one must not fill the memory
+LOOKS = 3  # without a journal, one after the other, that show the end of what somebody plays
+READ_BYTES = 2_000_000  # of a journal, that one look reads at most: some seconds of a dozen channels
 
 
 class JournalFollower:

@@ -26,12 +26,11 @@ from rig.session.info import RulerInfo
 
 Array = NDArray[np.float64]
 
-STRETCHES = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 10.0)
-"""The axis is stretched as log(x + c), x from 0 to 1: sensors of light and of magnetism fall off like that."""
-STIFFNESSES = tuple(10.0 ** (0.5 * k) for k in range(-14, 1))
-KEPT = 1e6
-"""Weight of the first and last point."""
-GRID = 513
+STRETCHES = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 10.0)  # c of the axis log(x + c), x from 0 to 1
+"""Sensors of light and of magnetism fall off like that; with 10 the axis is as good as straight."""
+STIFFNESSES = tuple(np.logspace(-7.0, 0.0, 15).tolist())  # of the spline: through all points to a straight line
+KEPT = 1e6  # weight of the first and last point against the others': they move by a millionth
+GRID = 513  # places at which a curve is asked whether it rises: 40 and more between two points of a ruler
 
 
 @dataclass(frozen=True)
@@ -140,14 +139,12 @@ def _left_out(smoother: Array, height: Array) -> tuple[float, float]:
 
 BELOW, ABOVE = 1, 2
 """Flags: the reading lies below the first point of the ruler, or above the last, by more than its noise."""
-DRAWS, SEED = 64, 1
-CHOICE = 0.4
-"""What choosing the smoothness by the points themselves leaves open, of a point's uncertainty: so that six kinds of
-sensors are covered as stated (a test)."""
-CLIP_NOISE = 3.0
-"""A reading is beyond the ruler's end if it is so many standard deviations of its noise past it."""
-JUDGED_BAD = 2.0
-"""The ruler was read worse than stated when the points scatter by more than this many times their uncertainty."""
+SEED = 1
+DRAWS = 64  # calibrations: their standard deviation is known to a tenth
+CHOICE = 0.4  # of a point's u, for the choice of smoothness: six kinds of sensors are covered as stated (a test)
+CLIP_NOISE = 3.0  # standard deviations of noise beyond the ruler's end, from which a reading is: 1 in 700 by chance
+JUDGED_BAD = 2.0  # times their uncertainty, that points scatter where a ruler was read worse than stated
+U_GRID = 257  # readings at which the uncertainty is drawn; denser where sensors are steep
 
 
 @dataclass(frozen=True)
@@ -186,7 +183,7 @@ class RulerCurve(SmoothCurve):
     @cached_property
     def _u_grid(self) -> tuple[Array, Array]:
         """Readings and the standard uncertainty there: drawn once for a ruler, not for each trial."""
-        grid = np.linspace(0.0, 1.0, 257) ** 2 * (self.places[-1] - self.places[0]) + self.places[0]
+        grid = np.linspace(0.0, 1.0, U_GRID) ** 2 * (self.places[-1] - self.places[0]) + self.places[0]
         return grid, np.hypot(self.draws(grid).std(axis=0), CHOICE * self.u_m)
 
 

@@ -36,7 +36,7 @@ NO_CODE = -(2**31)
 """In place of a code that is not whole."""
 WHOLE = 0.02
 """Largest distance from a whole number, codes."""
-_STEPS = 6
+_STEPS = 6  # of Newton's method: digits double with each
 
 
 def force_codes(reading: NDArray[np.float64], info: ForceInfo) -> NDArray[np.int64]:

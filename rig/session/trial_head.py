@@ -21,6 +21,8 @@ from rig.session.annotation_file import utc_now
 from rig.session.info import ChannelInfo, EncoderInfo, ForceInfo, restore_info
 from rig.session.trial_data import CameraInfo, TrialData
 
+PERIODS = 801  # of a frame clock that are tried: the interval of a possible one is known to a four-hundredth
+
 
 @dataclass(frozen=True)
 class FrameClock:
@@ -60,7 +62,7 @@ class FrameClock:
         late_s, early_s = time_s[at], time_s[at] - interval_s
         span = number[-1] - number[0]
         guess_s = np.polyfit(number, late_s - interval_s / 2, 1)[0]
-        periods = guess_s + np.linspace(-2.0, 2.0, 801) * interval_s / span
+        periods = guess_s + np.linspace(-2.0, 2.0, PERIODS) * interval_s / span
         lowest = np.array([np.max(early_s - period * number) for period in periods])
         highest = np.array([np.min(late_s - period * number) for period in periods])
         possible = lowest <= highest

@@ -145,8 +145,7 @@ def configure_clock(device: DeviceState, task: SimulatedTask, clock: SampleClock
     task.clock = replace(clock, rate_hz=rate_hz, source=terminal)
 
 
-MAX_ON_DEMAND = 100_000
-"""Readings on demand in one call."""
+MAX_ON_DEMAND = 100_000  # readings on demand in one call: a minute and a half of virtual time
 
 
 def read_samples(device: DeviceState, task: SimulatedTask, n: int, timeout_s: float) -> NDArray[np.float64]:

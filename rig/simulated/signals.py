@@ -74,9 +74,8 @@ def edges_now(device: DeviceState, terminal: str) -> int:
     return int(edges_passed(device, terminal, np.array([device.bench.edge]))[0])
 
 
-SHUNT_OHM = 100e3
-"""Shunt resistor inside the NI 9237."""
-BRIDGE_OHM = 350.0
+SHUNT_OHM = 100e3  # shunt resistor inside the NI 9237
+BRIDGE_OHM = 350.0  # the usual full bridge of a load cell
 NEWTON_IN = {daqmx.NEWTONS: 1.0, daqmx.POUNDS: 4.4482216152605, daqmx.KILOGRAM_FORCE: 9.80665}
 """Newtons per unit of force."""
 

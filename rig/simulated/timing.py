@@ -34,8 +34,7 @@ from rig.simulated.signals import (
     set_outputs,
 )
 
-_TOLERANCE_EDGES = 1e-6
-"""By so much a tick may miss an edge through rounding."""
+_TOLERANCE_EDGES = 1e-6  # that a tick may miss an edge by rounding
 
 
 @dataclass(frozen=True)
@@ -233,14 +232,10 @@ def _generate(device: DeviceState, task: SimulatedTask, engine: Engine, command_
             command_v[reached] = rows[last_row[reached], column]
 
 
-STRETCH_S = 0.02
-POLL_S = 0.01
-QUESTION_S = 1e-3
-"""What a further question in a row takes on the virtual clock."""
-ON_DEMAND_S = 1e-3
-"""What a reading on demand takes on the virtual clock while no sample clock runs."""
-MOST_DUE_S = 0.5
-"""Most that passes by itself at once; a bench that cannot keep up with its clock falls behind it."""
+STRETCH_S = 0.02  # of virtual time that passes at once: as long as a block
+POLL_S = 0.01  # between two looks of a call that waits
+CALL_S = 1e-3  # of virtual time: a further question in a row, or a reading on demand without a sample clock
+MOST_DUE_S = 0.5  # that passes by itself at once; a bench that cannot keep up with its clock falls behind it
 ENDLESS = np.iinfo(np.int64).max
 
 
@@ -340,7 +335,7 @@ def wait_until_done(device: DeviceState, task: SimulatedTask, timeout_s: float) 
     """Let time pass until a task is done, at most ``timeout_s``; a negative one has no end."""
     allowed = _edges_of_timeout(device, timeout_s)
     while allowed > 0 and not task.is_done and not task.progress.error:
-        passed = advance(device, int(min(edges_in(device, QUESTION_S), allowed)))
+        passed = advance(device, int(min(edges_in(device, CALL_S), allowed)))
         if not passed:  # nothing runs that could end
             return
         allowed -= passed
@@ -382,7 +377,7 @@ def await_something(device: DeviceState, task: SimulatedTask) -> None:
 def question_asked(device: DeviceState, *, again: bool) -> None:
     """Let a question about a task take its time on the virtual clock, when the call before was one too."""
     if again and not device.bench.clock.paced:
-        advance(device, edges_in(device, QUESTION_S))
+        advance(device, edges_in(device, CALL_S))
 
 
 def settle_on_demand(device: DeviceState) -> None:
@@ -390,7 +385,7 @@ def settle_on_demand(device: DeviceState) -> None:
     if any(task.progress.live and _makes_time_pass(task) for task in device.tasks.values()):
         return
     clock, rate_hz = device.bench.clock, device.bench.rate_hz
-    due_s = min(clock.due_s, MOST_DUE_S) if clock.paced else ON_DEMAND_S
+    due_s = min(clock.due_s, MOST_DUE_S) if clock.paced else CALL_S
     device.bench.present()  # begins a trial of its own where there was none
     if (n := int(due_s * rate_hz)) > 0:
         advance_bench(device, n)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rig.simulated.bench.plant_protocol import Plant
 from rig.simulated.bench.sensors import DelayLine, EncoderSignals, ForceSignal, SensorSet
 
-POLL_S = 0.01
+POLL_S = 0.01  # between two looks of a bench that follows the wall clock
 
 
 class VirtualClock:
@@ -119,10 +119,9 @@ class PulseTrain:
         return self.first_s + last / self.rate_hz + self.high_s if np.isfinite(self.count) else float("inf")
 
 
-LIFTED_S = (0.4, 1.2)
-PRESS_S = (1.8, 2.6, 3.0, 3.5)
-"""Begin, key at the bottom, let go, key up again."""
-PRESS_N = 2.5
+LIFTED_S = (0.4, 1.2)  # from, to: as the self-test asks its operator
+PRESS_S = (1.8, 2.6, 3.0, 3.5)  # begin, key at the bottom, let go, key up again
+PRESS_N = 2.5  # at the arm's tip: a gentle hand
 
 
 def press_n(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -135,12 +134,12 @@ def is_arm_lifted(time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
     return (time_s >= LIFTED_S[0]) & (time_s < LIFTED_S[1])
 
 
-PAUSE_S = (1.0, 2.5)
-PEAK_N = (3.0, 22.0)
-RISE_S = (0.03, 0.12)
-HOLD_N = (2.0, 4.0)
-HOLD_S = (0.05, 0.4)
-LET_GO_S = 0.06
+PAUSE_S = (1.0, 2.5)  # least, most: this and what follows are a pianist's strokes by choice
+PEAK_N = (3.0, 22.0)  # piano to forte
+RISE_S = (0.03, 0.12)  # hard to soft
+HOLD_N = (2.0, 4.0)  # more than keeps a key down
+HOLD_S = (0.05, 0.4)  # staccato to tenuto
+LET_GO_S = 0.06  # of the finger
 _STREAM = 9
 
 
@@ -167,7 +166,7 @@ class VirtualPianist:
         """Draw a stroke: quiet, a push that grows and falls like a hand's, a hold, the finger lifted."""
         pause, peak, rise, hold_n, hold = (self._random.uniform(*b) for b in (PAUSE_S, PEAK_N, RISE_S, HOLD_N, HOLD_S))
         begin = self._begun_s + pause
-        phase = np.linspace(0.0, 1.0, 41)
+        phase = np.linspace(0.0, 1.0, 41)  # points of a push: lines between them
         push = np.maximum(peak * np.sin(np.pi * phase) ** 2, np.where(phase > 0.5, min(hold_n, peak), 0.0))
         at = np.concatenate((begin + rise * 2 * phase, [begin + 2 * rise + hold, begin + 2 * rise + hold + LET_GO_S]))
         self._begun_s = float(at[-1])
@@ -195,7 +194,7 @@ class BenchTime:
         self._pianist: VirtualPianist | None = None
         self.hung_n = 0.0
         """Weight that hangs on the load cell, N."""
-        self.force_per_volt_n = 12.0
+        self.force_per_volt_n = 12.0  # until the rig file says it
         self._by_operator = False
         self.camera_rate_hz = 0.0
         """Rate of a camera that runs by itself; 0 without one."""

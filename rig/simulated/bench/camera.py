@@ -61,10 +61,10 @@ class ActionGeometry:
         Whippen from ground, jack and repetition lever from the whippen, when the outlines are drawn.
     """
 
-    whippen_pivot_m: tuple[float, float] = (-0.1810, 0.0528)
-    jack_pivot_m: tuple[float, float] = (0.0989, -0.0035)
-    repetition_pivot_m: tuple[float, float] = (0.0483, 0.0275)
-    rest_angle_rad: tuple[float, float, float] = (0.0251, 0.3198, 0.3523)
+    whippen_pivot_m: tuple[float, float] = (-0.1810, 0.0528)  # choice: these four, near the thesis's action
+    jack_pivot_m: tuple[float, float] = (0.0989, -0.0035)  # as above
+    repetition_pivot_m: tuple[float, float] = (0.0483, 0.0275)  # as above
+    rest_angle_rad: tuple[float, float, float] = (0.0251, 0.3198, 0.3523)  # as above
 
 
 @dataclass(frozen=True)
@@ -91,17 +91,17 @@ class CameraSettings:
         A tilted camera or a distorting lens; None for a perfect one, square to the plane of motion.
     """
 
-    frame_rate_hz: float = 2000.0
-    exposure_s: float = 125e-6
-    width: int = 400
-    height: int = 304
-    scale_px_per_m: float = 3200.0
-    left_m: float = -0.173
-    top_m: float = 0.125
+    frame_rate_hz: float = 2000.0  # choice: of a high-speed camera
+    exposure_s: float = 125e-6  # a quarter of a frame: choice
+    width: int = 400  # the moving parts at this scale
+    height: int = 304  # as above
+    scale_px_per_m: float = 3200.0  # choice: 0.31 mm a pixel
+    left_m: float = -0.173  # so that the parts are in view
+    top_m: float = 0.125  # as above
     texture: str = "wood"
-    noise_grey: float = 2.0
-    flicker: float = 0.05
-    flicker_hz: float = 120.0
+    noise_grey: float = 2.0  # choice: of an 8-bit camera
+    flicker: float = 0.05  # choice: of a discharge lamp
+    flicker_hz: float = 120.0  # mains of 60 Hz, as in the thesis's laboratory
     bit_depth: int = 8
     lens: Projection | None = None
 
@@ -136,19 +136,22 @@ class CameraSettings:
         )
 
 
+GREY = (120.0, 135.0, 150.0)  # mean of each part, so that they can be told apart
+
+
 def film_scene(settings: CameraSettings, seed: int) -> Scene:
     """Build the three textured bodies before a background, in drawing order."""
-    grain = {"whippen": 0.0, "jack": np.pi / 2.0, "repetition": -0.05}
+    grain = {"whippen": 0.0, "jack": np.pi / 2.0, "repetition": -0.05}  # along the longest side of each part
     bodies = []
     for number, name in enumerate(_DRAW_ORDER):
         polygon = ground_to_picture(_OUTLINES_M[name], settings.scale_px_per_m, (0.0, 0.0))
-        low, high = polygon.min(axis=0) - 6.0, polygon.max(axis=0) + 6.0
+        low, high = polygon.min(axis=0) - 6.0, polygon.max(axis=0) + 6.0  # room for the widest fibre
         extent = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
         body_seed = 1000 * seed + number
         if settings.texture == "speckle":
             texture = speckle(extent, body_seed)
         else:
-            texture = wood_grain(extent, body_seed, direction_rad=grain[name], mean_grey=120.0 + 15.0 * number)
+            texture = wood_grain(extent, body_seed, direction_rad=grain[name], mean_grey=GREY[number])  # distinct parts
         bodies.append(SyntheticBody(name, polygon, texture))
     return Scene(bodies, background(settings.height, settings.width, 1000 * seed + 99), settings.lens)
 
@@ -240,10 +243,9 @@ def poses(geometry: ActionGeometry, settings: CameraSettings, angle_rad: NDArray
     return out
 
 
-MAX_BLUR_STEP_PX = 0.15
-MAX_INSTANTS = 24
-AHEAD = 4
-"""Pictures drawn before the one that becomes a frame."""
+MAX_BLUR_STEP_PX = 0.15  # between two instants of an exposure: choice
+MAX_INSTANTS = 24  # of an exposure: 3.6 px of blur; more is drawn coarser
+AHEAD = 4  # pictures drawn before the one that becomes a frame: choice, of memory
 
 
 @dataclass(frozen=True)
@@ -365,7 +367,7 @@ class _Exposures:
         start, end = self._angles(self.times - half), self._angles(self.times + half)
         self.mean = self.centre.copy()
         # the tip of the longest arm, about 60 mm from its pivot, on top of the whippen's 0.13 m
-        reach = self.settings.scale_px_per_m * np.array([0.13, 0.06, 0.06])
+        reach = self.settings.scale_px_per_m * np.array([0.13, 0.06, 0.06])  # m: as said above
         blur = np.abs(np.stack([end - start, 2 * (end - self.centre), 2 * (self.centre - start)])).max(axis=0) @ reach
         self._instants = np.clip(np.ceil(blur / MAX_BLUR_STEP_PX), 1, MAX_INSTANTS).astype(int)
 

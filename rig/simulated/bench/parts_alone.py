@@ -28,12 +28,11 @@ from rig.simulated.bench.plant import ActionPlant
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES, PlantBlock
 
 BLOCK = "block"
-BLOCK_N_PER_M = 1e9
-STEP_S = 1e-4
-BALANCED_N = 1e-9
-STILL_M_PER_S = 1e-9
-SLIP_M_PER_S = 1e-4
-"""Speed over which the friction of the shaft changes its sign."""
+BLOCK_N_PER_M = 1e9  # steel: 2e11 Pa, 1 cm^2 over 20 mm
+STEP_S = 1e-4  # of the integration: half a sample interval at 5 kHz
+BALANCED_N = 1e-9  # N: residual at which the force balance counts as met
+STILL_M_PER_S = 1e-9  # m/s: as good as rest
+SLIP_M_PER_S = 1e-4  # over which the friction of the shaft changes its sign: choice, below any press
 ARM = (
     *("inertia", "length", "joint_friction", "spring_stiffness", "preload_n"),
     *("contact_a", "contact_b", "contact_c", "contact_damping"),
@@ -202,7 +201,7 @@ def _compression(law: FeltLaw, force_n: float) -> float:
     return float(x.real[(np.abs(x.imag) <= 1e-9 * np.abs(x)) & (x.real >= 0.0)].min())
 
 
-HELD_S, MOVED_S = 1.2, 0.3
+HELD_S, MOVED_S = 1.2, 0.3  # at a reference angle, and on the way to the next: a careful hand
 
 
 class PosePlant:
@@ -246,9 +245,9 @@ def pose_plant(bench: ActionPlant, text: str, where: str) -> PosePlant:
     return PosePlant(encoded, body, angles, bench.sample_rate_hz)
 
 
-LET_GO_S = 0.6
-LIFTED_RAD = 1.1
-SLIP_RAD_PER_S = 1e-3
+LET_GO_S = 0.6  # after the lift
+LIFTED_RAD = 1.1  # rad from rest: as far as a hand lifts a hammer
+SLIP_RAD_PER_S = 1e-3  # over which the friction changes its sign: choice
 
 
 @dataclass(frozen=True)
@@ -282,7 +281,7 @@ class SwingPlant:
         self.start_trial(1)
 
     def start_trial(self, trial: int) -> None:
-        self._angle, self._speed, self._edge = LIFTED_RAD * (1.0 + 0.01 * (trial % 7)), 0.0, 0
+        self._angle, self._speed, self._edge = LIFTED_RAD * (1.0 + 0.01 * (trial % 7)), 0.0, 0  # other heights
 
     def advance(self, command_v: NDArray[np.float64]) -> PlantBlock:
         """Swing for n sample periods; the motor has nothing to do with it."""

@@ -22,9 +22,9 @@ from rig.arrays import ArrayRecord, as_numbers
 from rig.errors import RigInputError
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES, PlantBlock, bench_table, read_bench
 
-TOLERANCE = 1e-6
-KEPT_S = 60.0
-"""How long a trial may be for its whole truth to be kept, s."""
+TOLERANCE = 1e-6  # rad, of the specimen: a twentieth of an encoder's count
+MOST_SCATTER = 0.3  # of a parameter from trial to trial, relative: a normal draw stays positive
+KEPT_S = 60.0  # of a trial at most, for its whole truth to be kept: choice, of memory
 
 
 @dataclass(frozen=True)
@@ -221,8 +221,8 @@ def load_plant(
     if unknown:
         raise RigInputError(f"{path}: unknown key {min(unknown)}; correct its spelling or remove it")
     for key, value in scatter.items():
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 <= value <= 0.3:
-            raise RigInputError(f"{path}: scatter.{key}: found {value!r}, allowed 0 to 0.3 (relative)")
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 <= value <= MOST_SCATTER:
+            raise RigInputError(f"{path}: scatter.{key}: found {value!r}, allowed 0 to {MOST_SCATTER} (relative)")
     driven = MOTOR_DRIVE in choice.effects
     if driven and "motor" in bench:
         raise RigInputError(

@@ -49,11 +49,10 @@ def quantise(values: NDArray[np.float64], half_range: float, bits: int) -> NDArr
     return np.clip(np.rint(values / step), -(2 ** (bits - 1)), 2 ** (bits - 1) - 1) * step
 
 
-_FORCE_STREAM, _ENCODER_STREAM, _MOUNTING_STREAM = 1, 2, 7
-OPPOSITE_LINE_RAD = 2.1
-"""Phase of the line division at a second head; some angle, it is mounted as it is."""
-TAKEN_UP_RAD = 0.005
-"""Turn of a body over which the shift of its pivot comes about."""
+_FORCE_STREAM, _ENCODER_STREAM, _MOUNTING_STREAM = 1, 2, 7  # of the random numbers
+FIRST_COUNT = 0.37  # of a count, where a body at rest lies in it: any
+OPPOSITE_LINE_RAD = 2.1  # phase of the line division at a second head: any angle, it is mounted as it is
+TAKEN_UP_RAD = 0.005  # turn of a body over which the shift of its pivot comes about: choice
 
 
 class ForceSensor(Table):
@@ -69,7 +68,7 @@ class ForceSensor(Table):
     hum_hz: Number = Field(default=60.0, gt=0, le=1000)
     hum_phase_rad: tuple[Number, ...] = ()
     hum_phase_scatter: bool = Field(default=True, strict=True)
-    saturation_mv_per_v: Number = Field(default=25.0, gt=0)
+    saturation_mv_per_v: Number = Field(default=25.0, gt=0)  # range of an NI 9237
 
 
 class EncoderSensor(Table):
@@ -81,7 +80,7 @@ class EncoderSensor(Table):
     counts_per_revolution: Count = Field(ge=4, multiple_of=4)
     sign: Literal[1, -1] = 1
     scale_radius_m: Number | None = Field(default=None, gt=1e-3, le=1.0)
-    lines_per_revolution: Count = Field(default=2048, ge=1)
+    lines_per_revolution: Count = Field(default=2048, ge=1)  # choice
     interpolation_rad: Number = Field(default=0.0, ge=0, le=0.01)
     """Amplitude of the error that repeats with each line of the scale."""
     eccentricity_rad: Number = Field(default=0.0, ge=0, le=0.1)
@@ -192,7 +191,8 @@ class EncoderSignals:
         centred = key.eccentricity_rad * np.sin(turned + self._centre_rad[0] + np.pi)
         shifted = self.error_rad(angle_rad)[:, 0] - self._scale_error_rad(angle_rad)[:, 0]
         per_rad = key.sign * key.counts_per_revolution / (2 * np.pi)
-        position = np.floor((turned + divided + centred - shifted) * per_rad + self._phase[0] + 0.37).astype(np.int64)
+        at = (turned + divided + centred - shifted) * per_rad + self._phase[0] + FIRST_COUNT
+        position = np.floor(at).astype(np.int64)
         if self._first_opposite is None:
             self._first_opposite = int(position[0])
         return position - self._first_opposite

@@ -34,7 +34,7 @@ class Wiring:
     """Terminal with the exposure signal of a camera that runs by itself."""
     loopback: str | None = None
     """Voltage input that is wired to the motor's output."""
-    conditioner_v_per_mv_per_v: float = 5.0
+    conditioner_v_per_mv_per_v: float = 5.0  # 10 V at 2 mV/V
     wires: Mapping[str, str] = field(default_factory=dict)
     """Wires between devices: the terminal at the far end, and the one whose signal it gets."""
     rtsi: bool = True
@@ -76,7 +76,9 @@ def usual_wiring(config: RigConfig) -> Wiring:
     for further in config.devices:
         name = further.name
         if further.product == "PCI-6602":
-            heads = [(f"/{name}/PFI{39 - 4 * k}", f"/{name}/PFI{37 - 4 * k}") for k in range(4)]
+            heads = [
+                (f"/{name}/PFI{39 - 4 * k}", f"/{name}/PFI{37 - 4 * k}") for k in range(4)
+            ]  # A and B as the PCI-6602 numbers its terminals
             changed |= {"encoders": tuple(heads[:3]), "opposite": heads[3]}
         elif further.product == "PCI-6733":
             changed |= {"motor": f"/{name}/ao0", "drive_enable": f"/{name}/port0/line0"}

@@ -38,10 +38,10 @@ SCALE = ("stuck", "miscount")
 CAMERA = ("dropped",)
 SENSORS = (*CELL, *SCALE, *CAMERA)
 KINDS = (*STATUS, "server-gone", *SENSORS)
-DROPPED_FRAMES = 5
-LOST_COUNTS = 300
-OPEN_MV_PER_V = 1e4
-SILENT_NOISE_MV_PER_V = 3e-4
+DROPPED_FRAMES = 5  # by the fault of that name: choice
+LOST_COUNTS = 300  # as above
+OPEN_MV_PER_V = 1e4  # beyond any range
+SILENT_NOISE_MV_PER_V = 3e-4  # of the amplifier alone: choice
 _FORM = re.compile(r"([a-z-]+)(?::([a-z]+))?@(?:(\d+)/(\d+(?:\.\d+)?)|([A-Za-z0-9]+)#(\d+))")
 
 
@@ -62,7 +62,7 @@ def parse_faults(text: str) -> tuple[Fault, ...]:
     faults = []
     for part in filter(None, text.split(",")):
         match = _FORM.fullmatch(part)
-        kind, body, trial, at_s, call, number = match.groups() if match else ("",) * 6
+        kind, body, trial, at_s, call, number = match.groups() if match else ("",) * 6  # groups of `_FORM`
         if match is None or kind not in KINDS or (kind in SCALE) != (body in ENCODED_BODIES):
             raise RigInputError(
                 f"fault {part!r}: write KIND@TRIAL/SECONDS or KIND@CALL#NUMBER with a kind of {', '.join(KINDS)}, "

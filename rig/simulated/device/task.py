@@ -205,7 +205,7 @@ class SimulatedTask:
             return self.clock.samples if self.clock else 1
         # NI-DAQmx Help, "How is buffer size determined?": at least 1 kS, 10 kS, 100 kS, 1 MS by rate
         rate_hz = self.clock.rate_hz
-        floor = 1_000 if rate_hz <= 100 else 10_000 if rate_hz <= 10_000 else 100_000
+        floor = 1_000 if rate_hz <= 100 else 10_000 if rate_hz <= 10_000 else 100_000  # as above
         return max(self.clock.samples, floor if rate_hz <= 1e6 else 1_000_000)
 
     @property

@@ -17,7 +17,7 @@ from rig.simulated.product import Inventory
 from rig.simulated.status import Code, DaqStatusError, refuse_any
 
 RESET_TIMER, CLEAR_EXPIRATION = 0, 1
-SHORTEST_S = 1e-3
+SHORTEST_S = 1e-3  # of an expiration that may be asked for: choice
 WITHOUT_HARDWARE = re.compile(
     r"(Create|Cfg)\w+|Get(Device|System|Watchdog|Task|Timing|Chan)\w*|GetErrorString|StopTask|ClearTask|ResetDevice"
 )
