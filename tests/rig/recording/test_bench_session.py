@@ -247,7 +247,7 @@ def test_a_recording_cut_off_is_recovered_with_them(wired, record_steps, tmp_pat
         folder, session = tmp_path / name, record_steps(used, name, open_journal=Keeping)
         sealed = session.trials[0].read()
         followed = SessionFollower(folder).poll()
-        assert followed is not None and followed.force_n.size == sealed.n_valid
+        assert followed is not None and followed.raw_force_n.size == sealed.n_valid
         session.trials[0].path.unlink()
         recover_session(folder)
         again = Session.open(folder).trials[0].read()
