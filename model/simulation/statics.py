@@ -181,7 +181,9 @@ def _descend(
     raise StaticsError(NO_REST)
 
 
-def rest_state(action: ActionLike, force_n: float = 0.0, scene: Scene | None = None) -> RestState:
+def rest_state(
+    action: ActionLike, force_n: float = 0.0, scene: Scene | None = None, near: RestState | None = None
+) -> RestState:
     """Static balance of an action under a constant force on the key.
 
     Parameters
@@ -190,6 +192,8 @@ def rest_state(action: ActionLike, force_n: float = 0.0, scene: Scene | None = N
     force_n : N, positive downwards on the key (with a motor arm, its drive or a finger in
         ``scene``: torque, N m; command, V; way of the hand, m)
     scene : what takes part; by default what the action says, with its effects
+    near : rest of a similar action, where the search begins if it has the same bodies; by default an action set up by
+        hand
 
     Returns
     -------
@@ -210,7 +214,8 @@ def rest_state(action: ActionLike, force_n: float = 0.0, scene: Scene | None = N
     """
     action = as_action(action)
     scene = build_scene(action) if scene is None else scene
-    found = solve_rest(scene, force_n, with_joints=True)
+    start = near.angle_rad if near is not None and near.bodies == scene.bodies else None
+    found = solve_rest(scene, force_n, start, with_joints=True)
     q, give = found[: scene.size], found[scene.size :]
     scene.check_whole(q, "rest state")
     forces, _, _ = balance(scene, found, force_n)

@@ -135,7 +135,7 @@ def drawn_action(tested: ModelUnderTest, m: MeasuredTrial, draw: JointDraw) -> D
         if not draw.changed and preload == channel.preload_n:
             return DrawnAction(draw, tested.action, tested.load(preload).rest)
         action = tested.action.with_values(draw.changed) if draw.changed else tested.action
-        return DrawnAction(draw, action, tested.rest_of(action, preload))
+        return DrawnAction(draw, action, tested.rest_of(action, preload, tested.load(channel.preload_n).rest))
     except ModelError:
         return None
 

@@ -124,8 +124,11 @@ class ModelUnderTest:
         rest = self.rest_of(action, preload_n)
         return Load(rest, (self.stand_ins.geometry or geometry_of)(action, rest.angle_rad))
 
-    def rest_of(self, action: model.Action, preload_n: float) -> model.RestState:
-        return (self.stand_ins.rest_state or model.rest_state)(action, force_n=preload_n)
+    def rest_of(self, action: model.Action, preload_n: float, near: model.RestState | None = None) -> model.RestState:
+        """Rest of an action; ``near`` is one of a similar action, where the search begins."""
+        if self.stand_ins.rest_state is not None:
+            return self.stand_ins.rest_state(action, force_n=preload_n)
+        return model.rest_state(action, force_n=preload_n, near=near)
 
     def geometry_of_trial(self, m: MeasuredTrial) -> ActionGeometry:
         """Geometry in which the readings of a trial stand: of position sensors one for all models."""

@@ -40,6 +40,17 @@ def test_rest_under_load_balances_the_twin(action: model.Action, twin: Twin, for
     assert np.abs(residual).max() < 1e-10
 
 
+def test_rest_searched_from_one_near_by_is_the_same(action: model.Action) -> None:
+    near = model.rest_state(action, 0.1)
+    heavier = action.with_values({"hammer.mass": 1.1 * action["hammer.mass"]})
+    cold, warm = model.rest_state(heavier, 0.2), model.rest_state(heavier, 0.2, near=near)
+    np.testing.assert_allclose(warm.angle_rad, cold.angle_rad, rtol=0, atol=1e-10)
+    lifting = model.load_scene("giving-joints").on(action)  # of other bodies: the search begins anew
+    np.testing.assert_array_equal(
+        model.rest_state(lifting, 0.2, near=near).angle_rad, model.rest_state(lifting, 0.2).angle_rad
+    )
+
+
 def test_rest_of_other_actions(action: model.Action) -> None:
     random = np.random.default_rng(7)
     lengths = [p for p, q in action.quantities.items() if q.unit == "m" and not p.endswith("radius")]

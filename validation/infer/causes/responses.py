@@ -71,6 +71,7 @@ class Responses:
         self.measured = np.array([rows(t.change_rad) for t in self.trials])
         self._known: list[Array] = []
         self._turned: dict[tuple[_Place, int], Array | None] = {}
+        self._forces: dict[tuple[int, float, int], tuple[Array, Array]] = {}
         self._rests: dict[Any, tuple[model.Action, model.RestState] | None] = {}
 
     @cached_property
@@ -85,14 +86,16 @@ class Responses:
         known = [turn for turn in found if turn is not None]
         if len(known) < len(found):
             return None
-        self._known.append(self.measured - np.array(known))
-        return self._known[-1]
+        differences = self.measured - np.array(known)
+        if len(set(places)) == 1:
+            self._known.append(differences)
+        return differences
 
     def differences(self, points: Sequence[Point]) -> list[Array | None]:
         """Differences (trials, 3 m) at each point; None where a trial cannot be run there.
 
         Where all trials have the same, two are run, and the others move as these do on the average, from the nearest
-        point where all were run (`exact`).
+        point where all have the same and were run (`exact`).
         """
         base = self.base
         if base is None:
@@ -244,17 +247,13 @@ class Responses:
         gain, level = error[FORCE_GAIN], error[FORCE_LEVEL] - place.offset_n
         key = tuple(changed.items()), tuple(added), trial.preload_n - level
         if key not in self._rests:
-            self._rests[key] = self._find_rest(changed, added, key[-1])
+            self._rests[key] = self._find_rest(changed, added, key[-1], trial.preload_n)
         found = self._rests[key]
         if found is None:
             return None
         action, rest = found
-        read = np.interp(trial.force_time_s + error[FORCE_DELAY], trial.force_time_s, trial.force_n)
-        driven = (read - trial.preload_n) / gain + trial.preload_n - level
-        if place.knot >= 0:
-            knots = noise_knots(trial)
-            driven = driven + np.interp(trial.force_time_s, knots, BUMP_N * (np.arange(knots.size) == place.knot))
-        table = coarse_force(trial.force_time_s, driven)
+        when, read = self._coarse_force(trial, error[FORCE_DELAY], place.knot)
+        table = when, (read - trial.preload_n) / gain + trial.preload_n - level
         start, rate = trial.force_time_s[0], error[CLOCK]
         if rate != 1.0:
             table = start + (table[0] - start) / rate, table[1]
@@ -263,9 +262,21 @@ class Responses:
             output = np.append(start, output)  # where the key's pivot was at rest
         return Run(action, rest, *table, output, drawn_tolerance(self.tested))
 
+    def _coarse_force(self, trial: ObservedTrial, delay_s: float, knot: int) -> tuple[Array, Array]:
+        """Force of a trial as it is run, s and N, read so much too late and with a bump at one knot; made once."""
+        key = trial.number, delay_s, knot
+        if key not in self._forces:
+            force = np.interp(trial.force_time_s + delay_s, trial.force_time_s, trial.force_n)
+            if knot >= 0:
+                knots = noise_knots(trial)
+                force = force + np.interp(trial.force_time_s, knots, BUMP_N * (np.arange(knots.size) == knot))
+            self._forces[key] = coarse_force(trial.force_time_s, force)
+        return self._forces[key]
+
     def _find_rest(
-        self, changed: dict[str, float], added: Sequence[tuple[Source, float]], preload_n: float
+        self, changed: dict[str, float], added: Sequence[tuple[Source, float]], preload_n: float, declared_n: float
     ) -> tuple[model.Action, model.RestState] | None:
+        """The action with all changes, and its rest, searched from that of the action under the declared preload."""
         try:
             action = self.tested.action.with_values(changed) if changed else self.tested.action
             for source, z in added:
@@ -273,7 +284,7 @@ class Responses:
                 if scene is None:
                     return None
                 action = scene.apply_to(action)
-            return action, self.tested.rest_of(action, preload_n)
+            return action, self.tested.rest_of(action, preload_n, self.tested.load(declared_n).rest)
         except ModelError:
             return None
 

@@ -96,9 +96,8 @@ class BalancedNoise:
             roots = self.mean[k], self.between[k]
             self._inverse[k] = [solve_triangular(root, np.eye(len(root)), lower=True) for root in roots]
         mean, between = self._inverse[k]
-        out = np.empty_like(turned)
-        out[0], out[1:] = np.tensordot(mean, turned[0], 1), np.moveaxis(np.tensordot(between, turned[1:], (1, 1)), 0, 1)
-        return out
+        columns = turned.reshape(*turned.shape[:2], -1)
+        return np.concatenate([mean @ columns[:1], between @ columns[1:]]).reshape(turned.shape)
 
     def log_likelihoods(self, turned: Array) -> Array:
         """Log posterior of each of `DEVIATIONS`, but for a constant, at mean and contrasts (trials, n)."""

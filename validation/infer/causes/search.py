@@ -290,14 +290,16 @@ class Search:
         return float(pair_gains(gram, b)[0]) > threshold.pair
 
     def first_round(self) -> list[Fit]:
-        """Every source in all trials, and as some trials may have it best, one step of Gauss–Newton from none."""
+        """Every source in all trials, and the best as some trials may have it, one step of Gauss–Newton from none."""
         gains, _ = self.gains()
         best: dict[tuple[int, bool], int] = {}
         for n in np.argsort(-gains, kind="stable"):
             candidate = self.responses.candidates[self.named[int(n)]]
             best.setdefault((candidate.source, candidate.profile == ALL), self.named[int(n)])
         added = [i for i in self.named if self.source(i).added]
-        started = [self.start_fit((i,)) for i in best.values() if i not in added]
+        shared = [i for (_, all_trials), i in best.items() if all_trials and i not in added]
+        partial = [i for (_, all_trials), i in best.items() if not all_trials]
+        started = [self.start_fit((i,)) for i in (*shared, *partial[: 2 * REFITTED])]
         return self.refit([*started, *self.effects_at_amounts(added)], rounds=1)
 
     def refit_alike(self, fits: Sequence[Fit]) -> list[Fit]:

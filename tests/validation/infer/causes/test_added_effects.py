@@ -12,7 +12,8 @@ from tests.validation.infer import toy
 from validation.events.key_lift import SCALE_RADIUS_M
 from validation.infer.causes import explain
 from validation.infer.causes.responses import Point, Responses
-from validation.infer.hypotheses import ADDED, JOINTS, addable
+from validation.infer.channels import FORCE_GAIN
+from validation.infer.hypotheses import ADDED, ALL, JOINTS, STEP, addable, sources
 from validation.prediction.model_under_test import ModelUnderTest
 
 ACTION = model.load_action()
@@ -97,3 +98,16 @@ class Silent:
     """Responses of a model that cannot follow."""
 
     base = None
+
+
+def test_what_some_trials_have_does_not_reach_a_point_where_all_are_alike(responses: Responses) -> None:
+    (trial,) = responses.trials
+    gain = next(s for s in sources(ACTION, trial) if s.name == FORCE_GAIN)
+    alike = Responses(ModelUnderTest(ACTION), [replace(trial, number=n) for n in range(1, 5)], [gain])
+    shared, step = (
+        next(i for i, c in enumerate(alike.candidates) if (c.profile, c.first) == kind)
+        for kind in ((ALL, 1), (STEP, 3))
+    )
+    assert alike.exact(Point(((shared, 0.5), (step, 1.0)))) is not None
+    (found,) = alike.differences([Point(((shared, 0.5),))])
+    assert found is not None and found == pytest.approx(np.tile(found[0], (4, 1)), abs=1e-12)
