@@ -22,6 +22,8 @@ PLACES = ("module", "inline", "field", "default")
 EXEMPTIONS = {
     "formats and codes": "files, masks, powers of two, seeds, ports, codes, enumerations, bounds of a file's fields",
     "tableaux and series": "files, divisors, mathematical constants such as 1.4826",
+    "published standards": "constants and rules of ISO/TS 18571 in its file, grades of Kass and Raftery (1995)",
+    "declared physical data": "what the thesis prescribes, one place each: targets of regulation, key dip",
     "units and physical constants": "conversions, gravity, declared parameters of a law or a screw",
     "sizes of plots": "files, figure sizes, fonts, lines, columns of a terminal",
     "instruments of the virtual bench": "what is simulated there: constants, fields, defaults that say unit and source",
@@ -34,6 +36,7 @@ MATHEMATICAL = {1.4826, 0.6745, 0.4549, 0.158655, 1.96, 700.0, 0.3186}
 PHYSICAL = {9.81, 9.80665, 9.80665e-3, 4.448222, 4.4482216152605}
 FILES = {
     "tableaux and series": r"methods\.py|elementary|banded|force_library",
+    "published standards": r"scores/iso18571\.py",
     "sizes of plots": r"figure|plots|drawing|colours|report/.*layout|contact_sheet|console/(terminal|output)",
     "formats and codes": r"layout|workspace|signatures|mraw|cine_|avi_|tiff_|video_index|machine_code|orientation"
     r"|daqmx\.py|status|/rpc/|product|journal_records|tdms|lvm|messages|/flags|/quantity\.py|/native\.py|daq/faults",
@@ -45,8 +48,11 @@ BITS = r".*\b(bits?|bit_depth|itemsize)\b.*"
 NAMES = {
     "units and physical constants": r"_?(DEG|RAD|UNITS?|UNIT_\w+|G|NEWTON\w*|SECONDS|FACTORS|OUTLINES_M)",
     "formats and codes": r"_?(SCHEMA\w*|VERSION\w*|\w*FORMAT\w*|CODES?|EXIT\w*|exit_code|\w*PORT|\w*SEED|\w*STREAM"
-    r"|DOTS|INTERRUPTED|GONE|(self\.)?bit_depth)",
+    r"|ALLOWED_M|DOTS|INTERRUPTED|GONE|(self\.)?bit_depth)",
     "tableaux and series": r"_?(GAUSS\w*|QUARTIC|BASIS)",
+    "published standards": r"GRADES",
+    "declared physical data": r"DIP_M",
+    "indices and shapes": r"N_[A-Z_]+|\w+_COLUMNS_OF_ROW",
     "sizes of plots": r"(SIZE_IN|ROW_IN|WIDTH_IN|DPI|MODEL_DASHES)",
 }
 ARGUMENTS = {
@@ -57,8 +63,10 @@ ARGUMENTS = {
 }
 CALLS = {
     "indices and shapes": r"range|slice|round|np\.(zeros|empty|ones|full|eye|diff)|.*\.reshape",
-    "units and physical constants": r"Number|Screw",
-    "formats and codes": r"ir\.IntType|KINDS|chr|OSError|IsADirectoryError|(self\.)?refuse|Refused|HTTPError",
+    "units and physical constants": r"Number|_pair|Screw",
+    "declared physical data": r"RegulationTarget",
+    "formats and codes": r"ir\.IntType|KINDS|check_numbers|chr|OSError|IsADirectoryError|(self\.)?refuse|Refused"
+    r"|HTTPError",
     "sizes of plots": r"new_sheet|_write_label",
 }
 

@@ -19,7 +19,7 @@ from scipy.optimize import minimize_scalar, nnls
 
 from model.arrays import ArrayRecord, as_numbers
 from model.calibration.curve import LoadingCurve
-from model.calibration.parts import check_numbers
+from model.calibration.parts import RESOLVED, check_numbers
 from model.errors import InputError
 
 GRID = 201  # points of the mid-line
@@ -266,7 +266,7 @@ def _fit_stiffening_cubic(columns: Array, mid: Array, free: Array) -> tuple[Arra
             lambda r: misfit(height(r) * inflected_cubic(r)),
             bounds=(depths[max(k - 1, 0)], depths[min(k + 1, 400)]),
             method="bounded",
-            options={"xatol": 1e-10},
+            options={"xatol": RESOLVED},
         ).x
     )
     beta = height(s) * inflected_cubic(s)

@@ -26,6 +26,7 @@ from model.errors import InputError
 from model.parameters.action import Action, ActionLike, as_action
 
 B2 = 1.0
+RESOLVED = 1e-10  # of a variable of order one, in a search: below what rounding leaves of a minimum
 LARGEST_B1 = 100.0  # the parameter file's bound
 SMALLEST_LOSS = 1e-9  # of the speed: below this damping cannot be distinguished from rounding
 
@@ -56,14 +57,14 @@ def peak_ratio(b1: float, b2: float = B2) -> float:
     """Largest value over s >= 0 of tanh(s) + b1 s / (1 + b2 s**4): static over kinetic coefficient, eq. 2.10."""
     if b1 == 0.0:
         return 1.0  # only approached, at infinite speed
-    s = np.geomspace(1e-3, 1e3, 2001)
+    s = np.geomspace(1e-3, 1e3, 2001)  # shares of the speed scale: the largest lies within, a step is 0.7 %
     values = np.tanh(s) + b1 * s / (1.0 + b2 * s**4)
     k = int(np.clip(np.argmax(values), 1, len(s) - 2))
     best = minimize_scalar(
         lambda r: -(math.tanh(r) + b1 * r / (1.0 + b2 * r**4)),
         bounds=(s[k - 1], s[k + 1]),
         method="bounded",
-        options={"xatol": 1e-10},
+        options={"xatol": RESOLVED},
     )
     return max(1.0, -float(best.fun))
 
@@ -106,7 +107,7 @@ def fit_friction(mu_s: float, mu_k: float, u_mu_s: float = 0.0, u_mu_k: float = 
         )
     b1 = _solve_b1(ratio)
     # dB1/dratio by a central difference, one-sided at the ends of the allowed range
-    step = 1e-4
+    step = 1e-4  # of a ratio of order one: the root search is good to 1e-10
     low, high = max(1.0, ratio - step), min(largest, ratio + step)
     slope = (_solve_b1(high) - _solve_b1(low)) / (high - low)
     u_ratio = ratio * math.hypot(u_mu_s / mu_s, u_mu_k / mu_k)
@@ -116,14 +117,14 @@ def fit_friction(mu_s: float, mu_k: float, u_mu_s: float = 0.0, u_mu_k: float = 
 def _compression(y: float) -> float:
     """G(v) at y = D v; a series where y - ln(1 + y) would cancel."""
     if y < 1e-3:
-        return y * y * (0.5 - y * (1.0 / 3.0 - y * (0.25 - y * (0.2 - y / 6.0))))
+        return sum((-y) ** k / k for k in range(2, 7))
     return y - math.log1p(y)
 
 
 def _rebound(w: float) -> float:
     """G(-v) at w = -ln(1 - D v): D v itself comes too near to 1 for double precision."""
     if w < 1e-3:
-        return w * w * (0.5 - w * (1.0 / 6.0 - w * (1.0 / 24.0 - w * (1.0 / 120.0 - w / 720.0))))
+        return sum((-w) ** k / math.factorial(k) for k in range(2, 7))
     return w + math.expm1(-w)
 
 
@@ -165,7 +166,7 @@ def damping_from_rebound(v_in: float, v_out: float, u_v_in: float = 0.0, u_v_out
         return float(-math.expm1(-w) / after)
 
     d = solve(v_in, v_out)
-    step = 1e-5 * (v_in - v_out)
+    step = 1e-5 * (v_in - v_out)  # cube root of rounding: best for a central difference
     by_in = (solve(v_in + step, v_out) - solve(v_in - step, v_out)) / (2.0 * step)
     by_out = (solve(v_in, v_out + step) - solve(v_in, v_out - step)) / (2.0 * step)
     return d, math.hypot(by_in * u_v_in, by_out * u_v_out)

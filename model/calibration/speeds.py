@@ -22,7 +22,9 @@ from model.files.csv_columns import read_columns
 from model.parameters.action import BODIES, ActionLike, as_action
 from model.scene.build import build_scene
 
-REST_SHARE = 0.02
+REST_SHARE = 0.02  # of the largest speed of its sign: choice; slower touches hardly rub or damp
+FEWEST_ROWS = 8  # a derivative and its ends
+UNEVEN = 0.01  # of a step: the derivative takes steps for equal
 SMOOTHING_S = 2e-3  # window of the derivative of measured angles
 _NUDGE_S = 1e-7  # step along the motion: gaps are smooth in the angles, so the error is far below a micrometre a second
 
@@ -100,8 +102,8 @@ def mean_normal_speeds(
         raise InputError(
             f"motion: row {int(np.argmax(bad)) + 1}: found lost data, allowed finite numbers; cut these rows out"
         )
-    if len(t) < 8 or (np.diff(t) <= 0.0).any():
-        raise InputError("motion: times must increase, over at least 8 rows")
+    if len(t) < FEWEST_ROWS or (np.diff(t) <= 0.0).any():
+        raise InputError(f"motion: times must increase, over at least {FEWEST_ROWS} rows")
     v = _differentiate(t, q) if speed_rad_per_s is None else as_numbers(speed_rad_per_s, "motion: speeds")
     if v.shape != q.shape:
         raise InputError(f"motion: speeds found of shape {v.shape}, allowed that of the angles, {q.shape}")
@@ -126,7 +128,7 @@ def _differentiate(t: Array, q: Array) -> Array:
     from scipy.signal import savgol_filter
 
     step = float(np.median(np.diff(t)))
-    if np.ptp(np.diff(t)) > 0.01 * step:
+    if np.ptp(np.diff(t)) > UNEVEN * step:
         raise InputError("motion: times are not evenly spaced; give the speeds (columns …_rad_per_s) too")
     window = max(5, 2 * round(0.5 * SMOOTHING_S / step) + 1)
     if window > len(t):

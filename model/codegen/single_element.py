@@ -176,7 +176,7 @@ class SingleElement:
             (pull0, fades0), (pull1, fades1) = memory_rate(begun, where_z), memory_rate(to, where_z)
             inside = total(w * memory_rate(begun + g * (to - begun), where_z)[1] for g, w in GAUSS)
             gone_by = minimum(maximum(lasts * inside, -700.0), 700.0)
-            kept, small = exponential(-gone_by), abs(gone_by) < 0.01
+            kept, small = exponential(-gone_by), abs(gone_by) < 0.01  # the series is exact there to 1e-12
             series = 1.0 - gone_by / 2.0 * (1.0 - gone_by / 3.0 * (1.0 - gone_by / 4.0 * (1.0 - gone_by / 5.0)))
             mean = where(small, series, (1.0 - kept) / where(small, 1.0, gone_by))
             steady = (fades0 > 0.0) & (fades1 > 0.0)

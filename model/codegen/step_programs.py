@@ -59,6 +59,7 @@ WORTH_OF_WAY = 10.0  # 1/s: an error of d weighs against one of a speed as that 
 STEEPEST = 1.25  # a prescribed front's lever is at least 0.8 of its length (`model.scene.key_motion.LARGEST_RISE`)
 LONGEST_OF_STAGE = 5.0  # steps over gamma times the step, at most: no method has a gamma below 0.2
 LONGEST_MEMORY = 1e-3  # s, for which an error of a memory is taken to act at most: a blow's contact
+BOUND_SLACK = 1e-7  # m, as `model.integrators.step_control`
 SOUND = 1e-6  # share of a pivot that may be left
 
 LOSSES = {
@@ -452,7 +453,7 @@ class StepPrograms:
         out: list[Statement] = []
         for g, (_, speed) in s.pin_places(W.Z).items():
             step = LONGEST_OF_STAGE * gh
-            way = 1.5 * step * abs(read("w", speed)) + step * step * abs(read("w", W.P_ACC + g)) + 1e-7
+            way = 1.5 * step * abs(read("w", speed)) + step * step * abs(read("w", W.P_ACC + g)) + BOUND_SLACK
             out.append(Assign(slot("w", W.P_ALLOWANCE + g), way))
         for n, c in enumerate(s.memory):
             ease = 1.0 / (inverse - read("w", W.Z_FADE + n))

@@ -256,4 +256,5 @@ def _fit_to_turn(
     edge = _divide_exactly(left, pace)
     slow = _divide_exactly(maximum(LEAST_TURN, TURN * root(root(_divide_exactly(bound * pace, strength)))), pace)
     ends = If((left < step * pace) & (strength * (step - edge) > bound), [Assign(to, edge)])
+    # threshold speeds: nearer, the kink is as good as reached
     return [If(left > 0.01, [ends], [Assign(to, minimum(step, slow))])]

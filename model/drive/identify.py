@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.drive.log import GAIN, DriveLog, DriveOptions
-from model.drive.lumps import LumpFit, fit_lumps
+from model.drive.lumps import DETERMINED, LumpFit, fit_lumps
 
 Array = NDArray[np.float64]
 LARGEST_U = {"joint_friction": 0.02, "spring_stiffness": 0.5, "preload_nm": 0.1}  # beyond, nothing was seen of it
+RESISTANCE_SHARE = 0.05  # of the loop gain, at most: what it says of the sum of both
 OPEN = 1e-6  # share of a direction that nothing fixes
 COMBINATIONS = {
     "torque_per_volt": "N*m/V",
@@ -154,7 +155,7 @@ def _estimate(name: str, value: float, relative: float, unit: str, why: str) -> 
 
 
 def _arm(name: str, value: float, u: float) -> Estimate:
-    if u > LARGEST_U.get(name, 0.3 * abs(value)):
+    if u > LARGEST_U.get(name, DETERMINED * abs(value)):
         return Estimate(name, np.nan, np.nan, ARM_UNITS[name], "the arm never moved enough for it")
     return Estimate(name, value, u, ARM_UNITS[name])
 
@@ -178,7 +179,7 @@ def _physical_parameters(fit: LumpFit, options: DriveOptions) -> tuple[Estimate,
     known = [({"share": 1.0}, 0.0, 1e-9)] if voltage else []
     for name, (value, u) in options.known.items():
         if name == "loop_gain":  # of the sum of both: the resistance is some hundredths of it
-            known.append(({"total": 1.0}, float(np.log(value)), float(np.hypot(u / value, 0.05))))
+            known.append(({"total": 1.0}, float(np.log(value)), float(np.hypot(u / value, RESISTANCE_SHARE))))
             continue
         known.append((_log_coefficients(name), float(np.log(value)), u / value))
     covariance = np.zeros((len(rows) + len(known),) * 2)

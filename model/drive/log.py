@@ -85,12 +85,12 @@ class DriveOptions:
     """
 
     mode: str = "torque"
-    length_m: float = 0.100
-    u_length_m: float = 2.9e-4
-    u_force: float = 5e-3
-    u_current: float = 5e-3
-    u_delay_s: float = 1e-5
-    softness: float = 0.05
+    length_m: float = 0.100  # m: choice; that of the shipped rig
+    u_length_m: float = 2.9e-4  # m: read on a rule to 1 mm, rectangular
+    u_force: float = 5e-3  # relative: choice, a load cell calibrated with weights
+    u_current: float = 5e-3  # relative: choice, a shunt of half a per cent
+    u_delay_s: float = 1e-5  # s: choice, a tenth of a sample at 10 kHz
+    softness: float = 0.05  # as `motor_drive.limit_softness`
     known: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

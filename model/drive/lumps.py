@@ -30,26 +30,24 @@ from model.kernels.drive_torque import SUBSTEPS, integrate_torque
 Array = NDArray[np.float64]
 LUMPS = ("torque_per_volt", "delay", "damping", "ceiling", "supply", "share", "firmness")
 SATURATED = 2.0  # as `model.scene.pressing`
-DEGREE = 5  # of the bump: its second derivative is smooth
+DEGREE = 5  # of the bump: its third derivative is continuous
 QUARTIC = np.array([22.0, -67.0, -58.0, 0.0, 58.0, 67.0, -22.0]) / 252.0
-PIECE = 3  # samples a piece of the bump
+PIECE = 3  # samples a piece of the bump: choice, a window of 18 averages an encoder's rounding
 ARM = ("inertia", "joint_friction", "spring_stiffness", "preload_nm")
 PER_AMPERE = len(LUMPS)  # place of the torque constant where the current was recorded
-SLIP_RAD_PER_S = 0.02  # speed over which friction turns round
+SLIP_RAD_PER_S = 0.02  # over which friction turns round: choice, slow against any stroke
 UNREACHED_LIMIT = 10.0  # times the largest torque asked for: a limit that is never met
-LOG_PRIOR_WIDTH = {"share": 1.5, "firmness": 1.5}  # of the logarithm, before the log is looked at; 4 for the others
-DIFFERENCE = 1e-4  # of a logarithm, of the central differences
-ROUNDS, SHORT, LAG = 40, 10, 15
+LOG_PRIOR_WIDTH, HARDLY_SEEN_WIDTH = 4.0, 1.5  # of a logarithm before the log is looked at; of share and firmness
+DIFFERENCE = 1e-4  # of a logarithm, of the central differences: exact to 1e-8, far above rounding
+ROUNDS = 40  # of a search, at most
+LAG = 15  # windows of 3 samples beyond which residuals count as independent: choice, 45 samples
 LEAST_IMPROVEMENT = 150.0  # fall of the sum of squares from which a limit is believed: windows overlap some sixfold
-U_SOFTNESS = 0.03  # standard uncertainty of the limit's softness
-ARM_PRIOR_WIDTH = (
-    0.1,
-    1.0,
-    10.0,
-    10.0,
-)  # of the arm, SI units: far beyond any, so that what does not show stays finite
-UNEXPLAINED = 0.2  # share of the tip's torque that may be left
-DETERMINED = 0.3  # relative standard uncertainty up to which a number counts as determined
+U_SOFTNESS = 0.03  # of `motor_drive.limit_softness`, as its source states
+ARM_PRIOR_WIDTH = 10.0  # of the arm, SI units: far beyond any, so that what does not show stays finite
+UNEXPLAINED = 0.2  # share of the tip's torque that may be left: choice, wrong clocks or signs leave most of it
+DETERMINED = 0.3  # relative standard uncertainty up to which a number is given: choice, one digit
+SEEN = 3.0  # standard deviations of the residuals that a number must change: at less, the log is silent about it
+CURRENT_LOOP, WINDING = (3e-4, 5.0, 0.1), (2e-3, 50.0, 1.0)  # delay, s, firmness, share of usual drives, to start from
 
 
 def motor_torque(
@@ -180,7 +178,7 @@ def fit_lumps(log: DriveLog, options: DriveOptions) -> LumpFit:
     """The numbers under which the log's torques balance best."""
     problem = _Problem(log, options)
     starts = _initial_guesses(problem)
-    x, prior = _fit_least_squares(problem, starts[0], starts[0], SHORT)[0], starts[0]
+    x, prior = _fit_least_squares(problem, starts[0], starts[0], ROUNDS)[0], starts[0]
     _set_residual_scale(problem, x)
     found = [_fit_least_squares(problem, start, start, ROUNDS) for start in starts]
     best = min(range(len(found)), key=lambda k: found[k][1] + LEAST_IMPROVEMENT * (k > 0))
@@ -207,6 +205,7 @@ def _set_residual_scale(problem: _Problem, x: Array) -> None:
 def _initial_guesses(problem: _Problem) -> list[Array]:
     """Where the search begins: from a straight line through small commands, with limits met and not."""
     log, mode = problem.log, problem.options.mode
+    # small commands, at which no limit is met yet, and a torque that only a spike exceeds
     small = np.abs(problem.asked) <= 0.4 * np.abs(log.command_v).max()
     rows = np.concatenate([problem.asked[None], problem.arm, -problem.turning[None]])
     line = np.linalg.lstsq(rows[:, small].T, problem.tip[small], rcond=None)[0]
@@ -218,15 +217,14 @@ def _initial_guesses(problem: _Problem) -> list[Array]:
         )
     asked = gain * float(np.abs(log.command_v).max())
     made = float(np.quantile(np.abs(problem.tip + max(line[1], 0.0) * -problem.arm[0]), 0.98))
-    delay, firmness = (3e-4, 5.0) if mode == "torque" else (2e-3, 50.0)
-    share = 0.1 if mode == "torque" else 1.0
+    delay, firmness, share = CURRENT_LOOP if mode == "torque" else WINDING
     per_ampere = []
     if problem.current is not None:
         slope = float(problem.current @ log.command_v / (log.command_v @ log.command_v))
         per_ampere = [gain / max(abs(slope), 1e-6)]
     out = []
     for ceiling in (UNREACHED_LIMIT * asked, min(made, asked)):
-        for supply in (UNREACHED_LIMIT * asked, 1.2 * asked, 0.5 * asked):
+        for supply in (UNREACHED_LIMIT * asked, 1.2 * asked, 0.5 * asked):  # not met, just met, met for most of it
             lumps = [gain, delay, max(float(line[-1]), 1e-3), ceiling, supply, share, firmness, *per_ampere]
             out.append(np.concatenate([np.log(lumps), [max(line[1], 1e-5), max(line[2], 0.0), line[3], line[4]]]))
     return out
@@ -234,8 +232,12 @@ def _initial_guesses(problem: _Problem) -> list[Array]:
 
 def _prior(problem: _Problem) -> Array:
     """Weights (k,) that hold what the log does not say near where the search began."""
-    logs = [1.0 / LOG_PRIOR_WIDTH.get(name, 4.0) for name in (*LUMPS, "torque_constant")][: len(problem.free)]
-    return np.array([*logs, *(1.0 / wide for wide in ARM_PRIOR_WIDTH)])
+    return 1.0 / np.append(_log_prior_widths(problem), [ARM_PRIOR_WIDTH] * len(ARM))
+
+
+def _log_prior_widths(problem: _Problem) -> Array:
+    names = (*LUMPS, "torque_constant")[: len(problem.free)]
+    return np.array([HARDLY_SEEN_WIDTH if name in ("share", "firmness") else LOG_PRIOR_WIDTH for name in names])
 
 
 def _free_indices(problem: _Problem) -> NDArray[np.int64]:
@@ -281,12 +283,11 @@ def _lump_fit(problem: _Problem, x: Array) -> LumpFit:
         covariance = covariance + np.outer(shift, shift)
     whole = np.zeros((len(x), len(x)))
     whole[np.ix_(moving, moving)] = covariance
-    spread = np.array([LOG_PRIOR_WIDTH.get(name, 4.0) for name in (*LUMPS, "torque_constant")][:p])
     u = np.sqrt(np.maximum(np.diag(whole), 0.0))
     names = (*LUMPS, "torque_constant")[:p]
     bare = np.zeros(p)
     bare[moving[: len(moving) - len(ARM)]] = np.linalg.norm(jacobian[:, : len(moving) - len(ARM)], axis=0)
-    determined = problem.free & (u[:p] < min(DETERMINED, 1.0)) & (u[:p] < 0.5 * spread) & (bare > 3.0)
+    determined = problem.free & (u[:p] < DETERMINED) & (bare > SEEN)
     asked = float(np.exp(x[0]) * np.abs(problem.log.command_v).max())
     arm = {name: (float(x[p + k]), float(u[p + k])) for k, name in enumerate(ARM)}
     rms = float(problem.scale[0] * np.sqrt(np.mean(rest[:m] ** 2)))

@@ -121,7 +121,7 @@ class Modes:
         return [
             Assign(found, ZERO),
             loop_over("reach", self.count, one),
-            Assign(slot("w", W.S_REACH), 1.1 * value_of("reach")),
+            Assign(slot("w", W.S_REACH), 1.1 * value_of("reach")),  # a tenth more than the sum of its modes
         ]
 
     def rate(self, i: Expression, y: Expression, u: Expression, force: Expression) -> Expression:

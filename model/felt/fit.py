@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
+from scipy.stats.qmc import Sobol
 
 from model.arrays import ArrayRecord
 from model.elements.laws.known import LAWS as KNOWN
@@ -24,18 +25,19 @@ from model.felt.pressing import Pressing
 
 FEWEST_PRESSES = 2
 MOST_EVALUATIONS = 400  # of the residuals, per start
-SHAPES = ((1.0, 0.3, 0.1), (0.1, 1.0, 0.1), (0.1, 0.3, 1.0))
+STARTS = 4  # of a search, spread over its box: choice; eight find the same minima of 18 fits
+LARGEST_SHARE = 20.0  # of the largest force, of one term at the deepest point: choice, far beyond any felt
 CUBIC_UNITS = ("N/m^3", "N/m^2", "N/m")
-DECADES, DECADES_TRIED = 100.0, 5
+DECADES = 100.0  # ratio of a number's limits from which its logarithm is searched
 
 Array = NDArray[np.float64]
 
 
 class Search(NamedTuple):
-    """Coordinates of a law's search, numbers of order one in a box, and where it starts."""
+    """Coordinates of a law's search, numbers of order one in a box; starts lie in its part up to ``usual``."""
 
-    starts: tuple[tuple[float, ...], ...]
     low: tuple[float, ...]
+    usual: tuple[float, ...]
     high: tuple[float, ...]
     law: Callable[[Array], FeltLaw]
     names: tuple[str, ...]
@@ -89,19 +91,19 @@ def _cubic(s: Array, depth: float, force: float) -> tuple[float, float, float]:
 
 
 def law_search(kind: str, presses: Sequence[Pressing]) -> Search:
-    """Box, starts and scales of the least-squares search for a law's parameters."""
+    """Box and scales of the least-squares search for a law's parameters."""
     depth, force = max(p.deepest_m for p in presses), max(p.peak_n for p in presses)
     speed = float(np.nanmedian([p.speed_m_per_s for p in presses]))
     if kind == "hunt-crossley":
         return Search(
-            tuple((*s, 0.1) for s in SHAPES), (0.0, 0.0, 0.0, 0.0), (20.0, 20.0, 20.0, 50.0),
+            (0.0,) * 4, (1.0,) * 4, (LARGEST_SHARE,) * 4,
             lambda s: HuntCrossley(*_cubic(s, depth, force), s[3] / speed), ("a", "b", "c", "D"),
             (*CUBIC_UNITS, "s/m"), lambda law: (law.a, law.b, law.c, law.d),  # type: ignore[attr-defined]
         )  # fmt: skip
     if kind == "hysteresis":
         return Search(
-            tuple((*s, 0.1, eta) for s in SHAPES for eta in (0.1, 0.3)), (0.0, 0.0, 0.0, 0.0, 0.01),
-            (20.0, 20.0, 20.0, 1.0, LONGEST_REACH),
+            (0.0, 0.0, 0.0, 0.0, 0.01), (1.0, 1.0, 1.0, 1.0, LONGEST_REACH),  # the way of a hundredth is gone at once
+            (LARGEST_SHARE, LARGEST_SHARE, LARGEST_SHARE, 1.0, LONGEST_REACH),
             lambda s: Hysteresis(*_cubic(s, depth, force), (s[3],), (s[4],)), ("a", "b", "c", "beta", "eta"),
             (*CUBIC_UNITS, "1", "1"),
             lambda law: (*law._kernel_arguments()[2], law.beta[0], law.eta[0]),  # type: ignore[attr-defined]
@@ -122,8 +124,8 @@ def law_search(kind: str, presses: Sequence[Pressing]) -> Search:
         return law.f0 * left, law.p, law.tau_s * law.epsilon / left, law.tau_s
 
     return Search(
-        tuple((0.0, p, alpha, tau) for p in (1.5, 3.0) for alpha, tau in ((-5.0, -9.0), (-2.5, -2.5))),
-        (-4.0, 1.0, -14.0, -14.0), (4.0, 8.0, 3.0, 3.0), stulov,
+        # logarithms of Q0 and of alpha and tau0 as shares of the press's length, and the power p between them
+        (-4.0, 1.0, -14.0, -14.0), (1.0, 4.0, 0.0, 0.0), (4.0, 8.0, 3.0, 3.0), stulov,
         ("Q0", "p", "alpha", "tau0"), ("N/m^p", "1", "s", "s"), numbers,
     )  # fmt: skip
 
@@ -147,23 +149,21 @@ def cubic_law_search(kind: str, depth: float, force: float, speed: float) -> Sea
         return felt.a, felt.b, felt.c, *[felt.d] * damped, *felt.values.values()
 
     low, high = ([to_coordinate(k, getattr(n, at)) for k, n in numbers.items()] for at in ("low", "high"))
-    # where a number spans decades its usual value may be far from this felt's
-    starts = [
-        (*SHAPES[k % len(SHAPES)], *[0.1] * damped, *(
-            min(to_coordinate(name, n.value) + k * math.log(10.0), to_coordinate(name, n.high)) if name in far
-            else n.value
-            for name, n in numbers.items()
-        ))
-        for k in range(DECADES_TRIED)
-    ]  # fmt: skip
+    shares = 3 + damped
     return Search(
-        tuple(dict.fromkeys(starts)), (0.0, 0.0, 0.0, *[0.0] * damped, *low),
-        (20.0, 20.0, 20.0, *[50.0] * damped, *high), law, ("a", "b", "c", *["D"] * damped, *numbers),
+        (*[0.0] * shares, *low), (*[1.0] * shares, *high), (*[LARGEST_SHARE] * shares, *high), law,
+        ("a", "b", "c", *["D"] * damped, *numbers),
         (*CUBIC_UNITS, *["s/m"] * damped, *(n.unit for n in numbers.values())), to_law_coordinates,
     )  # fmt: skip
 
 
-def _fit(search: Search, presses: Sequence[Pressing], starts: Sequence[ArrayLike]) -> Array:
+def draw_starts(search: Search) -> Array:
+    """Starts (STARTS, k) spread over the usual part of a search's box, the same each time."""
+    share = Sobol(len(search.low), seed=0).random(STARTS)
+    return np.asarray(search.low + share * np.subtract(search.usual, search.low))
+
+
+def _fit(search: Search, presses: Sequence[Pressing], starts: ArrayLike) -> Array:
     """Coordinates (k,) of the best fit from any of the starts."""
 
     def residual(s: Array) -> Array:
@@ -172,7 +172,7 @@ def _fit(search: Search, presses: Sequence[Pressing], starts: Sequence[ArrayLike
 
     found = [
         least_squares(residual, start, bounds=(search.low, search.high), x_scale="jac", max_nfev=MOST_EVALUATIONS)
-        for start in starts
+        for start in np.asarray(starts)
     ]
     return np.asarray(min(found, key=lambda one: float(one.cost)).x, dtype=float)
 
@@ -212,13 +212,12 @@ def fit_law(kind: str, presses: Sequence[Pressing]) -> LawFit:
         twice = next(name for name in names if names.count(name) > 1)
         raise InputError(f"felt law {kind}: {twice} is given twice; give each press once")
     search = law_search(kind, presses)
-    best = _fit(search, presses, search.starts)
+    starts = draw_starts(search)
+    best = _fit(search, presses, starts)
     law = search.law(best)
     # the others differ little from all: one start, at the best of all
     inside = np.clip(best, np.add(search.low, 1e-6), np.subtract(search.high, 1e-6))
-    without = [
-        search.law(_fit(search, [p for p in presses if p is not one], [inside, *search.starts[:1]])) for one in presses
-    ]
+    without = [search.law(_fit(search, [p for p in presses if p is not one], [inside, starts[0]])) for one in presses]
     n = len(presses)
     values = np.array([search.values(one) for one in without])
     spread = np.sqrt((n - 1) / n * np.sum((values - values.mean(axis=0)) ** 2, axis=0))

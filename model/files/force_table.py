@@ -13,7 +13,7 @@ from model.files.time_table import check_rows, two_columns
 
 Array = NDArray[np.float64]
 
-LARGEST_FORCE_N = 1000.0
+LARGEST_FORCE_N = 1000.0  # ten times the loudest stroke: beyond, a table is in another unit
 
 # What a finger or a motor does to a key. A table beyond these limits is most often in another unit.
 LONGEST_BLOW_S = 10.0  # pressed without a pause; a held bass note is damped or gone by then

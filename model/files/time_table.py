@@ -10,7 +10,7 @@ from model.errors import InputError
 
 Array = NDArray[np.float64]
 
-LARGEST_TIME_S = 1e6
+LARGEST_TIME_S = 1e6  # s: up to it a double still tells nanoseconds apart
 
 
 def two_columns(time_s: ArrayLike, values: ArrayLike, where: str) -> tuple[Array, Array]:

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 # powers in the action are sharp peaks where felt is hit or sliding turns round: equal steps miss them or waste work
 SPLIT = 4  # parts a panel is split into
-MOST_POINTS = 60_000
+MOST_POINTS = 60_000  # of a motion: some 2 kB each, 120 MB in all
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,8 @@ def integrate_panels(
     accepted: list[tuple[Array, ...]] = []
     points = 0
     for level in range(rounds + 1):
-        times = left[:, None] + (right - left)[:, None] * np.linspace(0.0, 1.0, 5)
-        times[:, 4] = right  # exactly, so that neighbours share it
+        times = left[:, None] + (right - left)[:, None] * np.linspace(0.0, 1.0, SPLIT + 1)
+        times[:, SPLIT] = right  # exactly, so that neighbours share it
         distinct, back = np.unique(times, return_inverse=True)
         back = back.reshape(times.shape)
         points += len(distinct)
@@ -101,7 +101,7 @@ def integrate_panels(
 States = Callable[[Array], tuple[Array, ...]]
 
 GOAL = 1e-6  # error of what accumulates, as a share of all losses
-LONGEST_PANEL_S = 5e-4
+LONGEST_PANEL_S = 5e-4  # s: two or more within any contact of hammer and string
 ROUNDS = 5  # of halving panels until integrals are within the tolerance
 AT_ONCE = 2000  # states; what they say of every contact takes 2 kB each
 

@@ -13,7 +13,9 @@ from numba import int64
 
 from model.integrators.rosenbrock import WAKING_STEP
 from model.integrators.step_control import (
+    BOUND_SLACK,
     DONE,
+    FAILED,
     NOT_FINITE,
     SMALLEST_STEP,
     STEP_TOO_SMALL,
@@ -280,7 +282,7 @@ def choose_steps(bits, width, gamma, members, space):
         for lane in range(width):
             step = number[STEP * width + lane]
             v, acc = memory[(V + i) * width + lane], memory[(ACC + i) * width + lane]
-            memory[(ALLOWANCE + i) * width + lane] = 1.5 * step * abs(v) + step * step * abs(acc) + 1e-7
+            memory[(ALLOWANCE + i) * width + lane] = 1.5 * step * abs(v) + step * step * abs(acc) + BOUND_SLACK
 
 
 @inlined_uncounted
@@ -293,7 +295,7 @@ def accept_or_reject(trying, sound, rejected, exponent, width, space):
             step, error = number[STEP * width + lane], memory[ERROR * width + lane]
             power = inverse_power(error, exponent)
             if not sound >> lane & 1:
-                number[WANTED * width + lane] = 0.2 * step
+                number[WANTED * width + lane] = FAILED * step
             elif error <= 1.0:
                 within |= 1 << lane
                 before = rejected >> lane & 1 == 1

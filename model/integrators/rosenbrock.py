@@ -12,6 +12,7 @@ from numba import int64
 
 from model.integrators.step_control import (
     DONE,
+    FAILED,
     FULL,
     NOT_FINITE,
     SMALLEST_STEP,
@@ -57,7 +58,8 @@ from model.kernels.workspace import (
 
 WAKING_STEP = 1e-5  # s, first step of an action that was at rest
 STAGE = 2 * WIDTH
-GAUSS, WEIGHT = (-0.3872983346207417, 0.0, 0.3872983346207417), (5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0)
+GAUSS_NODES = (-0.3872983346207417, 0.0, 0.3872983346207417)
+GAUSS_WEIGHTS = (5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0)
 
 
 @inlined
@@ -194,7 +196,7 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
         if not ok or error > 1.0:
             counters[N_REJECTED] += 1
             rejected = True
-            h = rejected_step_size(step, power) if ok else 0.2 * step
+            h = rejected_step_size(step, power) if ok else FAILED * step
             if h < SMALLEST_STEP:
                 status = STEP_TOO_SMALL if ok else NOT_FINITE
                 break
@@ -219,12 +221,12 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
             k_out += 1
         if audited:
             for g in range(3):
-                w[FRACTION] = 0.5 + GAUSS[g]
+                w[FRACTION] = 0.5 + GAUSS_NODES[g]
                 inside(w, n_dense, n_z)
                 u, _, k_in = interpolate_own_input(t + w[FRACTION] * step, k_in, drive)
                 energy(w, p, u0 if drive.held else u)
                 for j in range(energies.shape[0]):
-                    energies[j] += step * WEIGHT[g] * w[POWER_IN + j]
+                    energies[j] += step * GAUSS_WEIGHTS[g] * w[POWER_IN + j]
         h = next_step_size(step, power, rejected, fitted, h)
         rejected = False
         for i in range(STAGE):

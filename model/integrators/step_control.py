@@ -8,9 +8,12 @@ from model.kernels.workspace import ACC, ALLOWANCE, M_DIAG, M_UP, STIFF, WIDTH, 
 DONE, STEP_TOO_SMALL, NOT_FINITE, TOO_MANY_STEPS = 0, 1, 2, 3
 FULL = 9  # the rows for steps are used up: go on with others
 
+WHOLE = 1.01  # of a step that a stop may be away and be reached by it
 SAFETY = 0.75  # of the step that the error norm permits
 GROW = 5.0  # largest factor from step to step
 SHRINK = 0.15  # smallest factor from step to step
+FAILED = 0.2  # factor after a step whose equations have no solution
+BOUND_SLACK = 1e-7  # rad or m, beyond the bound on a motion: what the bound itself leaves out of a short step
 SMALLEST_STEP = 1e-12  # s; below it a run ends with an error
 
 
@@ -42,7 +45,7 @@ def next_stop(t, end, k_in, drive):
 @inlined
 def fit_to_stop(stop, t, step):
     """A ``step`` that takes what is left before ``stop`` whole, or half of it, rather than leave a sliver."""
-    if t + 1.01 * step >= stop:
+    if t + WHOLE * step >= stop:
         return stop - t
     if t + 2.0 * step > stop:
         return 0.5 * (stop - t)
@@ -53,7 +56,7 @@ def fit_to_stop(stop, t, step):
 def set_motion_bounds(w, step):
     """How far each coordinate may move within the step before a contact that was left out must be evaluated."""
     for i in range(WIDTH):  # prescribed coordinates too
-        w[ALLOWANCE + i] = 1.5 * step * abs(w[V + i]) + step * step * abs(w[ACC + i]) + 1e-7
+        w[ALLOWANCE + i] = 1.5 * step * abs(w[V + i]) + step * step * abs(w[ACC + i]) + BOUND_SLACK
 
 
 @inlined

@@ -6,7 +6,7 @@ import numpy as np
 
 from model.kernels.compile import kernel
 
-SUBSTEPS = 4
+SUBSTEPS = 4  # of a sample: steps are exact while no limit sets in
 MICROSTEPS = 12  # of a substep in which a limit sets in
 SETTLING = 60  # steps of a few delays each, until the current is where the first command leaves it
 
@@ -31,7 +31,7 @@ def integrate_torque(amplifier_kernel, lumps, source_limit, command, turned, int
             h = interval / SUBSTEPS
             emf = damping * (turned[k + 1] - turned[k]) / h
             if step < SETTLING:
-                h, emf = 5.0 * delay, 0.0
+                h, emf = 5.0 * delay, 0.0  # "a few delays"
             else:
                 out[row, k] = m
             source = min(max(gain * command[k // SUBSTEPS], -source_limit[row]), source_limit[row])

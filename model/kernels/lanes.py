@@ -123,16 +123,16 @@ def _subtract(b: Any, x: Any, y: Any) -> Any:
     return call_intrinsic(b, "fma", *x.operands, b.fneg(y)) if _is_product(x) else b.fsub(x, y)
 
 
-for _keys, _arguments, _lower in (
-    ((operator.add, operator.iadd), 2, _add),
-    ((operator.sub, operator.isub), 2, _subtract),
-    ((operator.mul, operator.imul), 2, lambda b, x, y: b.fmul(x, y)),
-    ((operator.truediv, operator.itruediv), 2, lambda b, x, y: b.fdiv(x, y)),
-    ((abs,), 1, lambda b, x: call_intrinsic(b, "fabs", x)),
-    ((max,), 2, lambda b, x, y: b.select(b.fcmp_ordered(">", y, x), y, x)),
+for _keys, _lower in (
+    ((operator.add, operator.iadd), _add),
+    ((operator.sub, operator.isub), _subtract),
+    ((operator.mul, operator.imul), lambda b, x, y: b.fmul(x, y)),
+    ((operator.truediv, operator.itruediv), lambda b, x, y: b.fdiv(x, y)),
+    ((abs,), lambda b, x: call_intrinsic(b, "fabs", x)),
+    ((max,), lambda b, x, y: b.select(b.fcmp_ordered(">", y, x), y, x)),
 ):
     for _key in _keys:
-        _operation(_key, _arguments, _lower)
+        _operation(_key, _lower.__code__.co_argcount - 1, _lower)
 
 
 @infer_global(operator.getitem)

@@ -30,6 +30,7 @@ from model.simulation.run import Simulation, State
 from model.simulation.solution import EnergyAudit
 from model.simulation.statics import solve_rest
 from model.simulation.string_motion import StringMotion, string_motion
+from model.tolerance import MOTION_TOLERANCE
 
 Array = NDArray[np.float64]
 
@@ -83,7 +84,7 @@ def run_prescribed(
     motion: KeyMotion,
     output_time_s: Array,
     *,
-    tolerance: float = 1e-6,
+    tolerance: float = MOTION_TOLERANCE,
     choice: SceneChoice | None = None,
     method: str = DEFAULT_METHOD,
     energy: bool = False,

@@ -16,7 +16,7 @@ from model.files.force_table import LARGEST_FORCE_N
 from model.force_driven import check_output_times
 from model.keywords import make_options
 from model.motion_driven.prescribed_key import PrescribedRun, rest_angle, run_prescribed
-from model.motion_driven.spline_fit import KeyFit, fit_key_motion
+from model.motion_driven.spline_fit import LARGEST_U_RAD, KeyFit, fit_key_motion
 from model.parameters.action import Action, ActionLike, as_action
 from model.parameters.effects import KEY_LIFT, column
 from model.scene.key_motion import KeyMotion
@@ -26,6 +26,7 @@ from model.simulation.loads_and_losses import RailTension, tensions
 from model.simulation.options import SimulationKeywords, SimulationOptions
 from model.simulation.solution import Moved
 from model.simulation.string_motion import StringMotion
+from model.tolerance import MOTION_TOLERANCE
 
 Array = NDArray[np.float64]
 
@@ -46,12 +47,12 @@ class MotionDrivenKeywords(SimulationKeywords, total=False):
 class MotionDrivenOptions(SimulationOptions):
     """How to simulate under a motion of the key, and what is known of its angles; see `simulate_motion`."""
 
-    tolerance: float = 1e-6
+    tolerance: float = MOTION_TOLERANCE
     resolution_rad: float | None = None
     jitter_rad: float | None = None
     from_rest: bool = False
     u_zero_rad: float = 0.0
-    members: int = 40
+    members: int = 40  # a standard deviation of them is known to 11 %
     seed: int = 0
     share: Callable[..., Iterable[PrescribedRun]] = map
 
@@ -59,8 +60,9 @@ class MotionDrivenOptions(SimulationOptions):
         """Refuse an ensemble or an uncertainty that cannot be."""
         if self.members < 0 or self.members == 1:
             raise InputError(f"members of the ensemble: found {self.members}, allowed 0 or from 2")
-        if not 0.0 <= self.u_zero_rad <= 0.1:
-            raise InputError(f"uncertainty of the zero: found {self.u_zero_rad:g} rad, allowed 0 to 0.1")
+        if not 0.0 <= self.u_zero_rad <= LARGEST_U_RAD:
+            limit = f"allowed 0 to {LARGEST_U_RAD:g}"
+            raise InputError(f"uncertainty of the zero: found {self.u_zero_rad:g} rad, {limit}")
 
 
 @dataclass(frozen=True)
@@ -103,7 +105,7 @@ class MotionDriven(Moved, ArrayRecord):
     lifted: NDArray[np.bool_]
     fit: KeyFit
     counters: dict[str, int | float] = field(default_factory=dict)
-    tolerance: float = 1e-6
+    tolerance: float = MOTION_TOLERANCE
     arm_m: float | None = None
     string: StringMotion | None = None
     give: CompliantJointMotion | None = None

@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 
 SAMPLE, SAMPLE_WAY = 5e-4, 2.5e-6  # s and m of the front, between states; the longer of both
 RAMP, RAMP_WAY = 0.04, 2e-4  # s and m of the front, in which the key accelerates and stops; the longer of both
+SLOW_M_PER_S = 0.005  # of the key front: choice; friction is taken at it
+HOLD_S = 0.3  # at a stop: choice; felt has come to rest
 LONGEST_STEP_S, LONGEST_STEP_WAY = 2e-3, 1e-5  # s and m of the front; the longer of both
 KEY = BODIES.index("key")
 
@@ -102,8 +104,8 @@ def slow_press(
     rest_rad: ArrayLike,
     dips_m: ArrayLike,
     *,
-    speed_m_per_s: float = 0.005,
-    hold_s: float = 0.3,
+    speed_m_per_s: float = SLOW_M_PER_S,
+    hold_s: float = HOLD_S,
     tolerance: float = DEFAULT_TOLERANCE,
 ) -> Press:
     """Move the key front to each of ``dips_m`` (m below rest) in turn, at a steady speed.

@@ -53,7 +53,7 @@ def repeated_share(resolution_rad: float, jitter_rad: float) -> float:
     The mean of a rounded, jittering reading is a sawtooth of the true angle whose harmonics the jitter damps; where
     the angle may lie anywhere within a count its variance is this sum. Without jitter everything stays (share 1).
     """
-    k = np.arange(1, 40)
+    k = np.arange(1, 40)  # harmonics; the sum beyond is 1.5 % of it
     damping = np.exp(-((2.0 * np.pi * k * jitter_rad / resolution_rad) ** 2))
     return float(np.sum(damping / k**2) / np.sum(1.0 / k**2))
 
@@ -75,7 +75,8 @@ def fit_noise(variance: Array, speed: Array, weight: Array) -> tuple[float, floa
 
 
 FEWEST, MOST = 20, 200_000  # samples
-LARGEST_KEY_RAD = 3.0
+LARGEST_KEY_RAD = 3.0  # rad, of a key that turns by 0.05: beyond, a table is in degrees
+LARGEST_U_RAD = 0.1  # rad, of a resolution, jitter or zero: twice a key's whole turn
 
 
 def check_motion_table(time_s: ArrayLike, key_rad: ArrayLike, where: str = "key motion") -> tuple[Array, Array]:
@@ -277,8 +278,8 @@ def fit_key_motion(
     """
     times, angles = check_motion_table(time_s, key_rad)
     for name, value in (("resolution", resolution_rad), ("jitter", jitter_rad)):
-        if value is not None and not 0.0 <= value <= 0.1:
-            raise InputError(f"{name} of the key's angle: found {value:g} rad, allowed 0 to 0.1")
+        if value is not None and not 0.0 <= value <= LARGEST_U_RAD:
+            raise InputError(f"{name} of the key's angle: found {value:g} rad, allowed 0 to {LARGEST_U_RAD:g}")
     resolution = find_resolution(angles) if resolution_rad is None else float(resolution_rad)
     runs = run_lengths(angles) if resolution > 0.0 else np.ones(len(angles))
     samples = times, angles - angles[0], runs, resolution

@@ -39,8 +39,6 @@ from model.simulation.statics import with_pins
 
 Array = NDArray[np.float64]
 
-PRESS_SPEED = 0.005  # m/s at the key front
-SETTLE = 0.3  # s at the bottom before the drop is measured
 # medium blow: the force grows with the square of time, then is constant
 BLOW_N, BLOW_RISE, BLOW_READ = 5.0, 0.15, 0.5  # N, s, s
 SLIPPED = math.radians(25.0)  # round the jack's edge: beyond friction, the hammer falls
@@ -262,7 +260,7 @@ def measure_press(action: Action, rest_rad: Array, dip_m: float) -> tuple[dict[s
     Let-off is the hammer's smallest distance from the string before the knuckle slips off the jack's edge, drop its
     distance when it then rests on the repetition lever with the key down.
     """
-    press = slow_press(action, rest_rad, [dip_m], speed_m_per_s=PRESS_SPEED, hold_s=SETTLE)
+    press = slow_press(action, rest_rad, [dip_m])
     slipped = np.flatnonzero(slip_angle(action, press.angle_rad) > SLIPPED)
     height = press.hammer_height_m
     if not len(slipped):

@@ -14,12 +14,20 @@ from model.errors import RegulationError as RegulationError
 from model.parameters.action import Action, ActionLike, as_action
 from model.parameters.action import write_action as write_action  # public here too: model.regulation.write_action
 from model.regulation.measures import TARGETS, RegulationTarget, TargetValues, measure, other_lengths, targets_at
-from model.regulation.screws import AT_REST_CLEAR, RAIL, REST_RAIL, SCREW, SCREWS, TOLERANCE, Bench
+from model.regulation.screws import (
+    AT_REST_CLEAR,
+    CLEARANCE,
+    LARGEST_TURN,
+    RAIL,
+    REST_RAIL,
+    SCREW,
+    SCREWS,
+    TOLERANCE,
+    Bench,
+)
 from model.regulation.turn_screw import WIDER, set_rest, turn_screw
 
 ROUNDS = 6  # of all seven targets, at most
-CLEARANCE = 0.5e-3  # m, of button, drop screw and back check at rest
-CLEARING_TURN = 1e-3  # m
 IN_MOTION = ("let_off", "drop", "check")
 AIM_OFFSETS = tuple(
     {name: sign * 0.45 * TOLERANCE} for name in ("jack", "hammer_height", "repetition", "dip") for sign in (1.0, -1.0)
@@ -81,7 +89,7 @@ def _clear_screws(bench: Bench, report: Callable[[str], None]) -> None:
     """Turn away what is close at rest: button and drop screw up, back check back."""
     for name, (contact, way) in AT_REST_CLEAR.items():
         low, high = bench.limits(name)
-        away = way * CLEARING_TURN
+        away = way * LARGEST_TURN
         while (room := bench.clearance(contact)) < CLEARANCE:
             new = min(high, max(low, bench.turn_m[name] + away))
             if new == bench.turn_m[name]:

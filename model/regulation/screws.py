@@ -27,6 +27,9 @@ from model.regulation.measures import (
 )
 from model.simulation.hand_set_rest import hand_set_rest
 
+CLEARANCE = 0.5e-3  # m, at rest, between parts that must not touch: choice, above any error of a scan
+LARGEST_TURN = 1e-3  # m in one step or iteration: choice, an eighth or more of a travel
+ROUNDING = 1e-9  # m or its share: below it a turn is none
 TOLERANCE = 20e-6  # m, within which a target counts as met
 CONVERGED = {"rest": 0.1e-6, "press": 4e-6, "blow": 4e-6}  # m, error at which a screw is left as it is
 TOO_FAR = 50e-3  # m, error taken for a screw that presses on the action at rest

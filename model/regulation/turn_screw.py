@@ -19,25 +19,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import RegulationError
-from model.regulation.screws import CONVERGED, MEASURED_IN, RAIL, REST_RAIL, SCREW, TOLERANCE, Bench
+from model.regulation.screws import (
+    CLEARANCE,
+    CONVERGED,
+    LARGEST_TURN,
+    MEASURED_IN,
+    RAIL,
+    REST_RAIL,
+    ROUNDING,
+    SCREW,
+    TOLERANCE,
+    Bench,
+)
 
-MOST_TURNS = 16  # of a screw in a round
-LARGEST_TURN = 1e-3  # m in one step or iteration
-SMALL_TURN = 10e-6  # m, below which the slope of a step is not used again
+ITERATIONS = 25  # of a secant or of Newton's method, then a search over the travel follows
+SMALL_TURN = 10e-6  # m, least turn for a slope: half of `TOLERANCE`
 NOT_MEASURABLE = {"let_off": -2e-3, "check": 5e-3}  # error (m) assumed then: jack stuck, hammer free
 FINER = 8  # steps from the nearest of these to each of their neighbours
-NEAREST, LEVELS = 3, 3  # places so refined, and how often; the last steps are some micrometres
+NEAREST = 3  # places so refined, as often; the last steps are some micrometres
 SEARCH = {"rest": 16, "press": 8, "blow": 32}  # places over the travel where the secant fails
 
 REST_TARGETS = ("dip", "hammer_height", "jack", "repetition")
-LOWERED = 0.5e-3  # m, repetition lever below the jack while the other three are set
-CLEARANCE = 0.5e-3  # m, rest rail below the shank once it had to be lowered
 WIDER = 6e-3  # m, beyond a screw's travel, in the search for what is in the way
-DIFFERENCE = 10e-6  # m, turn for a slope
 IDLE = 0.1  # of a screw's usual effect, below which it does not carry its part
-ITERATIONS, HALVINGS = 25, 6
+HALVINGS = 6  # of a step that leads away from the targets: to a sixtieth
 GRID = tuple(product((0.0, -0.6, 0.6), repeat=2))  # starts, in shares of the travel of capstan and jack pad
-NEAR, NEAR_STARTS = 1e-3, 2  # m of screw, and number of starts, tried again by least squares
 LOST = 20e-3  # m, taken for a target that cannot be measured
 REST_CONTACT = "contact13"
 
@@ -56,7 +62,7 @@ def turn_screw(bench: Bench, name: str, report: Report, beyond_m: float = 0.0) -
         return errors[turn]
 
     _secant(bench, name, bench.turn_m[name], error_at)
-    for places in (_sample_travel, *(_sample_near_best,) * LEVELS):
+    for places in (_sample_travel, *(_sample_near_best,) * NEAREST):
         if abs(errors[_best_turn(errors)]) <= TOLERANCE:
             break
         for place in places(bench, name, errors):
@@ -117,7 +123,7 @@ def _secant(bench: Bench, name: str, turn: float, error_at: Callable[[float], fl
     slope = bench.effect.get(name, usual)
     idle = 0.0  # last turn, where it hardly had an effect
     low_side = high_side = math.nan  # turns with negative and positive error nearest to each other
-    for _ in range(MOST_TURNS):
+    for _ in range(ITERATIONS):
         if abs(error) < aim or math.isnan(error):
             return
         if error < 0.0:
@@ -132,7 +138,7 @@ def _secant(bench: Bench, name: str, turn: float, error_at: Callable[[float], fl
         new = min(high, max(low, turn + max(-LARGEST_TURN, min(LARGEST_TURN, step))))
         if math.isfinite(low_side + high_side) and not min(low_side, high_side) < new < max(low_side, high_side):
             new = 0.5 * (low_side + high_side)
-        if abs(new - turn) < 1e-10:
+        if abs(new - turn) < ROUNDING:
             return
         new_error, new_measured = cached_error(new)
         if math.isnan(new_error):  # gone too far for the target to be measured
@@ -140,7 +146,7 @@ def _secant(bench: Bench, name: str, turn: float, error_at: Callable[[float], fl
             new_error, new_measured = cached_error(new)
             if math.isnan(new_error):
                 return
-        idle = new - turn if abs(new_error) > 0.7 * abs(error) and new_error * error > 0.0 else 0.0
+        idle = new - turn if abs(new_error) > (1.0 - IDLE) * abs(error) and new_error * error > 0.0 else 0.0
         if measured and new_measured:
             slope = (new_error - error) / (new - turn)
             if abs(new - turn) > SMALL_TURN and slope * usual > 0.0:
@@ -179,10 +185,10 @@ def _solve(bench: Bench, report: Report, starts: Iterable[tuple[float, ...]] = G
         off = bench.rest_errors(REST_TARGETS[:3]) / [SCREW[name].usual_effect for name in REST_TARGETS[:3]]
         attempts.append((float(np.nan_to_num(np.abs(off).max(), nan=np.inf)), bench.turn_m))
     attempts.sort(key=lambda attempt: attempt[0])
-    for how_far, turns in attempts[:NEAR_STARTS]:
+    for how_far, turns in attempts[:NEAREST]:
         # near the edge of slipping the lever must carry its share: as it was, not lowered
         bench.turn_m = turns | {"repetition": usual["repetition"]}
-        if how_far < NEAR and _least_squares(bench, report):
+        if how_far < LARGEST_TURN and _least_squares(bench, report):
             return True
     bench.turn_m = attempts[0][1]
     return False
@@ -203,33 +209,33 @@ def _least_squares(bench: Bench, report: Report) -> bool:
         return np.where(np.isfinite(found), found, LOST)
 
     def slopes(turns: Array) -> Array:
-        inward = np.where(turns + DIFFERENCE > high, -DIFFERENCE, DIFFERENCE)
+        inward = np.where(turns + SMALL_TURN > high, -SMALL_TURN, SMALL_TURN)
         here = errors(turns)
         return np.column_stack([(errors(turns + step) - here) / step[j] for j, step in enumerate(np.diag(inward))])
 
     report("dip, hammer height, jack and repetition lever by least squares")
-    start = np.clip([bench.turn_m[name] for name in REST_TARGETS], low + 1e-9, high - 1e-9)
-    found = least_squares(errors, start, slopes, bounds=(low, high), x_scale="jac", max_nfev=ITERATIONS, xtol=1e-9)
+    start = np.clip([bench.turn_m[name] for name in REST_TARGETS], low + ROUNDING, high - ROUNDING)
+    found = least_squares(errors, start, slopes, bounds=(low, high), x_scale="jac", max_nfev=ITERATIONS, xtol=ROUNDING)
     bench.turn_m |= dict(zip(REST_TARGETS, map(float, found.x), strict=True))
     return _is_met(bench)
 
 
 def _newton(bench: Bench, report: Report) -> bool:
-    """Set dip, hammer height and jack together, the lever `LOWERED` below the jack; whether the first three are met."""
+    """Set dip, hammer height and jack together, the lever clear of the jack; whether the first three are met."""
     low, high = np.array([bench.limits(name) for name in REST_TARGETS]).T
     usual = np.array([SCREW[name].usual_effect for name in REST_TARGETS])
 
     def errors(x: Array) -> Array:
         found = bench.rest_errors(REST_TARGETS, dict(zip(REST_TARGETS, map(float, x), strict=True)))
-        return found - np.array([0.0, 0.0, 0.0, LOWERED])
+        return found - np.array([0.0, 0.0, 0.0, CLEARANCE])
 
     x = np.array([bench.turn_m[name] for name in REST_TARGETS])
     e = errors(x)
     for _ in range(ITERATIONS):
-        if np.all(np.abs(e[:3]) < CONVERGED["rest"]) and e[3] > -0.5 * LOWERED or not np.all(np.isfinite(e)):
+        if np.all(np.abs(e[:3]) < CONVERGED["rest"]) and e[3] > -0.5 * CLEARANCE or not np.all(np.isfinite(e)):
             break
         report(f"dip, hammer height and jack off by {', '.join(f'{1e3 * one:+.3f}' for one in e[:3])} mm")
-        inward = np.where(x + DIFFERENCE > high, -DIFFERENCE, DIFFERENCE)
+        inward = np.where(x + SMALL_TURN > high, -SMALL_TURN, SMALL_TURN)
         slope = np.column_stack([(errors(x + step) - e) / step[j] for j, step in enumerate(np.diag(inward))])
         if not np.all(np.isfinite(slope)):
             break
@@ -245,7 +251,7 @@ def _newton(bench: Bench, report: Report) -> bool:
                 break
         else:
             break
-        if np.all(np.abs(new - x) < 1e-9):
+        if np.all(np.abs(new - x) < ROUNDING):
             break
         x, e = new, e_new
     bench.turn_m |= dict(zip(REST_TARGETS, map(float, x), strict=True))

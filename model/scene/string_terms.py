@@ -55,7 +55,7 @@ def moved_modes(action: Action) -> Array:
     """Numbers (k,) of the modes that take part: the first that are not at rest at the hammer's place and that swing."""
     count = modes_asked(action)
     string, n = string_of(action), np.arange(1.0, LEFT_OUT)
-    moved = (np.abs(string.shape(n)) > NODE) & (string.decay(n) < 0.99 * string.omega(n))
+    moved = (np.abs(string.shape(n)) > NODE) & (string.decay(n) < 0.99 * string.omega(n))  # swings
     return n[moved][:count]
 
 

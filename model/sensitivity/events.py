@@ -37,11 +37,12 @@ EVENTS = {
     "check_m": "distance of the hammer from the string half-way through the hold",
     "drop_s": "the hammer first is 0.5 mm further from the string than that, after the hold",
 }
-DIP_M, DROP_M = 1e-4, 5e-4
+DIP_M, DROP_M = 1e-4, 5e-4  # m, as in the definitions above
 SHORTEST_HOLD_S = 0.05  # s in the back check that counts as held
 SPACING_S = 1e-4  # of the times at which a level is looked for
 RELEASE = "release_s"  # end of the hold; `check_m` is read half-way to it
-NARROWINGS = 5  # by 32 each, to some 1e-12 s
+SHIFT_S = 1e-6  # of a central difference: short against a contact's millisecond, long against rounding
+NARROWINGS, NARROWED_BY = 5, 32  # to some 1e-12 s
 
 
 def touches_at(scene: Scene, angle: Array, speed: Array, vector: Array | None = None) -> Array:
@@ -108,7 +109,7 @@ class Events:
         """Time between samples ``k`` and ``k + 1`` at which ``value`` changes sign."""
         left, right = (float(t) for t in self.times[k : k + 2])
         for _ in range(NARROWINGS):
-            at = np.linspace(left, right, 33)
+            at = np.linspace(left, right, NARROWED_BY + 1)
             y = value(*self.states(at))
             j = int(np.argmax((y[1:] > 0.0) != (y[0] > 0.0)))
             left, right = float(at[j]), float(at[j + 1])
@@ -276,7 +277,7 @@ class Events:
     def _rate(self, quantity: Callable[[Action, Array, Array], Array], t: float, state: tuple[Array, Array]) -> float:
         """How fast a quantity changes at a time."""
         angle, speed = state
-        h, acceleration = 1e-5, self.recorded.acceleration(t)
+        h, acceleration = SHIFT_S, self.recorded.acceleration(t)
         ends = [quantity(self.action, angle + s * h * speed, speed + s * h * acceleration)[0] for s in (1.0, -1.0)]
         return float((ends[0] - ends[1]) / (2.0 * h))
 
@@ -303,7 +304,7 @@ class Events:
 
     @staticmethod
     def _rate_along_motion(value: Callable[[Array], Array], state: tuple[Array, Array]) -> float:
-        h = 1e-7
+        h = SHIFT_S
         return float((value(state[0] + h * state[1])[0] - value(state[0] - h * state[1])[0]) / (2.0 * h))
 
 

@@ -16,7 +16,7 @@ from model.sensitivity.result import Sensitivities
 
 Array = NDArray[np.float64]
 
-MOST_ROWS = 20
+MOST_ROWS = 20  # that fit on a page
 LEAST = 5e-4  # a smaller entry is shown as 0
 TITLES = {
     "onset_s": "onset", "key_bottom_s": "key bottom", "let_off_s": "let-off time", "let_off_m": "let-off distance",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from model.errors import InputError
 from model.simulation.options import SimulationOptions
 
-SMALLEST, LARGEST = 1e-9, 1e-2
+SMALLEST, LARGEST = 1e-9, 1e-2  # below, rounding decides; above, derivatives lose their second digit
 
 
 @dataclass(frozen=True)
@@ -30,9 +30,9 @@ class SensitivityOptions(SimulationOptions):
     estimate_error : also estimate the relative error, by a second computation at other tolerances; twice the cost
     """
 
-    tolerance: float = 2e-9
+    tolerance: float = 2e-9  # rad: a derivative is no better than the motion it follows
     method: str = "rodas5p"
-    relative_tolerance: float = 3e-6
+    relative_tolerance: float = 3e-6  # of a derivative: far below any uncertainty of a parameter
     rest_input: float = 0.0
     contact_forces: bool = False
     events: bool = True

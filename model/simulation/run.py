@@ -36,7 +36,7 @@ from model.tolerance import DEFAULT_TOLERANCE
 # (docs/explanation/steps.md). Kinks of contacts and force tables cost order, hence the extra power.
 ANGLE_SHARE = 0.17
 SPEED_SHARE = 1.7  # 1/s
-EXTRA_POWER = 0.05
+EXTRA_POWER = 0.05  # of the tolerance, from that figure
 REFERENCE_TOLERANCE = 1e-5  # rad, at which the shares above hold as they are
 # Where the key's motion is given the answer is the force that holds it: contacts turn an error of an angle or speed
 # into one of force, which no inertia smooths. A third of the local error: docs/explanation/steps.md.
@@ -51,7 +51,7 @@ REST_SHARE = 0.1  # share of the requested tolerance that an action taken to be 
 # some thirty times what a blow needs at 1e-5 rad; steps grow with the tolerance's fourth root (steps.md)
 STEPS_AT_LEAST, STEPS_PER_SECOND = 20_000, 200_000
 
-SMALLEST_TOLERANCE, LARGEST_TOLERANCE = 1e-12, 1e-2
+SMALLEST_TOLERANCE, LARGEST_TOLERANCE = 1e-12, 1e-2  # rad: rounding of a blow; a fifth of the key's turn
 TIME_SLACK = 1e-9  # s, rounding of times computed in different ways
 LARGEST_ANGLE, LARGEST_SPEED = 1e3, 1e6  # rad, rad/s
 
@@ -74,7 +74,7 @@ class State(ArrayRecord):
     time_s: float
     angle_rad: NDArray[np.float64]
     speed_rad_per_s: NDArray[np.float64]
-    step_s: float = 1e-5
+    step_s: float = 1e-5  # s: the first step of a blow from rest
     memory: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
     def copy(self) -> State:
@@ -191,7 +191,7 @@ class Simulation:
     state: State
     tolerance: float = DEFAULT_TOLERANCE
     method: str = DEFAULT_METHOD
-    largest_step_s: float = 0.05
+    largest_step_s: float = 0.05  # s: shorter than a stroke, so that no step jumps over one
     max_steps: int | None = None
     counters: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(L.COUNTERS), dtype=np.int64))
     energy: bool = False

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 AFTER_STRIKE_S = 0.02  # s after the strike from which the force's level counts
 HOLD_WINDOW_S = 0.1  # s before the release in which the height is the check height
-HELD_WITHIN_M = 1e-3
+HELD_WITHIN_M = 1e-3  # m, over that window: felt creeps by some tenths of a millimetre
 LEVEL = 0.95  # share of the force's level below which the key is released
 
 

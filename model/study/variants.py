@@ -22,7 +22,7 @@ from model.tolerance import DEFAULT_TOLERANCE
 
 Array = NDArray[np.float64]
 
-RATE_HZ = 5000.0
+RATE_HZ = 5000.0  # as the bench samples
 AS_GIVEN = "as given"
 
 

@@ -17,7 +17,7 @@ from model.force_driven import simulate
 from model.parameters.action import BACK_CHECK, Action, ActionLike, as_action
 from model.simulation.hand_set_rest import hand_set_rest
 from model.simulation.run import State
-from model.touch.hammer_speed import LONGEST, RISE, string_contact_starts
+from model.touch.hammer_speed import RISE, SHORTEST, blow_length_s, string_contact_starts
 
 RATE_HZ = 10_000.0  # a catch lasts milliseconds
 LONGEST_RISE_S = 1.0  # before the strike, in which it is looked for
@@ -114,7 +114,7 @@ def check_loads(action: Action, forces_n: np.ndarray) -> tuple[CheckLoad | None,
     """The same of each blow of `model.touch.hammer_speeds`."""
     rest, found = hand_set_rest(action), list[CheckLoad | None]()
     for force in forces_n.tolist():
-        end = min(LONGEST, max(0.1, LONGEST * 1.5 / force))
+        end = blow_length_s(force)
         start = State(0.0, rest.copy(), np.zeros(len(rest)))
         found.append(find_check_load(action, [0.0, RISE, end], [0.0, force, force], initial=start))
     return tuple(found)
@@ -126,7 +126,7 @@ def _time_grid(start: float, end: float, step: float) -> np.ndarray:
 
 def _strike_speed(action: Action, times: np.ndarray, forces: np.ndarray, outputs: np.ndarray, **keywords: Any) -> float:
     """Speed at the string, m/s; NaN where it is not reached by 0.1 s after the end of ``outputs``."""
-    end = min(float(times[-1]), float(outputs[-1]) + 0.1)
+    end = min(float(times[-1]), float(outputs[-1]) + SHORTEST)
     fine = _time_grid(float(outputs[0]), end, 1.0 / RATE_HZ)
     blow = simulate(action, times, forces, output_time_s=fine, **keywords)
     first = string_contact_starts(blow.hammer_height_m)

@@ -24,12 +24,18 @@ Array = NDArray[np.float64]
 FORCES = (1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 50.0)  # N
 RISE = 0.02  # s; in faster rises the back check meets the rising hammer from 30 N on (`check_load`)
 LONGEST = 0.6  # s, time limit of the softest blow
-SAMPLE = 2e-4  # s
+SAMPLE = 2e-4  # s, as the bench samples
+SHORTEST = 0.1  # s, of a blow: choice, so that the hardest has time to strike
 
 
 def string_contact_starts(height_m: Array) -> NDArray[np.int64]:
     """Index of the last sample before each touch of the string, (k,)."""
     return np.flatnonzero((height_m[:-1] > 0.0) & (height_m[1:] <= 0.0))
+
+
+def blow_length_s(force_n: float) -> float:
+    """Time limit of a blow: a harder one takes less."""
+    return min(LONGEST, max(SHORTEST, LONGEST * FORCES[0] / force_n))
 
 
 def hammer_speeds(action: ActionLike, forces_n: ArrayLike = FORCES) -> Array:
@@ -67,8 +73,7 @@ def hammer_speeds(action: ActionLike, forces_n: ArrayLike = FORCES) -> Array:
     out = np.full(len(forces), math.nan)
     for i, force in enumerate(forces.tolist()):
         start = State(0.0, rest.copy(), np.zeros(len(rest)))
-        # a harder blow takes less time: 0.6 s at 1.5 N
-        end = min(LONGEST, max(0.1, LONGEST * 1.5 / force))
+        end = blow_length_s(force)
         output = times[times <= end]
         blow = simulate(action, [0.0, RISE, end], [0.0, force, force], initial=start, output_time_s=output)
         first = string_contact_starts(blow.hammer_height_m)

@@ -21,6 +21,7 @@ from model.parameters.action import Action, ActionLike, as_action
 from model.scene.selection import choice_of
 from model.simulation.hand_set_rest import hand_set_rest
 from model.simulation.run import State
+from model.tolerance import DEFAULT_TOLERANCE
 from model.touch.check_load import CheckLoad, check_loads
 from model.touch.hammer_speed import FORCES, SAMPLE, hammer_speeds, string_contact_starts
 from model.touch.weights import Weights, weigh
@@ -29,6 +30,7 @@ Array = NDArray[np.float64]
 
 PEAKS = (3.0, 4.0, 5.0)  # N
 SLOWEST, FASTEST, COARSE, FINE = 3.0, 30.0, 1.0, 0.1  # blows/s
+COARSE_RAD = 10.0 * DEFAULT_TOLERANCE  # some hundred series are played for one rate
 BLOWS, SETTLING = 8, 2  # blows of a series, of which the first are not counted
 POINTS = 32  # of the force per blow
 
@@ -43,7 +45,7 @@ def strikes_string(
     output = np.arange(math.floor(end / SAMPLE) + 1) * SAMPLE
     rest = hand_set_rest(action) if rest_rad is None else rest_rad
     start = State(0.0, rest.copy(), np.zeros(len(rest)))
-    played = simulate(action, times, force, initial=start, output_time_s=output[output <= end], tolerance=1e-4)
+    played = simulate(action, times, force, initial=start, output_time_s=output[output <= end], tolerance=COARSE_RAD)
     height = played.hammer_height_m
     blow = np.minimum((output[string_contact_starts(height)] * rate_hz).astype(int), BLOWS - 1)
     out = np.zeros(BLOWS, dtype=bool)
@@ -87,7 +89,7 @@ def fastest_repetition(action: ActionLike, peaks_n: ArrayLike = PEAKS) -> float:
         good, rate = rate, rate + COARSE
     if math.isnan(good) or rate > FASTEST:
         return good
-    while rate - good > 1.01 * FINE:
+    while rate - good > 1.5 * FINE:
         middle = round(0.5 * (good + rate) / FINE) * FINE
         good, rate = (middle, rate) if follows(middle) else (good, middle)
     return round(good, 6)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from model.errors import InputError, StaticsError
 from model.motion_driven.prescribed_key import key_load
-from model.motion_driven.slow_press import Press, key_angle_at_dip, slow_press
+from model.motion_driven.slow_press import SLOW_M_PER_S, Press, key_angle_at_dip, slow_press
 from model.parameters.action import BACK_CHECK, BODIES, KEY_FRONT, STRING, Action, ActionLike, as_action
 from model.regulation.measures import SLIPPED, measure_at_rest
 from model.scene.build import build_scene
@@ -30,13 +30,12 @@ from model.simulation.statics import solve_rest
 
 Array = NDArray[np.float64]
 
-PRESS_SPEED = 0.005  # m/s, at which friction is taken
 SLOWER = (0.1, 0.05)  # of that speed: let-off peaks at 0.05 are within 0.2 % of those at 0.02
-HOLD = 0.3  # s at the bottom
 MIDDLE = (0.25, 0.60)  # of the dip: the jack carries the hammer and does not touch the button yet
 SMOOTH = 1e-4  # m of dip over which a force is averaged before its peak is read
 BATCHES = 10  # of the middle, whose means say how far the force's own mean is uncertain
 STATIC_DIPS = 13  # places in the middle where the balance is solved for
+SMALLEST_DIP_M = 1e-4  # a key that cannot be pressed further has no touch
 STEADY_N = 0.01  # a technician's weights go in steps of 1 g: what is not known to that is not steady
 JAMMED, JAMMED_N = 0.1, 0.05  # of the force on the key, and N: what a contact without a part in let-off may press
 NO_LET_OFF = (KEY_FRONT, BACK_CHECK, STRING)  # contacts that have no part in it
@@ -133,7 +132,7 @@ def _simulate_press(action: Action, rest: Array, dip_m: float, slower: float) ->
     """A press and release at a share of the speed, friction as at the whole of it."""
     thresholds = ("friction_threshold.v_t", "friction_threshold.omega_t")
     slowed = action.with_values({path: slower * action[path] for path in thresholds})
-    return slow_press(slowed, rest, [dip_m, 0.0], speed_m_per_s=slower * PRESS_SPEED, hold_s=HOLD)
+    return slow_press(slowed, rest, [dip_m, 0.0], speed_m_per_s=slower * SLOW_M_PER_S)
 
 
 def _mid_dip_samples(press: Press, dip_m: float, leg: int) -> NDArray[np.int64]:
@@ -229,9 +228,10 @@ def weigh(action: ActionLike) -> Weights:
     choice_of(action).need_played_key(action.name)
     rest = hand_set_rest(action)
     dip = measure_at_rest(action, rest)["dip"]
-    if not dip > 1e-4:
+    if not dip > SMALLEST_DIP_M:
         raise InputError(
-            f"{action.origin}: key dip found {1e3 * dip:.2f} mm, allowed above 0.1; lower contact02.first.y"
+            f"{action.origin}: key dip found {1e3 * dip:.2f} mm, allowed above {1e3 * SMALLEST_DIP_M:g}; "
+            "lower contact02.first.y"
         )
     faster, press = (_simulate_press(action, rest, dip, share) for share in SLOWER)
     jammed, values, u, remarks = _find_jams(press), list[float](), list[float](), list[str]()

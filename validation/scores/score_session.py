@@ -18,7 +18,7 @@ from validation.conventions import CHANNEL_GROUPS, FILM_CHANNELS, WORKERS, Array
 from validation.events.session_events import SessionEvents
 from validation.prediction.predict_session import PredictedSession
 from validation.scores.curve_scores import SCORES, compute_scores, score_curve
-from validation.scores.iso18571 import list_guard_notes
+from validation.scores.iso18571_guards import list_guard_notes
 from validation.scores.traces import (
     INFIX,
     SessionTraces,

@@ -21,7 +21,8 @@ MOST_MEMORIES = 3
 """Of one felt: the workspace of a step has room for so many at each of thirteen contacts."""
 TRIED_ON = (1e10, 1e7, 1e4)
 """A loading curve that no law refuses: a, b, c in N/m^3, N/m^2, N/m; 30 N at a millimetre."""
-DEEPEST_M = 1e-3
+DEEPEST_M = 1e-3  # m, of a felt that a hammer or a hand presses
+SWING_M = 0.55 * DEEPEST_M  # half of the way from a tenth of that outside the felt to it
 SPEEDS_M_PER_S = (0.01, 0.3, 3.0)
 """From a slow press to the speed of a hammer at the string."""
 STEPS = 320
@@ -318,7 +319,7 @@ class _Press:
                 slope = (residual(z + step) - off) / step
                 move = -off / slope if math.isfinite(slope) and slope != 0.0 else 0.0
                 z += move
-                if abs(move) <= 1e-10 * (1.0 + abs(z)):
+                if abs(move) <= JUMP**2 * (1.0 + abs(z)):
                     break
             memory[k] = z
         return _State(depth, rate, tuple(memory))
@@ -334,7 +335,7 @@ def find_jump(law: Law, traced: Traced) -> str:
             0.0,
             tuple(call_method(law, "rest_memories", depth, TRIED_ON, traced.packed, len(traced.felt.memory))),
         )
-        for depth in (1e-9, 1e-6, 1e-4, DEEPEST_M)
+        for depth in (1e-6 * DEEPEST_M, 1e-3 * DEEPEST_M, DEEPEST_M)
     ]
     _refuse_impossible(law, resting, [press.evaluate(state) for state in resting])
     for speed in SPEEDS_M_PER_S:
@@ -350,14 +351,15 @@ def find_jump(law: Law, traced: Traced) -> str:
 
 
 def _pressed_states(press: _Press, speed: float) -> list[_State]:
-    period = 2.0 * math.pi * 0.55 * DEEPEST_M / speed
+    period = 2.0 * math.pi * SWING_M / speed
     dt = 2.0 * period / STEPS
     count = len(press.traced.felt.memory)
     memory = (press.law.anew if press.law.anew is not None else 0.0,) * count
+    # from a tenth of the depth outside the felt to the deepest point and back
     states = [_State(-0.1 * DEEPEST_M, 0.0, memory)]
     for k in range(1, STEPS + 1):
         turn = 2.0 * math.pi * k * dt / period
-        depth, rate = DEEPEST_M * (0.45 - 0.55 * math.cos(turn)), speed * math.sin(turn)
+        depth, rate = DEEPEST_M - SWING_M * (1.0 + math.cos(turn)), speed * math.sin(turn)
         states.append(press.step(states[-1], depth, rate, dt))
     return states
 

@@ -14,7 +14,7 @@ from dataclasses import fields, is_dataclass
 from typing import Any
 
 from model.compiler.expressions import ONE, ZERO, Expression, clear_cache, differentiator
-from model.elements.laws.check_law import TRIED_ON, call_method, check_members, find_jump, locate, trace_law
+from model.elements.laws.check_law import DEEPEST_M, TRIED_ON, call_method, check_members, find_jump, locate, trace_law
 from model.elements.laws.felt_law import Law
 from model.elements.laws.hunt_crossley import HuntCrossley
 from model.elements.laws.hysteresis import Hysteresis
@@ -106,7 +106,7 @@ def _hash(law: Law) -> int:
     clear_cache()
     traced = trace_law(law)
     memory, count, rates = traced.felt.memory, len(traced.felt.memory), (traced.rates, traced.alone)
-    rested = call_method(law, "rest_memories", 1e-4, TRIED_ON, traced.packed, count)
+    rested = call_method(law, "rest_memories", DEEPEST_M, TRIED_ON, traced.packed, count)
     found = [len(row) for row in (*rates, rested)]
     if set(found) != {count}:
         raise InputError(

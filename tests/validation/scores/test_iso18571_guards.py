@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from validation.scores.curve_scores import choose_trial_pairs, compute_scores
-from validation.scores.iso18571 import iso_score, list_guard_notes
+from validation.scores.iso18571 import iso_score
+from validation.scores.iso18571_guards import list_guard_notes
 
 STEP = 1e-4
 
