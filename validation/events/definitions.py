@@ -60,7 +60,7 @@ EVENTS: dict[str, EventKind] = {
         "key dip first rises through the dip at which the key front touches its felt",
         bodies=("key",),
     ),
-    "string_impact": _time("String impact", "hammer height first falls to 0 and the hammer turns back within 4 ms"),
+    "string_impact": _time("String impact", "hammer height first falls to 0 and the hammer turns back within 6 ms"),
     "hammer_speed": _speed(
         "Hammer speed at impact", "speed of the hammer head towards the string just before contact, one-sided fit"
     ),

@@ -18,8 +18,8 @@ from scipy.ndimage import maximum_filter1d
 
 from validation.cache.result_store import ResultStore
 from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, Array
+from validation.events.crossings import up_crossings
 from validation.events.definitions import Event
-from validation.events.detect import up_crossings
 from validation.events.key_lift import KeyLift, mark_lifted_samples
 from validation.events.session_events import Window
 from validation.measurement.trial import MeasuredTrial

@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS, Array
-from validation.events.detect import find_events, read_level
+from validation.events.crossings import read_level
+from validation.events.detect import find_events
 from validation.events.session_events import SessionEvents
 from validation.measurement.measure_session import representative
 from validation.measurement.trial import MeasuredTrial

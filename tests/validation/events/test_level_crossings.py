@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from validation.events.detect import (
+from validation.events.crossings import (
     bend_uncertainty_s,
     down_crossings,
     read_level_with_uncertainty,

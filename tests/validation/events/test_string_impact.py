@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from validation.events.detect import find_strikes, fit_flight, let_off
+from validation.events.contact import find_strikes
+from validation.events.detect import let_off
+from validation.events.flight import fit_flight
 from validation.measurement.geometry import Motion
 
 RATE_HZ = 5000.0

@@ -1,0 +1,114 @@
+"""Times at which a signal crosses a level, with their uncertainty: NaN samples are never part of a crossing.
+
+Every time is a sub-sample crossing by straight lines between two samples (without it a time would carry dt/√12), whose
+standard uncertainty comes from moving the level by its own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from validation.conventions import Array
+
+
+def up_crossings(time_s: Array, signal: Array, level: float, hysteresis: float = 0.0) -> list[float]:
+    """Times at which a signal rises through a level, s.
+
+    Parameters
+    ----------
+    time_s, signal : (n,)
+    hysteresis : after a crossing the signal must fall below ``level - hysteresis`` before the next one counts, so that
+        noise around the level makes one crossing, not many
+    """
+    above = signal >= level
+    if hysteresis == 0.0:
+        turns = 1 + np.flatnonzero(above[1:] & (signal[:-1] < level))
+    else:
+        state = np.zeros(len(signal), dtype=np.int8)  # NaN stays 0: the state before goes on
+        state[above] = 1
+        state[signal < level - hysteresis] = -1
+        known = np.flatnonzero(state)
+        turns = known[1:][np.diff(state[known]) == 2]
+    times = []
+    for i in turns:
+        if not signal[i - 1] < level:  # the sample before was lost
+            continue
+        share = (level - signal[i - 1]) / (signal[i] - signal[i - 1])
+        times.append(float(time_s[i - 1] + share * (time_s[i] - time_s[i - 1])))
+    return times
+
+
+def down_crossings(time_s: Array, signal: Array, level: float, hysteresis: float = 0.0) -> list[float]:
+    """Times at which a signal falls through a level, s; the mirror image of `up_crossings`."""
+    return up_crossings(time_s, -np.asarray(signal), -level, hysteresis)
+
+
+def bend_uncertainty_s(time_s: Array, signal: Array, at_s: float) -> float:
+    """What a straight line between two samples may miss of a bent signal at a crossing, as a standard uncertainty, s.
+
+    The line is off by up to a·dt²/8 for a second derivative a, in root mean square by √(8/15) of that.
+    """
+    i = int(np.clip(np.searchsorted(time_s, at_s), 2, len(time_s) - 2))
+    near = np.asarray(signal, dtype=float)[i - 2 : i + 2]
+    slope = abs(near[2] - near[1]) / (time_s[i] - time_s[i - 1])
+    bend = float(np.abs(np.diff(near, 2)).max()) / 8
+    return math.sqrt(8 / 15) * bend / slope if slope > 0 else 0.0
+
+
+def find_last_fall(time_s: Array, signal: Array, level: float) -> float | None:
+    """Time at which a signal falls through a level for good; None when it was never above, still is, or is lost."""
+    above = np.flatnonzero(signal > level)
+    if above.size == 0 or above[-1] + 1 >= signal.size or not np.isfinite(signal[above[-1] + 1]):
+        return None
+    i = int(above[-1])
+    share = (signal[i] - level) / (signal[i] - signal[i + 1])
+    return float(time_s[i] + share * (time_s[i + 1] - time_s[i]))
+
+
+def select_first_after(times: list[float], after_s: float) -> float | None:
+    return next((t for t in times if t >= after_s), None)
+
+
+def read_level_with_uncertainty(
+    find: Callable[[float], float | None], level: float, u_level: float, u_time_s: float = 0.0
+) -> tuple[float | None, float]:
+    """Value of a finder at a level and its standard uncertainty, by moving the level up and down by its own.
+
+    A finder that jumps to another oscillation when the level moves gets the large uncertainty it deserves;
+    one that finds nothing at a moved level falls back on the other side.
+
+    Parameters
+    ----------
+    find : takes a level, returns a value or None
+    u_time_s : a further independent standard uncertainty, added in quadrature
+
+    Returns
+    -------
+    value : float or None
+    u : float
+        NaN when nothing was found, at the level or at a moved one.
+    """
+    value = find(level)
+    if value is None:
+        return None, float("nan")
+    if u_level <= 0:
+        return value, u_time_s
+    sides = [find(level - u_level), find(level + u_level)]
+    if any(other is None for other in sides):
+        return value, float("nan")
+    # a slow signal is a staircase of counts: three times the shift tells its slope where one may stay on a step
+    wide = [find(level - 3 * u_level), find(level + 3 * u_level)]
+    spread = max(abs(other - value) for other in sides if other is not None)
+    spread = max([spread, *(abs(other - value) / 3 for other in wide if other is not None)])
+    return value, float(np.hypot(spread, u_time_s))
+
+
+LevelReading = Callable[[Callable[[float], float | None], float, float], tuple[float | None, float]]
+
+
+def read_level(find: Callable[[float], float | None], level: float, u_level: float) -> tuple[float | None, float]:
+    """Value of a finder at a level, and 0; for `read_level_with_uncertainty` where no uncertainty is asked for."""
+    return find(level), 0.0
