@@ -33,6 +33,7 @@ EXEMPTIONS = {
 }
 FORM = {0.25, 0.5, 1.5, 2.0, 3.0, 4.0, 60.0, 100.0, 180.0, 360.0, 1e3, 1e6, 1e9, 1e-3, 1e-6, 1e-9}
 MATHEMATICAL = {1.4826, 0.6745, 0.4549, 0.158655, 1.96, 700.0, 0.3186}
+FULL_SCALE = {255.0, 1023.0, 4095.0, 65535.0}
 PHYSICAL = {9.81, 9.80665, 9.80665e-3, 4.448222, 4.4482216152605}
 FILES = {
     "tableaux and series": r"methods\.py|elementary|banded|force_library",
@@ -48,7 +49,7 @@ BITS = r".*\b(bits?|bit_depth|itemsize)\b.*"
 NAMES = {
     "units and physical constants": r"_?(DEG|RAD|UNITS?|UNIT_\w+|G|NEWTON\w*|SECONDS|FACTORS|OUTLINES_M)",
     "formats and codes": r"_?(SCHEMA\w*|VERSION\w*|\w*FORMAT\w*|CODES?|EXIT\w*|exit_code|\w*PORT|\w*SEED|\w*STREAM"
-    r"|ALLOWED_M|DOTS|INTERRUPTED|GONE|(self\.)?bit_depth)",
+    r"|ALLOWED_M|DOTS|INTERRUPTED|GONE|KINDS|(self\.)?bit_depth)",
     "tableaux and series": r"_?(GAUSS\w*|QUARTIC|BASIS)",
     "published standards": r"GRADES",
     "declared physical data": r"DIP_M",
@@ -57,7 +58,7 @@ NAMES = {
 }
 ARGUMENTS = {
     "indices and shapes": r"ndim|axis|stacklevel|maxlen|ddof|align|shape",
-    "formats and codes": r"ge|gt|le|lt|multiple_of|digits",
+    "formats and codes": r"ge|gt|le|lt|multiple_of|digits|bit_depth",
     "sizes of plots": r"indent|width|height|dpi|\w*fontsize|labelsize|lw|linewidths?|\w*alpha|pad|figsize|rotation"
     r"|height_ratios|shrink|borderaxespad",
 }
@@ -114,7 +115,7 @@ def find_exemption(node: ast.AST, place: str) -> str:
 def classify_number(node: ast.Constant, text: str, place: str, inside: str) -> str:
     """Exemption of one literal by its value and what it stands in: '' for a choice."""
     size = abs(float(node.value))  # type: ignore[arg-type]
-    if text[:2].lower() in ("0x", "0o", "0b"):
+    if text[:2].lower() in ("0x", "0o", "0b") or size in FULL_SCALE:
         return "formats and codes"
     if size in PHYSICAL:
         return "units and physical constants"

@@ -185,7 +185,7 @@ def main(arguments: list[str] | None = None) -> None:
     warnings.showwarning = _one_line_warning
     # a command keeps most of what it allocates until it ends: passes of the collector, the last one above all, find
     # nothing and would take a fifth of the time (docs/explanation/lanes.md)
-    gc.set_threshold(20_000, 20, 50)
+    gc.set_threshold(20_000, 20, 50)  # choice: some thirty times Python's own
     atexit.register(gc.freeze)
     # many small matrices, and threads of our own: those of the linear algebra wait for each other, on a busy computer
     # for two thirds of `validate` (docs/explanation/one_text.md); read when NumPy is first imported

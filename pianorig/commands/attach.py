@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from rig.session.film_record import FilmRecord
 
-RATE_TOLERANCE = 1e-3
+RATE_TOLERANCE = 1e-3  # of a film's rate: clocks of cameras differ by 1e-4, play-back rates by tens
 HEADERS = (".cihx", ".cih", ".CIHX", ".CIH")
 
 

@@ -15,6 +15,8 @@ from pianorig.console.options import AsJson, Figure
 from pianorig.console.output import file_lines, tell
 from pianorig.errors import CommandInputError
 
+LEAST_COVERAGE = 0.3  # of the picture, that the target should cover: choice; distortion grows towards the corners
+
 
 def command(
     film: Annotated[Path, typer.Argument(help="Film, picture or folder of pictures of the target in the plane.")],
@@ -68,7 +70,7 @@ def command(
         f"               120 x 40 px turning by 15 deg), "
         f"with it standard uncertainty {found.u_effect_rad * mdeg:.1f} mdeg",
     ]
-    if found.coverage < 0.3:
+    if found.coverage < LEAST_COVERAGE:
         covered = f"{100 * found.coverage:.0f} %"
         lines.append(f"  only {covered} of the picture was covered; use a larger target, or move it about")
     parameters = {"scale_px_per_m": camera.scale_px_per_m, "parameters": [a, b, p, q, k]}

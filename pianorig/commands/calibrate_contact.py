@@ -28,7 +28,9 @@ def command(
     u_load: Annotated[float, typer.Option("--u-load", help="Standard uncertainty of the weight, N.")] = 0.0,
     u_radius: Annotated[float, typer.Option("--u-radius", help="Standard uncertainty of the radius, m.")] = 0.0,
     body: Annotated[str, typer.Option("--body", help="key, whippen or hammer: the body that swings.")] = "hammer",
-    swings: Annotated[int, typer.Option("--swings", help="How often it is let go, without the pad and with it.")] = 3,
+    swings: Annotated[
+        int, typer.Option("--swings", help="How often it is let go, without the pad and with it.")
+    ] = 3,  # choice: their scatter is known to a half
     action: Action = DEFAULT_ACTION,
     rig_name: Rig = "virtual",
     backend: Backend = "sim://",
@@ -58,10 +60,8 @@ def command(
     tell(as_json, facts | {"figure": figure}, (*lines, *file_lines([figure])))
 
 
-KINETIC = 10.0
-"""Slip speed over the law's threshold speed from which its friction is kinetic within two thousandths."""
-COUNTED = 0.2
-"""Part of a half swing's top speed from which its samples count."""
+KINETIC = 10.0  # times the law's threshold speed: from there its friction is kinetic within two thousandths
+SURE = 5.0  # standard uncertainties, by which the pad's friction stands out of the joint's
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class PadOrder:
     radius_m: float
     u_radius_m: float
     body: str = "hammer"
-    swings: int = 3
+    swings: int = 3  # as the option
 
 
 def calibrate_contact(
@@ -107,7 +107,7 @@ def calibrate_contact(
             for on, how in ((order.body, "the pad lifted off"), (f"{order.body}&pad={pad}", "the pad on it"))
         )
     facts = contact_friction(order, given, bare, braked)
-    if facts["friction"] < 5 * facts["u_from_swings"]:
+    if facts["friction"] < SURE * facts["u_from_swings"]:
         raise CommandInputError(
             f"--load {order.load_n:g}: the pad's friction, {facts['friction']:.3g}, stands out of the joint's by less "
             f"than five standard uncertainties ({facts['u_from_swings']:.2g}); put more weight on it"
@@ -131,7 +131,7 @@ def contact_friction(
     from_swings = math.hypot(braked.u_share, bare.u_share) * moment / arm_n
     parts = (u_moment / moment, order.u_load_n / order.load_n, order.u_radius_m / order.radius_m)
     top = max(one.top_rad_per_s for one in braked.each) * order.radius_m
-    least = KINETIC * action["friction_threshold.v_t"] / COUNTED
+    least = KINETIC * action["friction_threshold.v_t"] / rig.guided_calibration.MOVING_SHARE
     if top < least:
         raise CommandInputError(
             f"--radius {order.radius_m:g}: the pad slips at {top:.3g} m/s at most, allowed from {least:.3g}: slower is "

@@ -38,11 +38,13 @@ def command(
     ] = None,
     u_force: Annotated[
         float, typer.Option("--u-force", help="Relative standard uncertainty of the force's scale.")
-    ] = 5e-3,
-    u_current: Annotated[float, typer.Option("--u-current", help="The same of the current's scale.")] = 5e-3,
+    ] = 5e-3,  # choice: a clamp of half a per cent
+    u_current: Annotated[
+        float, typer.Option("--u-current", help="The same of the current's scale.")
+    ] = 5e-3,  # as above
     u_delay: Annotated[
         float, typer.Option("--u-delay", help="Standard uncertainty of the time from command to force, s.")
-    ] = 1e-5,
+    ] = 1e-5,  # V: choice
     out: Annotated[Path | None, typer.Option("--out", help="Scene with the drive as found, .toml.")] = None,
     figure: Figure = None,
     as_json: AsJson = False,

@@ -26,7 +26,9 @@ def command(
     body: Annotated[str, typer.Option("--body", help="key, whippen or hammer.")],
     angles: Annotated[str, typer.Option("--angles", help="Reference angles, rad, rising: 0,0.01,0.02,0.03.")],
     out: Annotated[Path, typer.Option("--out", help="Rig file to write, with this encoder's correction.")],
-    u_angle: Annotated[float, typer.Option("--u-angle", help="Standard uncertainty of a reference angle, rad.")] = 5e-6,
+    u_angle: Annotated[
+        float, typer.Option("--u-angle", help="Standard uncertainty of a reference angle, rad.")
+    ] = 5e-6,  # one arc second: an indexing table
     rig_name: Rig = "virtual",
     backend: Backend = "sim://",
     figure: Figure = None,
@@ -70,7 +72,7 @@ def calibrate_encoder(
 
     record = workflows.calibration_record(out, "arc")
     workflows.check_body(body)
-    if not 0 <= u_angle_rad < 0.01:
+    if not 0 <= u_angle_rad < 0.01:  # more is no reference
         raise CommandInputError(f"--u-angle {u_angle_rad:g}: allowed 0 to 0.01 rad")
     rig_file, references = rig.load_rig(rig_name), guided_calibration.up_and_down(angles_rad)
     guided_calibration.rewritten(rig_file, "encoders", {"arc_gain": 1.0, "u_eccentricity_rad": 0.0}, named=body)

@@ -22,7 +22,7 @@ from pianorig.errors import CommandInputError
 STRING = "contact12"
 THESIS_RATIO = "four to five times"
 THESIS_LAW = "hunt-crossley"
-FEWEST_PRESSES = 3
+FEWEST_PRESSES = 3  # a law's loss, its speed and its depth each need one
 
 
 def command(
@@ -188,8 +188,9 @@ def _speed_table(blows: dict[str, model.calibration.MeanSpeeds]) -> list[str]:
     ]
     base = blows[first].speed_m_per_s
     for k, name in enumerate(blows[first].contacts):
-        row = "".join(_cell(m.speed_m_per_s[k], 13) for m in blows.values())
-        lines.append(f"{name:<11}{row}" + "".join(_cell(base[k] / blows[b].speed_m_per_s[k], 24) for b in others))
+        row = "".join(_cell(m.speed_m_per_s[k], 13) for m in blows.values())  # columns
+        ratios = "".join(_cell(base[k] / blows[b].speed_m_per_s[k], 24) for b in others)  # columns
+        lines.append(f"{name:<11}{row}{ratios}")
     if others:
         lines.append(f"the thesis (Section 4.2.2) found D of its piano blow {THESIS_RATIO} that of its forte blow")
     return lines

@@ -27,7 +27,9 @@ def command(
     ] = None,
     shunt: Annotated[bool, typer.Option("--shunt", help="Correct the gain by the module's shunt resistor.")] = False,
     null: Annotated[bool, typer.Option("--null", help="Shift the zero to the unloaded reading.")] = False,
-    u_mass: Annotated[float, typer.Option("--u-mass", help="Standard uncertainty of a mass, kg.")] = 1e-5,
+    u_mass: Annotated[
+        float, typer.Option("--u-mass", help="Standard uncertainty of a mass, kg.")
+    ] = 1e-5,  # ten milligrams: a laboratory balance
     gravity: Annotated[
         float | None, typer.Option("--gravity", help="Local g, m/s^2; default 9.80665 with u = 0.015.")
     ] = None,
@@ -48,7 +50,7 @@ def command(
     check_writable(figure, *FIGURE_ENDINGS)
     if figure is not None and weights is None:
         raise CommandInputError("--figure: draws what weights left over; give --weights")
-    if u_mass < 0 or (gravity is not None and not 9.7 < gravity < 9.9):
+    if u_mass < 0 or (gravity is not None and not 9.7 < gravity < 9.9):  # m/s^2: Earth
         raise CommandInputError(f"--u-mass {u_mass:g}, --gravity {gravity}: allowed from 0, and 9.7 to 9.9")
     try:
         masses = tuple(float(cell) for cell in (weights or "").split(",") if cell.strip())
@@ -72,7 +74,7 @@ class CalibrationOrder:
 
     kind: str
     masses_kg: tuple[float, ...] = ()
-    u_mass_kg: float = 1e-5
+    u_mass_kg: float = 1e-5  # as the option
     gravity: float | None = None
     operator: str = "unknown"
 

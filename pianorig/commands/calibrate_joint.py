@@ -21,7 +21,7 @@ from pianorig.console.terminal import type_answer
 def command(
     body: Annotated[str, typer.Option("--body", help="key, whippen or hammer: the body that swings.")],
     out: Annotated[Path, typer.Option("--out", help="TOML file to write: the action with this joint's friction.")],
-    swings: Annotated[int, typer.Option("--swings", help="How often it is let go.")] = 3,
+    swings: Annotated[int, typer.Option("--swings", help="How often it is let go.")] = 3,  # choice
     action: Action = DEFAULT_ACTION,
     rig_name: Rig = "virtual",
     backend: Backend = "sim://",

@@ -17,6 +17,7 @@ import typer
 
 import model
 import validation
+from model.tolerance import DEFAULT_TOLERANCE
 from pianorig import workflows
 from pianorig.console.failures import Interrupted, how_stopped
 from pianorig.console.options import AsJson, Profile
@@ -50,7 +51,7 @@ def command(
         Path | None, typer.Option("--out", help="Session folder to create; default: sessions/<date>_demo.")
     ] = None,
     profile: Profile = "forte",
-    trials: Annotated[int, typer.Option("--trials", help="Number of trials.")] = 5,
+    trials: Annotated[int, typer.Option("--trials", help="Number of trials.")] = 5,  # choice
     as_json: AsJson = False,
 ) -> None:
     """Record five virtual blows, film and track one, report.
@@ -163,7 +164,7 @@ def tracking_errors(result: vision.TrackResult, truth: FilmTruth) -> tuple[Track
 
 
 def measure_simulation(
-    time_s: NDArray[np.float64], force_n: NDArray[np.float64], tolerance: float = 1e-5
+    time_s: NDArray[np.float64], force_n: NDArray[np.float64], tolerance: float = DEFAULT_TOLERANCE
 ) -> tuple[float, float, int]:
     """Warm run time (s, best of 5), error against a run at 1e-9 (rad), and steps of one simulation."""
     action = model.load_action()
@@ -187,7 +188,7 @@ def peak_memory_mib() -> float | None:
     return peak / 1024**2 if sys.platform == "darwin" else peak / 1024
 
 
-def run_demo(out: Path, *, trials: int = 5, profile: str = "forte", quiet: bool = True) -> Demo:
+def run_demo(out: Path, *, trials: int, profile: str = "forte", quiet: bool = True) -> Demo:
     """Record five blows on the virtual bench, film one, track it, compare with the model, write the report.
 
     Parameters

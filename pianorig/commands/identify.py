@@ -28,7 +28,7 @@ from validation.report.files import check_target
 if TYPE_CHECKING:
     from validation.infer.further import Prospect
 
-CLUSTER_TIMEOUT_S = 10
+CLUSTER_TIMEOUT_S = 10  # for a scheduler to answer
 DASK_LOGGERS = ("distributed.client", "distributed.core", "distributed.utils")
 
 
@@ -270,7 +270,10 @@ def write_next(found: validation.Identification, ranked: list[Prospect], plan: P
 
 
 def reading_lines(
-    found: validation.Identification, ranked: list[Prospect], refused: list[str], most: int = 5
+    found: validation.Identification,
+    ranked: list[Prospect],
+    refused: list[str],
+    most: int = 5,  # lines on a screen
 ) -> list[str]:
     # start-up: --help needs none of it
     from validation.infer.sentences import group_by_reason, plain_sentences

@@ -27,10 +27,10 @@ def command(
     out: Annotated[Path, typer.Option("--out", help="Folder to create; one folder per force inside it.")],
     rig_name: Rig = "virtual",
     backend: Backend = "sim://",
-    blows: Annotated[int, typer.Option("--blows", help="Blows at most, for each force.")] = 8,
+    blows: Annotated[int, typer.Option("--blows", help="Blows at most, for each force.")] = 8,  # as rig.learn
     goal: Annotated[
         float, typer.Option("--goal", help="RMS error up to key bottom to reach, as a fraction of the peak there.")
-    ] = 0.03,
+    ] = 0.03,  # as rig.learn
     scale: Annotated[float, typer.Option("--scale", help="Newtons at the motor per unit in the file.")] = 1.0,
     channel: Annotated[str, typer.Option("--channel", help="Name of the force in the file.")] = "force_n",
     time: Annotated[
@@ -145,9 +145,8 @@ def draw_learned(folder: Path, learned: rig.Learned) -> None:
         axes.grid(alpha=0.3)
     top.legend(fontsize=8)
     top.set_title(f"{target.name}: pianist and motor (blow {best.number}, {100 * best.error:.1f} % of the peak)")
-    zoom.set_xlim(target.onset_s - 0.01, target.bottom_s + 0.01)
-    high = 1.15 * target.peak_n
-    zoom.set_ylim(-0.1 * high, high)
+    zoom.set_xlim(target.onset_s - rig.learning.FADE_S, target.bottom_s + rig.learning.FADE_S)
+    zoom.set_ylim(-0.25 * target.peak_n, 1.5 * target.peak_n)
     zoom.set_title("before key bottom (dotted), where it is learned", fontsize=9)
     _draw_errors(steps, learned)
     with replace_when_complete(folder / "pianist_and_motor.png") as part:
@@ -209,8 +208,8 @@ def learn_profile(
     out: Path,
     access: workflows.BenchAccess,
     *,
-    blows: int = 8,
-    goal: float = 0.03,
+    blows: int = 8,  # as the option
+    goal: float = 0.03,  # as the option
     operator: str = "unknown",
     progress: Callable[[rig.Blow], None] | None = None,
 ) -> rig.Learned:

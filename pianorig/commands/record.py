@@ -168,7 +168,7 @@ def command(
                 target,
                 access,
                 profile=profile,
-                trials=5 if trials is None else trials,
+                trials=5 if trials is None else trials,  # as rig.record
                 plan_file=plan,
                 film=film or (),
                 film_progress=film_progress,

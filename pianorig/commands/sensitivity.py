@@ -17,7 +17,7 @@ from pianorig.console.overrides import load_changed, name_with_scene
 from pianorig.console.progress import say, working
 from pianorig.errors import CommandInputError
 
-MOST_LINES = 20
+MOST_LINES = 20  # of a table: one screen
 HEADINGS = {
     "let_off_m": "let-off", "strike_m_per_s": "speed", "check_m": "check", "drop_s": "drop time",
     "key curve": "key curve", "hammer curve": "hammer c.",

@@ -26,7 +26,7 @@ from pianorig.console.overrides import load_changed
 from pianorig.console.progress import working
 from pianorig.errors import CommandInputError
 
-DRAWING_RATE_HZ = 10_000.0
+DRAWING_RATE_HZ = 10_000.0  # of curves: every 0.1 ms, finer than a pixel of a blow
 USELESS_SHARE = 0.5  # half the 95 % interval, of the force
 FAR_FROM_REST_RAD = 5e-4  # 0.1 mm at the key front; most records begin at rest, so a larger offset is mentioned
 

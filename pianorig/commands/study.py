@@ -128,7 +128,7 @@ def _compare_as_thesis(action: model.Action, time_s: Any, force_n: Any) -> Found
 
 
 def _study_lines(study: model.study.Study) -> list[str]:
-    width = max(12, *(len(v.name) for v in study.variants))
+    width = max(12, *(len(v.name) for v in study.variants))  # column
     lines = [
         f"{'variant':<{width}}  {'strike s':>9} {'m/s':>6} {'strikes':>7} {'held':>5} {'hold mm':>8} {'moved mm':>9}"
         f" {'lever':>6} {'RMS deg':>8}"

@@ -83,5 +83,5 @@ def _cells(feels: Sequence[model.Touch], rows: Sequence[Mapping[str, float]]) ->
     return table
 
 
-def _number(value: float, digits: int = 3) -> str:
+def _number(value: float, digits: int = 3) -> str:  # significant
     return "-" if value != value else number(round(value, 5) + 0.0, digits)

@@ -34,7 +34,7 @@ BLANK = chr(0x2800)
 def command(
     session: Annotated[Path, typer.Argument(help="Session folder that is being recorded, or a finished one.")],
     png: Annotated[Path | None, typer.Option("--out", help="Refresh this picture instead of drawing text.")] = None,
-    every: Annotated[float, typer.Option("--every", help="Time between updates, s.")] = 0.5,
+    every: Annotated[float, typer.Option("--every", help="Time between updates, s.")] = 0.5,  # choice
     once: Annotated[bool, typer.Option("--once", help="Show the present state and end.")] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -44,7 +44,7 @@ def command(
 
     Example:  pianorig watch sessions/try
     """
-    if not 0.05 <= every <= 60:
+    if not 0.05 <= every <= 60:  # s: faster burdens the bench, slower shows nothing
         raise CommandInputError(f"--every {every:g}: allowed 0.05 to 60 s")
     if png is not None:
         check_writable(png)
@@ -68,7 +68,7 @@ def command(
         print(f"trial {last.trial} of {last.trials}, {last.state}: {png}")
 
 
-def curve(values: NDArray[np.float64], width: int = 72, height: int = 8, braille: bool = True) -> list[str]:
+def curve(values: NDArray[np.float64], width: int, height: int, braille: bool = True) -> list[str]:
     """Draw evenly spaced values as ``height`` lines of ``width`` characters, minimum to maximum within each column.
 
     The lowest value is at the bottom, the highest at the top; a constant is a line in the middle. Without ``braille``
@@ -114,7 +114,10 @@ def view_facts(view: LiveView) -> dict[str, Any]:
     }
 
 
-def view_as_text(view: LiveView, width: int = 72, *, braille: bool = True) -> str:
+HEIGHT = 6  # lines of a curve: three of them and the title fit 24 lines
+
+
+def view_as_text(view: LiveView, width: int, *, braille: bool = True) -> str:
     """Force and the last body's angle, the hammer's, over time as lines of text of at most ``width`` characters.
 
     Without ``braille`` the curves are drawn with signs that every terminal has.
@@ -135,7 +138,7 @@ def view_as_text(view: LiveView, width: int = 72, *, braille: bool = True) -> st
         lines.append(f"not recorded: {', '.join(absent)}")
     drawn: list[str] = []
     for label, values in curves:
-        drawn += [f"{label}: {values.min():.2f} to {values.max():.2f}"[:width], *curve(values, width, 6, braille)]
+        drawn += [f"{label}: {values.min():.2f} to {values.max():.2f}"[:width], *curve(values, width, HEIGHT, braille)]
     return "\n".join([*(part for line in lines for part in textwrap.wrap(line, width)), *drawn])
 
 
@@ -143,7 +146,7 @@ def follow_session(
     session: Path,
     show: Callable[[LiveView], None],
     *,
-    every_s: float = 0.5,
+    every_s: float = 0.5,  # as the option
     once: bool = False,
     wait: Callable[[float], None] = time.sleep,
 ) -> LiveView | None:

@@ -79,9 +79,9 @@ def tell_when_compiling() -> None:
 
 PROGRESS = "PIANORIG_PROGRESS"
 """Environment variable; at ``lines`` a bar is plain lines, one a per cent, for a program that shows them."""
-BAR = 20
-PATIENCE_S = 5.0
-UNLIMITED = 9999
+BAR = 20  # signs
+PATIENCE_S = 5.0  # after which work that still runs is named
+UNLIMITED = 9999  # as rig's MAX_TRIALS
 """So many trials are planned where their number is not known."""
 
 

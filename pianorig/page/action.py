@@ -29,7 +29,7 @@ from validation.measurement.geometry import geometry_of, motion_of
 from validation.part_names import part_name
 from vision.output.colours import body_colour
 
-MOST_CHANGES = 200
+MOST_CHANGES = 200  # of one action: more than its sliders
 MOST_TEXT = 4000  # letters of a scene's text, which is part of an address
 COUNTS = ("string.modes", "string.unisons")
 LENGTH_M = 5e-3  # a slider reaches so far to either side of a length
@@ -160,11 +160,11 @@ def toml_of(action: model.Action) -> str:
     return action_text(action, [f"{action.name}, changed on the page of `pianorig bench`:", *words])
 
 
-RATE_HZ = 5000.0
+RATE_HZ = 5000.0  # of a blow drawn on the page: as the built-in rig records
 EVERY, DRAWN = 5, 2  # a pose and a drawn sample for so many samples
 QUIET_S = 0.02  # every built-in blow begins later than this
 BLOWS = tuple(KNOTS)
-KEPT = 8
+KEPT = 8  # blows in memory: those that are flipped between
 
 
 @lru_cache(maxsize=KEPT)
@@ -249,7 +249,7 @@ def _events(action: model.Action, solution: model.Solution, rest_rad: NDArray[np
     return rows
 
 
-LARGEST_TURN_M = 5e-3
+LARGEST_TURN_M = LENGTH_M
 
 
 def touch(action: model.Action) -> dict[str, Any]:

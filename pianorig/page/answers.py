@@ -50,9 +50,9 @@ from rig.session.annotation_file import Kind
 from vision.output.colours import BODY_COLOURS, OTHERS
 
 WEB = Path(__file__).with_name("web")
-LONGEST_TEXT = 2000
-MOST_COMPARED = 8
-MOST_FRAMES = 16
+LONGEST_TEXT = 2000  # letters of a reason or a remark
+MOST_COMPARED = 8  # sessions in one table: as many as fit its width
+MOST_FRAMES = 16  # in one answer: 20 MB of a film of 1.3 megapixels
 REPORT_POLICY = (
     "sandbox allow-scripts allow-downloads allow-popups; default-src 'none'; script-src 'unsafe-inline'; "
     "style-src 'unsafe-inline'; img-src data: blob:; font-src data:; base-uri 'none'; form-action 'none'; "
@@ -60,7 +60,7 @@ REPORT_POLICY = (
 )
 """A report is a file of the session, and a session may come from anybody: its scripts run in an origin of their own,
 which may neither read this page nor ask it or the network for anything."""
-LOOKS_HZ = 30.0
+LOOKS_HZ = 30.0  # at a recording: as often as the page is drawn
 GONE = 4404
 """Code of our own for a session that is not there, or no more."""
 

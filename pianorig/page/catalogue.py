@@ -19,9 +19,8 @@ from rig.session import Session, Trial
 from rig.session.folder import FILM_SUFFIXES, UNREADABLE
 
 LARGEST_RESULTS_BYTES = 64_000_000  # 1,000 trials write about 30 MB
-MOST_FINDINGS = 50
-LONGEST = 600
-"""Characters of one text that the page shows."""
+MOST_FINDINGS = 50  # of one session in the list
+LONGEST = 600  # characters of one text that the page shows
 
 
 def shorten_text(text: object) -> str:
@@ -32,9 +31,8 @@ def shorten_text(text: object) -> str:
 
 REPORT = "report.html"
 RESULTS = "results.json"
-LARGEST_BYTES = {"session.toml": 2_000_000, "annotations.jsonl": 20_000_000}
-LARGEST_TRIAL_BYTES = 2_000_000_000
-"""A trial is hashed whole before it is opened; one above this size is named, not read."""
+LARGEST_BYTES = {"session.toml": 2_000_000, "annotations.jsonl": 20_000_000}  # thousands of conditions, of remarks
+LARGEST_TRIAL_BYTES = 2_000_000_000  # a trial is hashed whole before it is opened; a larger one is named, not read
 
 
 @dataclass(frozen=True)

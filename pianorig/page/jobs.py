@@ -14,9 +14,9 @@ from typing import Any
 from pianorig.console.progress import PROGRESS
 from pianorig.errors import CommandInputError
 
-KEPT_LINES = 40
-KEPT_JOBS = 20
-PATIENCE_S = 10.0
+KEPT_LINES = 40  # of a job's output: what a page shows
+KEPT_JOBS = 20  # of one evening
+PATIENCE_S = 10.0  # for a job to end by itself before it is ended
 
 
 @dataclass

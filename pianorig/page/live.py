@@ -22,7 +22,7 @@ from rig.session.trial_head import TrialHead
 from validation.curves.display_signs import SIGN, TITLE
 from vision.output.colours import body_colour
 
-MOST_FIGURES = 500
+MOST_FIGURES = 500  # trials with their figures: the last of a long session
 
 
 class LiveStream:

@@ -72,8 +72,8 @@ def _is_number(x: Any) -> bool:
     return type(x) in (int, float) and math.isfinite(x)
 
 
-MOST_BODIES, MOST_POINTS, LONGEST_NAME = 32, 500, 60
-WORST = 12
+MOST_BODIES, MOST_POINTS, LONGEST_NAME = 32, 500, 60  # of a drawing by hand
+WORST = 12  # frames that are offered to look at: one screen
 
 
 def outlines_of(subject: FilmSubject) -> dict[str, Any]:

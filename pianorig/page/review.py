@@ -34,7 +34,7 @@ from validation.prediction.predict_session import PredictedAngles, predict_trial
 from vision.output.colours import LOST, body_colour
 from vision.results.flags import FAILURE
 
-MOST_OPEN = 4
+MOST_OPEN = 4  # film files at once: two sessions side by side, twice
 
 Key = tuple[Path, int, int]
 
@@ -166,7 +166,7 @@ def _outlines(
     return views, doubt
 
 
-MOST_MODELS = 2
+MOST_MODELS = 2  # drawn over one film: more cannot be told apart
 
 
 _Predicted = tuple[ModelUnderTest, PredictedAngles]

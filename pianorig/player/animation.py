@@ -26,8 +26,8 @@ from vision.output.colours import body_colour
 
 WEB = Path(__file__).parent / "web"
 IMPORT = re.compile(r'^import \{(.*)\} from "\./(\w+)\.js";$', flags=re.MULTILINE)
-VISIBLE_RAD = 2e-4
-BEFORE_S = 5e-3
+VISIBLE_RAD = 2e-4  # turn of a body that is seen: 0.02 mm at 0.1 m
+BEFORE_S = 5e-3  # of rest before the first motion
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ def blow_animation(name: str, changes: list[str], view: View) -> Animation:
     return Animation(title, [("Model", view["drawing"])], curves, events)
 
 
-BLOW_RATE_HZ = 2_000.0
+BLOW_RATE_HZ = 2_000.0  # poses a second: choice; a blow of half a second has a thousand
 
 
 def write_blow_animation(

@@ -29,8 +29,8 @@ def unpack(packed: dict[str, Any]) -> NDArray[np.float32]:
 
 
 Array = NDArray[np.float64]
-RATE_HZ = 1000.0
-MOST_ROWS = 4000
+RATE_HZ = 1000.0  # poses a second: choice, for slow motion
+MOST_ROWS = 4000  # poses of a drawing: 4 s, 0.5 MB
 
 
 def drawing_times(start_s: float, end_s: float) -> Array:

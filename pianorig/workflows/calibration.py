@@ -19,7 +19,7 @@ from rig import Rig, open_backend
 from rig.atomic_write import write_text
 from rig.configuration.rig_file import BODIES
 from rig.configuration.toml_file import dump_toml
-from rig.guided_calibration import Swing, friction_of_swing, read_swing
+from rig.guided_calibration import STANDARD_GRAVITY, U_GRAVITY, Swing, friction_of_swing, read_swing
 
 SCHEMA = "piano-action-rig calibration 1"
 
@@ -54,9 +54,6 @@ def check_body(body: str) -> None:
         raise CommandInputError(f"--body {body}: allowed {', '.join(BODIES)}, the bodies with an encoder")
 
 
-U_GRAVITY_RELATIVE = 1.5e-3
-
-
 @dataclass(frozen=True)
 class Swings:
     """Swings of one body: friction over weight times arm with its standard uncertainty, each swing, the device."""
@@ -80,7 +77,9 @@ def weight_moment(action: model.Action, body: str) -> tuple[float, float]:
     mass, arm = action.quantities[f"{body}.mass"], math.hypot(x.value, y.value)
     u_arm = math.hypot(x.value * x.u, y.value * y.u) / arm
     moment = mass.value * action["gravity.g"] * arm
-    return moment, moment * math.sqrt((mass.u / mass.value) ** 2 + (u_arm / arm) ** 2 + U_GRAVITY_RELATIVE**2)
+    return moment, moment * math.sqrt(
+        (mass.u / mass.value) ** 2 + (u_arm / arm) ** 2 + (U_GRAVITY / STANDARD_GRAVITY) ** 2
+    )
 
 
 def read_swings(rig: Rig, address: str, body: str, swings: int, ask: Callable[[str], object], *, how: str) -> Swings:

@@ -9,7 +9,7 @@ from pianorig.console.output import MOST_COLUMNS, table_lines, wrap_text
 if TYPE_CHECKING:
     from validation import SideBySide, ValidationResult
 
-MOST_ROWS = 14
+MOST_ROWS = 14  # of a comparison in the terminal: half a screen
 READINGS = {
     "differs, by less than matters": "differs, small",
     "differs, whether by enough to matter cannot be told": "differs, size unclear",

@@ -19,14 +19,17 @@ from rig.configuration.rig_file import FOLDER as RIGS
 from rig.simulated import ActionGeometry, CameraSettings, film_bodies, film_trial
 
 Table = dict[str, NDArray[np.float64]]
-PRELOAD_N = 0.05
-QUIET_S = 0.3
-FELT_DEPTH_M = 5e-4
-FELT_LOSS = 0.12
-"""Half of the difference between pressing and releasing, of the force between them."""
-PRESS_BETA, PRESS_ETA = (0.15,), (0.2,)
-"""Half width of the loop as a share of the force, and the reach of its memory as a share of the depth."""
-NOISE_N = 0.02
+PRELOAD_N = 0.05  # as the built-in rig
+QUIET_S = 0.3  # before the blow: 15 periods of 50 Hz
+FELT_DEPTH_M = 5e-4  # of a press: choice, as far as 15 N take contact02
+FELT_LOSS = 0.12  # half of the difference between pressing and releasing, of the force between them: choice
+PRESS_BETA, PRESS_ETA = (0.15,), (0.2,)  # half width of the loop over force, reach of its memory over depth: choice
+NOISE_N = 0.02  # of the cell, as the virtual bench
+DEPTHS_MM, SPEEDS_MM_PER_S = (
+    (0.2, 0.35, 0.5),
+    (2.0, 10.0, 50.0),
+)  # of the presses: up to FELT_DEPTH_M, a decade and more
+PRESS_SAMPLES = 301  # of a press and its release: choice
 KEPT = ("", ".csv", ".h5", ".jsonl", ".md", ".toml", ".txt")
 """Endings of what was recorded and is said of it; reports and curves are made again."""
 
@@ -65,13 +68,13 @@ def felt_presses() -> dict[str, Table]:
     a, b, c = (action[f"contact02.normal.{name}"] for name in "abc")
     law = model.felt.Hysteresis(a, b, c, PRESS_BETA, PRESS_ETA)
     out = {}
-    for depth_mm in (0.2, 0.35, 0.5):
-        for speed_mm_per_s in (2, 10, 50):
+    for depth_mm in DEPTHS_MM:
+        for speed_mm_per_s in SPEEDS_MM_PER_S:
             seconds = 2.0 * depth_mm / speed_mm_per_s
-            time_s = np.linspace(0.0, seconds, 301)
+            time_s = np.linspace(0.0, seconds, PRESS_SAMPLES)
             depth_m = 1e-3 * (depth_mm - speed_mm_per_s * np.abs(time_s - 0.5 * seconds))
             force_n = law.response(time_s, depth_m).force_n + rng.normal(0.0, NOISE_N, time_s.size)
-            out[f"{depth_mm}mm_{speed_mm_per_s}mm_per_s"] = {
+            out[f"{depth_mm}mm_{speed_mm_per_s:g}mm_per_s"] = {
                 "time_s": time_s, "displacement_m": depth_m, "force_n": force_n
             }  # fmt: skip
     return out
@@ -100,14 +103,14 @@ def table_text(columns: Table) -> str:
     return "\n".join([",".join(columns), *(",".join(f"{value:.9g}" for value in row) for row in rows)]) + "\n"
 
 
-CAMERA = CameraSettings(width=280, height=212, scale_px_per_m=2240.0)
-FRAMES = 150
-START_S = 0.045
-"""The example force begins at 0.05 s, the bodies move from 0.065 s on."""
-GRID, PITCH_M = (9, 6), 5e-3
-VIEWS = 12
-DARK, BRIGHT, NOISE = 40.0, 200.0, 1.5
-SUBPIXELS = 4
+CAMERA = CameraSettings(width=280, height=212, scale_px_per_m=2240.0)  # 0.7 of the virtual bench's: a smaller file
+FRAMES = 150  # of the film: 75 ms, to the check
+START_S = 0.045  # the example force begins at 0.05 s, the bodies move from 0.065 s on
+GRID, PITCH_M = (9, 6), 5e-3  # inner corners of the target, and their distance: it fits the picture
+VIEWS = 12  # of the target, round a circle
+DARK, BRIGHT, NOISE = 40.0, 200.0, 1.5  # grey of 8 bit: choice, not saturated
+TURN_RAD = 0.12  # of the target, to each side: choice, held by hand
+SUBPIXELS = 4  # a side of a pixel's mean: edges are right to a sixteenth of their grey
 
 
 def write_blow_film(path: Path, bodies: Path, blow: model.Solution, frames: int = FRAMES) -> None:
@@ -150,7 +153,7 @@ def _target_frames() -> Iterator[NDArray[np.uint8]]:
     for k in range(VIEWS):
         turn = 2.0 * np.pi * k / VIEWS
         place = 0.5 * np.array([CAMERA.width, CAMERA.height]) + room * np.array([np.cos(turn), np.sin(turn)])
-        picture = _draw_checkerboard(place, 0.12 * np.sin(3.0 * turn), pitch_px)
+        picture = _draw_checkerboard(place, TURN_RAD * np.sin(3.0 * turn), pitch_px)
         noisy = picture + random.normal(0.0, NOISE, picture.shape)
         yield np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
 

@@ -13,7 +13,7 @@ from pianorig.workflows.examples import write_blow_film
 from validation.scores.iso18571 import iso_score
 
 BEGINS_S = 0.15  # of the blow, enough for all that is compiled
-FRAMES = 40
+FRAMES = 40  # of a film: enough for all that is compiled
 
 
 def call_once() -> None:
@@ -27,4 +27,4 @@ def call_once() -> None:
         vision.track(film, vision.load_bodies(bodies))
     model.null_model.simulate(action, times[begins], force[begins])
     hammer = np.ascontiguousarray(blow.angle_rad[:, -1])
-    iso_score(hammer, 1.01 * hammer, float(times[1] - times[0]))
+    iso_score(hammer, 1.01 * hammer, float(times[1] - times[0]))  # any other curve

@@ -20,8 +20,7 @@ from rig.foreign.reading import SUFFIXES, TEXT, read_segments
 from rig.foreign.sample_times import SECONDS, TIME_NAMES, typical_interval
 from rig.foreign.session_import import COUNTER_BITS, has_wraps, make_trial
 
-MOST_LINES_ABOVE = 60
-"""Lines above the names that are tried; headers of data loggers take up to about 50."""
+MOST_LINES_ABOVE = 60  # the names of the columns, that are tried; headers of data loggers take up to about 50
 NAMES = {
     "force": re.compile(r".*(force|load|kraft|druck|fz|newton|\bn\b).*", re.IGNORECASE),
     "key": re.compile(r".*(key|taste|touche|tecla).*", re.IGNORECASE),

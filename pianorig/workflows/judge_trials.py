@@ -22,10 +22,10 @@ from model.errors import ModelError
 from pianorig.console.overrides import load_model, split_model
 from pianorig.console.progress import say
 
-LOOK_EVERY_S = 0.1
+LOOK_EVERY_S = 0.1  # at the session, for a sealed trial
 PATIENCE_S = 60.0  # for the last trials, once the recording has ended: the first time kernels are compiled
 PATIENCE_AFTER_FAILURE_S = 2.0  # once it was stopped or has failed
-LOWER_PRIORITY = 10
+LOWER_PRIORITY = 10  # by so much a judge is nicer than the recorder: half of Unix's range
 FOLDER = ("derived", "judged")
 
 

@@ -9,7 +9,7 @@ from rig import PredictedBlow, Profile, Rig, RigInputError
 from rig.configuration.rig_file import BODIES
 from rig.safety.dry_run import Predict
 
-AFTER_S = 0.5
+AFTER_S = 0.5  # after the profile: the hammer has fallen back
 
 
 def predictor(rig: Rig, action: str | model.Action = "hirschkorn2004") -> Predict:

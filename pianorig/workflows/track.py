@@ -33,7 +33,7 @@ def draw_frames_of(film: SessionFilm, out: Path) -> dict[str, Path]:
     return {"out": out, "first": plain}
 
 
-COLUMNS = 3
+COLUMNS = 3  # of frames in the preview
 
 
 def preview_track(film: SessionFilm, picture: Path, count: int, **options: Unpack[FitOptions]) -> dict[str, Any]:

@@ -57,7 +57,7 @@ def closed(shared: Callable[..., Closed]) -> Closed:
             patch.setattr(validation, "validate_session", lambda *of, **how: validate(*of, **how | {"explain": False}))
             leave_out_figures(patch)
             patch.setattr(bench_record, "film_trial", film_blow)
-            demo = run_demo(folder / "session")
+            demo = run_demo(folder / "session", trials=5)
         return Closed(demo, {t.number: replay(BENCH, t.number, t.read().motor_command_v) for t in demo.session.trials})
 
     return shared(make)
