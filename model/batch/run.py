@@ -17,12 +17,13 @@ from typing import TypeVar, Unpack
 from numpy.typing import ArrayLike
 
 from model.batch.job import Job, Member, make_jobs
-from model.batch.lanes import group_jobs, run_job_group, select_lane_jobs, warm_up_lanes
+from model.batch.lanes import group_jobs, run_job_group, select_lane_jobs
 from model.batch.store import Store
 from model.codegen.load import load_kernel, load_kernels
 from model.errors import InputError
 from model.keywords import make_options
 from model.parameters.action import ActionLike, as_action
+from model.simulation.lanes import warm_up_lanes
 from model.simulation.options import BatchKeywords, BatchOptions
 from model.simulation.statics import RestState
 

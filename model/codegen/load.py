@@ -58,7 +58,7 @@ def load_kernels(tables: Tables) -> StepKernels:
 
 
 def load_lane_kernels(tables: Tables, lanes: int) -> StepKernels:
-    """Kernels of a structure for ``lanes`` members side by side; no coordinate may be prescribed."""
+    """Kernels of a structure for ``lanes`` members side by side."""
     found: StepKernels = _get_or_make(tables, f"{lanes} lanes", lambda: _step_kernels(tables, IN_LANES, lanes))
     return found
 

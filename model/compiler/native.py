@@ -269,14 +269,16 @@ class KernelWriter:
             index = ir.Constant(INTEGER, e.args[1]) if len(a) < 3 else b.add(ir.Constant(INTEGER, e.args[1]), a[2])
             number = b.load(b.gep(self._given[e.args[0]], [index]), align=8)
             return number if self.lanes == 1 else broadcast(self.b, number, self.lanes)
+        if op == "read" and len(a) > 2 and self._is_per_lane(a[2]):
+            return self._gather(*a)
         if op == "read":
             return b.load(self._pointer((e.args[0], e.args[1], e.args[2] if len(e.args) > 2 else None)), align=8)
         if op == "whole":
             return self._integer_value(e.args[0])
-        if op == "whole_add":
-            return b.add(*(self._integer(x) for x in a))
-        if op == "whole_multiply":
-            return b.mul(*(self._integer(x) for x in a))
+        if op == "whole_per_lane":
+            return b.fptosi(a[0], INTEGER if self.lanes == 1 else ir.VectorType(INTEGER, self.lanes))
+        if op in ("whole_add", "whole_multiply"):
+            return (b.add if op == "whole_add" else b.mul)(*self._integers(a))
         if op == "first":
             return b.icmp_signed("==", self._given["k"], ir.Constant(INTEGER, 0))
         if op == "bit":
@@ -462,8 +464,25 @@ class KernelWriter:
         bits = self.b.bitcast(truth, ir.IntType(truth.type.count))
         return self.b.icmp_unsigned("!=", bits, ir.Constant(bits.type, 0))
 
-    def _integer(self, x: Any) -> Any:
-        return x if isinstance(x, ir.Value) else ir.Constant(INTEGER, x)
+    def _integers(self, values: list[Any]) -> list[Any]:
+        """Whole numbers as values of one kind: each lane's own if any of them is."""
+        found = [x if isinstance(x, ir.Value) else ir.Constant(INTEGER, x) for x in values]
+        if any(map(self._is_per_lane, found)):
+            found = [x if self._is_per_lane(x) else broadcast(self.b, x, self.lanes) for x in found]
+        return found
+
+    def _is_per_lane(self, x: Any) -> bool:
+        return isinstance(x, ir.Value) and isinstance(x.type, ir.VectorType)
+
+    def _gather(self, array: str, place: int, behind: Any) -> Any:
+        """The number that each lane finds in a row of its own."""
+        out = ir.Constant(self._lane_kind, ir.Undefined)
+        for lane in range(self.lanes):
+            row = self.b.add(ir.Constant(INTEGER, place), self.b.extract_element(behind, ir.Constant(SHORT, lane)))
+            at = self.b.add(self.b.mul(row, ir.Constant(INTEGER, self.lanes)), ir.Constant(INTEGER, lane))
+            number = self.b.load(self.b.gep(self._given[array], [at]), align=8)
+            out = self.b.insert_element(out, number, ir.Constant(SHORT, lane))
+        return out
 
     def _integer_value(self, e: Expression) -> Any:
         """A whole number that lanes share: the first lane's."""

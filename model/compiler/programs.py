@@ -116,8 +116,13 @@ def is_unmasked(bit: int) -> Expression:
 
 
 def as_integer(e: Expression) -> Expression:
-    """A number that is whole, as `read` takes it behind a place."""
+    """A number that is whole, as `read` takes it behind a place; lanes share the first lane's."""
     return intern("whole", as_expression(e))
+
+
+def as_integer_per_lane(e: Expression) -> Expression:
+    """A number that is whole and each lane's own: what `read` finds behind it is gathered."""
+    return intern("whole_per_lane", as_expression(e))
 
 
 def map_assignments(

@@ -133,7 +133,8 @@ def clear_lane(lane, width, memory, number):
     memory[ANGLE_LIMIT * width + lane] = memory[SPEED_LIMIT * width + lane] = 1.0
     for k in range(N_NUMBERS):
         number[k * width + lane] = 1.0
-    number[TIME * width + lane] = 0.0
+    for k in (TIME, START_INPUT, BASE, SLOPE):  # an input that stays: no piece of a motion is looked for
+        number[k * width + lane] = 0.0
 
 
 @uncounted
@@ -278,7 +279,7 @@ def choose_steps(bits, width, gamma, members, space):
         memory[STEP_RATE * width + lane] = 1.0 / step
         memory[STAGE_STEP * width + lane] = gamma * step
         number[EXCEEDED * width + lane] = 0.0
-    for i in range(n):
+    for i in range(WIDTH):  # prescribed coordinates too
         for lane in range(width):
             step = number[STEP * width + lane]
             v, acc = memory[(V + i) * width + lane], memory[(ACC + i) * width + lane]

@@ -11,6 +11,8 @@ is prescribed, and what holds it is the torque on its joint.
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +20,9 @@ from numpy.typing import NDArray
 
 from model.codegen.evaluate_observables import bodies_at
 from model.codegen.observable_columns import HELD, JOINT_Y
+from model.errors import ModelError
 from model.integrators.methods import DEFAULT_METHOD
+from model.kernels.lanes import has_wide_vectors
 from model.parameters.action import BODIES, Action
 from model.parameters.effects import ARM, FINGER, KEY_LIFT, MOTOR, SHANK
 from model.scene.build import Scene, build_scene
@@ -26,7 +30,8 @@ from model.scene.key_motion import KeyMotion, acceleration_of_input, angle_at_he
 from model.scene.selection import SceneChoice, choice_of
 from model.scene.string_terms import with_modes
 from model.simulation.compliant_joints import CompliantJointMotion, compliant_joint_motion
-from model.simulation.run import Simulation, State
+from model.simulation.lanes import advance_lanes, lane_kind
+from model.simulation.run import Plan, Simulation, State
 from model.simulation.solution import EnergyAudit
 from model.simulation.statics import solve_rest
 from model.simulation.string_motion import StringMotion, string_motion
@@ -38,19 +43,25 @@ LONGEST_STEP_S = 2e-3  # so that no step jumps over a blow that begins inside it
 
 
 @dataclass(frozen=True)
-class PrescribedRun:
-    """States (m, n) in the order ``bodies``, force (m,) N, rail's reaction on the key (m,) N upwards.
+class PrescribedMotion:
+    """States (m, n) in the order ``bodies``, and counters of the work."""
+
+    bodies: tuple[str, ...]
+    angle_rad: Array
+    speed_rad_per_s: Array
+    counters: dict[str, int | float]
+
+
+@dataclass(frozen=True)
+class PrescribedRun(PrescribedMotion):
+    """The motion with force (m,) N and the rail's reaction on the key (m,) N upwards.
 
     With motor arm or finger the force is the torque on its joint over its length ``arm_m``. ``energy`` is the audit,
     where it was asked for; ``string`` and ``give`` as of a `Solution`.
     """
 
-    bodies: tuple[str, ...]
-    angle_rad: Array
-    speed_rad_per_s: Array
     force_n: Array
     rail_n: Array
-    counters: dict[str, int | float]
     arm_m: float | None = None
     energy: EnergyAudit | None = None
     string: StringMotion | None = None
@@ -104,39 +115,125 @@ def run_prescribed(
     choice = choice_of(action, choice)
     action = choice.apply_to(action)
     action = with_modes(action, tolerance)
-    # from zero on: a clock that has run for days has few digits left for a step
-    start = float(motion.break_s[0])
-    motion, times = KeyMotion(motion.break_s - start, motion.coefficient), output_time_s - start
-    scene = build_scene(action, choice=choice, key_motion=motion)
-    state = State(0.0, solve_rest(scene, 0.0), np.zeros(scene.size))
-    run = Simulation(scene, state, tolerance=tolerance, method=method, largest_step_s=LONGEST_STEP_S, energy=energy)
-    span = motion.break_s[[0, -1]]  # the input is the time itself
+    under_way = _Prescribed.start(action, motion, output_time_s, tolerance, choice, method, energy)
+    run, scene = under_way.run, under_way.scene
+    state = run.state
     stored = run.stored_energy() if energy else 0.0
-    own = run.advance(float(times[-1]), span, span, output_time_s=times)
-    moved = motion.evaluate(times)
-    memory = run.remembered if scene.remembers else None
-    angles, speeds = with_moved(scene.tables, scene.vector, own, moved, memory)
-    force, rail = key_load(scene, angles, speeds, moved[:, 2], memory=memory)
+    own = run.advance(*under_way.span(), output_time_s=under_way.time_s)
+    angles, speeds, moved = under_way.whole_states(own)
+    force, rail = key_load(scene, angles, speeds, moved[:, 2], memory=under_way.memory)
     arm = (
         None
         if choice.prescribed_coordinate == "key"
         else action[f"{ARM if choice.prescribed_coordinate == MOTOR else FINGER}.length"]
     )
-    usual = [b for b in (*BODIES, SHANK, KEY_LIFT, MOTOR, FINGER) if b in scene.bodies]
-    bodies = tuple(dict.fromkeys([*usual, *scene.bodies]))
-    order = [scene.bodies.index(b) for b in bodies]
+    bodies, order = under_way.order()
     return PrescribedRun(
         bodies,
         angles[:, order],
         speeds[:, order],
+        run.work(),
         force / (arm or 1.0),
         rail,
-        run.work(),
         arm,
         run.energy_audit(state, stored) if energy else None,
-        string_motion(scene, times, run.remembered),
+        string_motion(scene, under_way.time_s, run.remembered),
         compliant_joint_motion(scene, run.remembered),
     )
+
+
+def run_prescribed_lanes(
+    runs: Sequence[tuple[Action, KeyMotion, Array]], *, tolerance: float
+) -> list[PrescribedMotion | ModelError]:
+    """Motions of many runs, side by side in lanes where the machine has them, each in the scene of its action.
+
+    A run's numbers do not depend on the other runs.
+
+    Parameters
+    ----------
+    runs : action, motion and output times (m,) of each, as of `run_prescribed`
+    tolerance : requested largest error of any angle, rad
+
+    Returns
+    -------
+    list
+        In the order of the runs; the error of one that cannot be carried out.
+    """
+    out: list[PrescribedMotion | ModelError] = [ModelError("not run")] * len(runs)
+    alike: dict[object, list[tuple[int, _Prescribed, Plan]]] = defaultdict(list)
+    for i, (action, motion, output_time_s) in enumerate(runs):
+        try:
+            choice = choice_of(action)
+            action = with_modes(choice.apply_to(action), tolerance)
+            one = _Prescribed.start(action, motion, output_time_s, tolerance, choice)
+            plan = one.run.plan(*one.span(), output_time_s=one.time_s)
+            alike[lane_kind(one.scene) if has_wide_vectors() else i].append((i, one, plan))
+        except ModelError as problem:
+            out[i] = problem
+    for group in alike.values():
+        plans = [plan for _, _, plan in group]
+        if has_wide_vectors():
+            ends = advance_lanes(group[0][1].scene.tables, plans)
+        else:
+            ends = [one.run.carry_out(plan) for _, one, plan in group]
+        for (i, one, plan), end in zip(group, ends, strict=True):
+            try:
+                angles, speeds, _ = one.whole_states(one.run.accept_result(plan, *end))
+                bodies, order = one.order()
+                out[i] = PrescribedMotion(bodies, angles[:, order], speeds[:, order], one.run.work())
+            except ModelError as problem:
+                out[i] = problem
+    return out
+
+
+@dataclass(frozen=True)
+class _Prescribed:
+    """A run under a prescribed motion, on a clock of its own."""
+
+    scene: Scene
+    motion: KeyMotion
+    time_s: Array  # (m,) of the outputs
+    run: Simulation
+
+    @classmethod
+    def start(
+        cls,
+        action: Action,
+        motion: KeyMotion,
+        output_time_s: Array,
+        tolerance: float,
+        choice: SceneChoice,
+        method: str = DEFAULT_METHOD,
+        energy: bool = False,
+    ) -> _Prescribed:
+        """At rest at the motion's first angle."""
+        # from zero on: a clock that has run for days has few digits left for a step
+        start = float(motion.break_s[0])
+        motion, times = KeyMotion(motion.break_s - start, motion.coefficient), output_time_s - start
+        scene = build_scene(action, choice=choice, key_motion=motion)
+        state = State(0.0, solve_rest(scene, 0.0), np.zeros(scene.size))
+        run = Simulation(scene, state, tolerance=tolerance, method=method, largest_step_s=LONGEST_STEP_S, energy=energy)
+        return cls(scene, motion, times, run)
+
+    def span(self) -> tuple[float, Array, Array]:
+        """Until when, and the input: it is the time itself."""
+        span = self.motion.break_s[[0, -1]]
+        return float(self.time_s[-1]), span, span
+
+    @property
+    def memory(self) -> Array | None:
+        return self.run.remembered if self.scene.remembers else None
+
+    def whole_states(self, own: tuple[Array, Array]) -> tuple[Array, Array, Array]:
+        """Angles and speeds (m, n) of all coordinates from those solved for; the motion (m, 3)."""
+        moved = self.motion.evaluate(self.time_s)
+        return *with_moved(self.scene.tables, self.scene.vector, own, moved, self.memory), moved
+
+    def order(self) -> tuple[tuple[str, ...], list[int]]:
+        """Bodies in the usual order, and where the scene has them."""
+        usual = [b for b in (*BODIES, SHANK, KEY_LIFT, MOTOR, FINGER) if b in self.scene.bodies]
+        bodies = tuple(dict.fromkeys([*usual, *self.scene.bodies]))
+        return bodies, [self.scene.bodies.index(b) for b in bodies]
 
 
 def key_load(

@@ -234,15 +234,19 @@ class Simulation:
         angles, speeds : (m, n)
         """
         plan = self.plan(until, input_time_s, input_value, held=held, output_time_s=output_time_s)
+        return self.accept_result(plan, *self.carry_out(plan))
+
+    def carry_out(self, plan: Plan) -> tuple[float, float, int]:
+        """Run the step loop of a plan; the time reached (s), the next step to try (s), the status."""
         if self._kernels is None:  # found once: a run may be advanced block by block
             self._kernels = load_kernels(self.scene.tables)
             if self.energy:
                 self._kernels = self._kernels._replace(energy=load_kernel(self.scene.tables, "energy"))
         kernels, method = self._kernels, plan.method
-        time, step, status = method.loop(
+        end: tuple[float, float, int] = method.loop(
             plan.span, plan.drive, plan.out, plan.scene, kernels, method.coefficients, plan.limits, plan.account
         )
-        return self.accept_result(plan, time, step, status)
+        return end
 
     def plan(
         self,

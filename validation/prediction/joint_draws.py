@@ -25,8 +25,8 @@ from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, WORK
 from validation.measurement.position_sensors import CURVE_AT
 from validation.measurement.trial import FilmAngles, MeasuredTrial
 from validation.prediction.input_sampling import parameter_draws
-from validation.prediction.key_driven import KeyErrors, run_key_driven
-from validation.prediction.many_runs import Run, coarse_force, run_many
+from validation.prediction.key_driven import KeyErrors, run_many_key_driven
+from validation.prediction.many_runs import AT_ONCE, Run, coarse_force, run_many
 from validation.prediction.model_under_test import ModelUnderTest
 
 CHANNELS = (*ENCODER_CHANNELS, *FILM_CHANNELS)
@@ -182,20 +182,25 @@ def _each_draw_by_key(
 ) -> list[T | None]:
     """The same of one trial under its key's motion, with the drawn errors of the key's sensor."""
 
-    def one(draw: JointDraw) -> T | None:
-        drawn = drawn_action(tested, m, draw)
-        if drawn is None:
-            return None
-        rest = np.asarray(drawn.rest.angle_rad, dtype=float)[: len(BODIES)]
-        try:
-            turn, _, _ = run_key_driven(drawn.action, m, rest, drawn_tolerance(tested), draw.key_errors)
-        except ModelError:
+    def some(part: Sequence[JointDraw]) -> list[T | None]:
+        drawn = [drawn_action(tested, m, draw) for draw in part]
+        runs = [
+            (one.action, np.asarray(one.rest.angle_rad, dtype=float)[: len(BODIES)], one.draw.key_errors)
+            for one in drawn
+            if one is not None
+        ]
+        found = iter(run_many_key_driven(runs, m, drawn_tolerance(tested)))
+        return [None if one is None else read(one.draw, next(found)) for one in drawn]
+
+    def read(draw: JointDraw, turn: Array | None) -> T | None:
+        if turn is None:
             return None
         at = np.column_stack([np.interp(time_s, m.time_s, column) for column in turn.T])
         return use(_readings(m, draw, time_s, at))
 
+    parts = [draws[first : first + AT_ONCE] for first in range(0, len(draws), AT_ONCE)]
     with ThreadPoolExecutor(WORKERS) as pool:
-        return list(pool.map(one, draws))
+        return [value for values in pool.map(some, parts) for value in values]
 
 
 def drawn_tolerance(tested: ModelUnderTest) -> float:

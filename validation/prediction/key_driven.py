@@ -7,13 +7,15 @@ sensor reads it (`validation.measurement.position_sensors`), of an encoder as it
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 import model
-from model.motion_driven.prescribed_key import run_prescribed
+from model.errors import ModelError
+from model.motion_driven.prescribed_key import PrescribedMotion, run_prescribed, run_prescribed_lanes
 from model.motion_driven.spline_fit import KeyFit, fit_key_motion
 from validation.conventions import BODIES, HAMMER, KEY, WHIPPEN, Array
 from validation.measurement.trial import MeasuredTrial
@@ -55,16 +57,41 @@ def run_key_driven(
     action: model.Action, m: MeasuredTrial, rest_rad: Array, tolerance: float, errors: KeyErrors = EXACT
 ) -> tuple[Array, Array, dict[str, float]]:
     """Changes of angle (n, 5), rad, speeds (n, 5), rad/s, and counters of the model under a trial's key."""
-    # the fit of an encoder's samples ends where they do, to rounding
+    motion, at = _motion_and_times(m, rest_rad, errors)
+    run = run_prescribed(action, motion, at, tolerance=min(tolerance, TOLERANCE_RAD))
+    counters = {name: float(value) for name, value in run.counters.items()}
+    order = [run.bodies.index(body) for body in BODIES]
+    return _read_changes(m, run, rest_rad, errors), run.speed_rad_per_s[:, order], counters
+
+
+def run_many_key_driven(
+    runs: Sequence[tuple[model.Action, Array, KeyErrors]], m: MeasuredTrial, tolerance: float
+) -> list[Array | None]:
+    """Changes of angle (n, 5), rad, under a trial's key of each action from its rest, with errors of the sensors.
+
+    None of a run that cannot be carried out. Side by side in lanes: no run's numbers depend on the other runs.
+    """
+    planned = [(action, *_motion_and_times(m, rest_rad, errors)) for action, rest_rad, errors in runs]
+    found = run_prescribed_lanes(planned, tolerance=min(tolerance, TOLERANCE_RAD))
+    return [
+        None if isinstance(run, ModelError) else _read_changes(m, run, rest_rad, errors)
+        for run, (_, rest_rad, errors) in zip(found, runs, strict=True)
+    ]
+
+
+def _motion_and_times(m: MeasuredTrial, rest_rad: Array, errors: KeyErrors) -> tuple[model.KeyMotion, Array]:
+    """The motion of a trial's key, and the sample times within it: the fit ends where they do, to rounding."""
     motion = key_motion(m, float(rest_rad[KEY]), errors)
     at = np.clip(m.time_s, motion.break_s[0], motion.break_s[-1])
     at[1:] = np.maximum(at[1:], np.nextafter(at[:-1], np.inf))
-    run = run_prescribed(action, motion, at, tolerance=min(tolerance, TOLERANCE_RAD))
+    return motion, at
+
+
+def _read_changes(m: MeasuredTrial, run: PrescribedMotion, rest_rad: Array, errors: KeyErrors) -> Array:
     order = [run.bodies.index(body) for body in BODIES]
     turn = run.angle_rad[:, order] - run.angle_rad[0, order]
     turn[:, KEY] += run.angle_rad[0, order[KEY]] - rest_rad[KEY]
-    counters = {name: float(value) for name, value in run.counters.items()}
-    return read_by_sensors(m, turn, errors), run.speed_rad_per_s[:, order], counters
+    return read_by_sensors(m, turn, errors)
 
 
 def read_by_sensors(m: MeasuredTrial, turn_rad: Array, errors: KeyErrors = EXACT) -> Array:

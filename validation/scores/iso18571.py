@@ -61,7 +61,7 @@ def iso_score(test: Array, cae: Array, step_s: float) -> IsoScore:
     reach = LARGEST_SHIFT * n
     ep = 1.0 if m == 0 else max((reach - m) / reach, 0.0)
     ts, cs = (t, c) if m == 0 else ((t[:-m], c[m:]) if shift > 0 else (t[m:], c[:-m]))
-    em = _linear(_magnitude_error(np.ascontiguousarray(ts), np.ascontiguousarray(cs)), LARGEST_MAGNITUDE_ERROR)
+    em = _linear(_magnitude_error(ts, cs), LARGEST_MAGNITUDE_ERROR)
     es = _linear(_slope_error(ts, cs, step_s), LARGEST_SLOPE_ERROR)
     overall = float(np.dot(WEIGHTS, (z, ep, em, es)))
     return IsoScore(z, ep, em, es, overall, shift)
@@ -82,9 +82,48 @@ def _linear(error: float, largest: float) -> float:
     return max(0.0, (largest - error) / largest)
 
 
+TIE = 1e-12
+"""Correlations that differ by less are equal: rounding leaves 1e-15."""
+
+
 def find_best_shift(t: Array, c: Array) -> int:
-    """Shift of highest correlation in samples, positive when the prediction is late; the smallest wins a tie."""
-    return int(_best_shift(t, c, int(LARGEST_SHIFT * t.size)))
+    """Shift of highest correlation in samples, positive when the prediction is late.
+
+    Of equal ones the smallest, late before early. All correlations come from one Fourier transform, those that may be
+    the highest then from the samples themselves.
+    """
+    shifts = np.arange(1, int(LARGEST_SHIFT * t.size) + 1)
+    shifts = np.concatenate([[0], np.column_stack([shifts, -shifts]).ravel()])
+    t, c = t - t.mean(), c - c.mean()
+    late, early = np.maximum(shifts, 0), np.maximum(-shifts, 0)  # first samples of the parts of c and t
+    count = t.size - np.abs(shifts)
+    sums, spreads = [], []
+    for x, first in ((t, early), (c, late)):
+        total, squares = (np.concatenate([[0.0], np.cumsum(y)]) for y in (x, x * x))
+        part = total[first + count] - total[first]
+        sums.append(part)
+        spreads.append((squares[first + count] - squares[first] - part * part / count) / (squares[-1] or 1.0))
+    size = 1 << int(2 * t.size - 1).bit_length()
+    products = np.fft.irfft(np.conj(np.fft.rfft(t, size)) * np.fft.rfft(c, size), size)[shifts]
+    known = (spreads[0] > STILL) & (spreads[1] > STILL)
+    scale = math.sqrt(float(t @ t) * float(c @ c) or 1.0) * np.sqrt(np.where(known, spreads[0] * spreads[1], 1.0))
+    still = [
+        float(np.array_equal(t[i : i + k], c[j : j + k]))
+        for i, j, k in zip(early[~known], late[~known], count[~known], strict=True)
+    ]
+    r = np.empty(shifts.size)
+    r[known] = ((products - sums[0] * sums[1] / count) / scale)[known]
+    r[~known] = still
+    wrong = np.where(known, FOURIER_ERROR * scale.max() / scale, 0.0)
+    for k in np.flatnonzero((r + wrong >= (r - wrong).max()) & known):
+        a, b = t[early[k] : early[k] + count[k]], c[late[k] : late[k] + count[k]]
+        r[k] = (a @ b - sums[0][k] * sums[1][k] / count[k]) / scale[k]
+    return int(shifts[np.argmax(r >= r.max() - TIE)])
+
+
+STILL = 1e-13  # share of a curve's spread: a part with less does not move
+FOURIER_ERROR = 1e-11
+"""Error of a correlation by Fourier transform: some 1e-15 of the largest product, with room."""
 
 
 def _slope_error(t: Array, c: Array, step_s: float) -> float:
@@ -108,34 +147,9 @@ def _moving_average(x: Array) -> Array:
 
 def _magnitude_error(t: Array, c: Array) -> float:
     window = max(math.ceil(WARP_WINDOW * t.size) - 1, 0)
+    c, t = (np.require(x, dtype=float, requirements=["C", "W"]) for x in (c, t))  # another kind is compiled anew
     difference, size = _warp(c, t, window)
     return _ratio(float(difference), float(size))
-
-
-@njit(cache=True, nogil=True)
-def _best_shift(t: Array, c: Array, largest: int) -> int:
-    """Shift of highest Pearson correlation of the parts that overlap; the first of equals wins, late before early."""
-    n = t.size
-    t, c = t - t.mean(), c - c.mean()
-    # running sums give mean and spread of every part; a leading 0 makes part [i, j) a difference of two
-    zero = np.zeros(1)
-    st, sc = np.concatenate((zero, np.cumsum(t))), np.concatenate((zero, np.cumsum(c)))
-    stt, scc = np.concatenate((zero, np.cumsum(t * t))), np.concatenate((zero, np.cumsum(c * c)))
-    best, shift = -2.0, 0
-    for m in range(largest + 1):
-        k = n - m
-        for side in range(2 if m else 1):
-            i, j = (0, m) if side == 0 else (m, 0)  # where the parts of t and c begin
-            a, b = t[i : i + k], c[j : j + k]
-            sa, sb = st[i + k] - st[i], sc[j + k] - sc[j]
-            aa, bb = stt[i + k] - stt[i] - sa * sa / k, scc[j + k] - scc[j] - sb * sb / k
-            if aa <= 1e-13 * stt[n] or bb <= 1e-13 * scc[n]:
-                r = 1.0 if np.array_equal(a, b) else 0.0
-            else:
-                r = (np.dot(a, b) - sa * sb / k) / math.sqrt(aa * bb)
-            if r > best:
-                best, shift = r, m if side == 0 else -m
-    return shift
 
 
 @njit(cache=True, nogil=True)
@@ -148,8 +162,9 @@ def _warp(a: Array, b: Array, window: int) -> tuple[float, float]:
     """
     n = a.size
     backwards = b[::-1].copy()
-    came_from = np.empty((2 * n - 1, window + 2), dtype=np.int8)  # 0 up, 1 left, 2 diagonal
-    first = np.zeros(2 * n - 1, dtype=np.int64)
+    # 0 up, 1 left, 2 diagonal, one diagonal behind the other: memory that no cell needs is never touched
+    came_from = np.empty((2 * n - 1) * (window + 2), dtype=np.int8)
+    first, start = np.zeros(2 * n - 1, dtype=np.int64), np.zeros(2 * n, dtype=np.int64)
     now, last, before = np.full(n + 2, np.inf), np.full(n + 2, np.inf), np.full(n + 2, np.inf)
     most = 0.0
     for k in range(n):
@@ -162,7 +177,8 @@ def _warp(a: Array, b: Array, window: int) -> tuple[float, float]:
         high = min(n - 1, s, (s + window) // 2, max(last_high, before_high) + 1)
         first[s] = low
         cells = max(high - low + 1, 0)
-        origin = came_from[s, :cells]
+        start[s + 1] = start[s] + cells
+        origin = came_from[start[s] : start[s + 1]]
         cost = now[low + 1 : low + 1 + cells]
         up, left, diagonal = last[low : low + cells], last[low + 1 : low + 1 + cells], before[low : low + cells]
         row, column = a[low : low + cells], backwards[n - 1 - s + low : n - 1 - s + low + cells]
@@ -188,7 +204,7 @@ def _warp(a: Array, b: Array, window: int) -> tuple[float, float]:
     i, j = n - 1, n - 1
     difference, size = abs(a[i] - b[j]), abs(b[j])
     while i > 0 or j > 0:
-        step = came_from[i + j, i - first[i + j]]
+        step = came_from[start[i + j] + i - first[i + j]]
         if step != 1:
             i -= 1
         if step != 0:

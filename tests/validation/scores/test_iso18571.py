@@ -147,3 +147,34 @@ def test_the_scores_of_the_specification_s_annex():
         assert found == pytest.approx(case, abs=1e-3), path.name
         checked += 1
     assert checked > 0
+
+
+def correlations(test, cae):
+    """Pearson's correlation of the parts that overlap, by shift, in the order of the specification."""
+    out, test, cae = {}, test - test.mean(), cae - cae.mean()
+    for m in range(int(0.2 * test.size) + 1):
+        for shift in (m, -m):
+            a, b = (test[: test.size - m], cae[m:]) if shift >= 0 else (test[m:], cae[:-m])
+            still = min(np.ptp(a), np.ptp(b)) == 0.0
+            out[shift] = float(np.array_equal(a, b)) if still else float(np.corrcoef(a, b)[0, 1])
+    return out
+
+
+@pytest.mark.parametrize("kind", ["noise", "walk", "period", "step", "rounded", "still"])
+def test_the_shift_is_that_of_the_highest_correlation_of_all(kind):
+    rng = np.random.default_rng(2)
+    for n in (9, 40, 301):
+        t = np.linspace(0.0, 1.0, n)
+        test, cae = {
+            "noise": rng.standard_normal((2, n)),
+            "walk": np.cumsum(rng.standard_normal((2, n)), axis=1),
+            "period": np.array([np.sin(30.0 * t), np.sin(30.0 * (t - 0.013))]),
+            "step": np.array([t > 0.5, t > 0.56], dtype=float),
+            "rounded": np.round([np.exp(-(((t - 0.5) / 0.05) ** 2)), np.exp(-(((t - 0.55) / 0.05) ** 2))], 3),
+            "still": np.array([t > 0.95, np.zeros(n)], dtype=float),
+        }[kind]
+        by_shift = correlations(test, cae)
+        highest = max(by_shift.values())
+        found = find_best_shift(test, cae)
+        assert by_shift[found] == pytest.approx(highest, abs=1e-9)
+        assert abs(found) == min(abs(shift) for shift, r in by_shift.items() if r > highest - 1e-12)
