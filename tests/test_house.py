@@ -27,11 +27,6 @@ def graph() -> grimp.ImportGraph:
     return grimp.build_graph(*PACKAGES, cache_dir=None)
 
 
-def is_face(module: str) -> bool:
-    """Is this a package's ``__init__``, which hands on names and is imported by no module of its own package?"""
-    return (ROOT / Path(*module.split(".")) / "__init__.py").exists()
-
-
 def circle(imports: dict[str, set[str]]) -> list[str]:
     """One circle of imports; empty where there is none."""
     try:
@@ -141,36 +136,3 @@ def test_scripts_have_no_circle_and_no_name_too_many_or_too_few() -> None:
     assert set(texts) - set().union(*between.values()) == FIRST_SCRIPTS
     player = {path.stem for path in modules if path.parts[-3] == "player"}
     assert set().union(*(between[module] for module in player)) <= player  # an exported animation has only these
-
-
-GOOD_SCRIPTS = {
-    "top": 'import { draw, Panel } from "./panel.js";\nimport { ask } from "./server.js";\n',
-    "panel": 'import { ask } from "./server.js";\nexport class Panel {}\nexport function draw() {}\n',
-    "server": "export async function ask() {}\n",
-}
-
-
-@pytest.mark.parametrize(
-    ("module", "line", "fault"),
-    [
-        ("server", 'import { Panel } from "./panel.js";', "circle"),
-        ("server", 'import { ask } from "./server.js";', "circle server server"),
-        ("top", 'import { tell } from "./server.js";', "top imports tell, not exported by server"),
-        ("top", 'import { ask } from "./nowhere.js";', "top imports ask, not exported by nowhere"),
-        ("panel", "export const LOST = 1;", "nobody imports LOST of panel"),
-        ("panel", "export { ask };", "panel hands on what it does not define"),
-        ("top", 'export * from "./server.js";', "top hands on what it does not define"),
-    ],
-)
-def test_a_fault_between_scripts_is_found(module: str, line: str, fault: str) -> None:
-    assert script_faults(GOOD_SCRIPTS) == []
-    found = script_faults({**GOOD_SCRIPTS, module: f"{GOOD_SCRIPTS[module]}{line}\n"})
-    assert len(found) == 1 and found[0].startswith(fault)
-
-
-@pytest.mark.parametrize(
-    "line", ['import "./server.js";', 'import * as it from "./server.js";', 'await import("./a.js");']
-)
-def test_an_import_of_scripts_that_is_not_read_is_a_fault(line: str) -> None:
-    with pytest.raises(ValueError, match="top: an import that is not of the form"):
-        script_faults({**GOOD_SCRIPTS, "top": f"{GOOD_SCRIPTS['top']}{line}\n"})

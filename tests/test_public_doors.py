@@ -7,7 +7,6 @@ import inspect
 import subprocess
 import sys
 import typing
-from collections.abc import Callable
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
@@ -16,8 +15,6 @@ import pytest
 
 import model
 import rig
-import validation
-import vision
 from rig.recording.options import RecordingKeywords
 
 ROOT = Path(__file__).parents[1]
@@ -90,31 +87,6 @@ def test_nothing_heavy_is_loaded_before_it_is_needed(package: str) -> None:
         lines += [line, f"print([{line!r}, *(m for m in {absent.split()!r} if m in sys.modules)])"]
     done = subprocess.run([sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True, check=True)
     assert [ast.literal_eval(line) for line in done.stdout.splitlines()] == [[line] for line, _ in IMPORTS[package]]
-
-
-NOWHERE = "nowhere at all"
-
-
-@pytest.mark.parametrize(
-    ("call", "keyword"),
-    [
-        (lambda: model.simulate(model.load_action(), [0.0, 1.0], [0.0, 0.0], tolerence=1e-4), "tolerence"),
-        (lambda: model.simulate_motion(model.load_action(), [0.0], [0.0], toleranse=1e-6), "toleranse"),
-        (lambda: model.simulate_many(model.load_action(), [([0.0, 1.0], [0.0, 0.0])], outputs=[1.0]), "outputs"),
-        (lambda: vision.track(NOWHERE, [], tolerence=1.0), "tolerence"),
-        (lambda: vision.retrack_frames(NOWHERE, [], [0], [{}], every=2), "every"),
-        (lambda: rig.record(NOWHERE, trails=2), "trails"),
-        (lambda: rig.resume(NOWHERE, rig.open_backend("sim://", rig.load_rig().config), profile="forte"), "profile"),
-        (lambda: validation.compare(NOWHERE, tolerence=1e-5), "tolerence"),
-        (lambda: validation.compare_many([NOWHERE], tolerence=1e-5), "tolerence"),
-        (lambda: validation.validate_session(NOWHERE, tolerence=1e-5), "tolerence"),
-        (lambda: validation.validate_sessions([NOWHERE], tolerence=1e-5), "tolerence"),
-    ],
-)
-def test_a_misspelt_keyword_is_refused_before_any_work(call: Callable[[], object], keyword: str) -> None:
-    with pytest.raises(TypeError, match=f"unexpected keyword argument '{keyword}'|unexpected.*{keyword}"):
-        call()
-    assert not Path(NOWHERE).exists()
 
 
 def test_public_functions_of_the_rig_have_types_and_no_any() -> None:

@@ -19,7 +19,7 @@ from pianorig.errors import CommandInputError, InputError
 from tests.command_line import modules_after, modules_of_numba, run
 from validation.cache.report_cache import StoredReport, inputs_sha256, store_report
 
-HEAVY = {"numpy", "numba", "pandas", "scipy", "matplotlib", "h5py", "cv2", "nidaqmx"}
+HEAVY = {"numpy", "numba", "pandas", "scipy", "matplotlib", "h5py", "cv2", "nidaqmx", "tornado", "bokeh"}
 SHIPPED = Path(__file__).parents[2] / "sessions" / "example_forte"
 
 

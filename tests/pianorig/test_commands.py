@@ -95,16 +95,6 @@ def test_bad_input_is_one_line_and_exit_2(
     refused(words, "simulate", *(part for pair in options.items() for part in pair))
 
 
-def test_bad_profiles_move_nothing_and_leave_nothing(tmp_path: Path, refused: Callable[..., None]) -> None:
-    profile = tmp_path / "wild.toml"
-    profile.write_text(
-        'name = "wild"\ninterpolation = "linear"\n'
-        "points = [{ time_s = 0.0, force_n = 0.0 }, { time_s = 0.1, force_n = 500.0 }, "
-        "{ time_s = 0.2, force_n = 0.0 }]\n"
-    )
-    refused("force_n = 500 N, allowed -120 to 120 N", "record", "--profile", profile, "--out", "session")
-
-
 def test_validate_refuses_a_folder_without_trials(tmp_path: Path, refused: Callable[..., None]) -> None:
     refused(str(tmp_path), "validate", tmp_path)
 

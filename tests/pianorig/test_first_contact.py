@@ -12,15 +12,12 @@ from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import model
 from model.inside.labels import BODY_COLORS
 from pianorig import commands
-from pianorig.commands.watch import curve
-from pianorig.console import options, progress, terminal
-from pianorig.console.options import Profile
+from pianorig.console import progress, terminal
 from tests.command_line import run
 from vision.output.colours import BODY_COLOURS
 
@@ -81,12 +78,6 @@ def test_completion_knows_commands_and_built_in_names(line: str, wanted: set[str
         [sys.executable, "-m", "pianorig"], env={**os.environ, **asked}, capture_output=True, text=True
     )
     assert set(done.stdout.split()) == wanted, done.stderr
-
-
-def test_completed_scenes_are_those_there_are() -> None:
-    assert tuple(model.SCENES) == options.SCENES
-    assert set(options.complete_file("rig/profiles")("")) == {"double", "forte", "piano"}
-    assert Profile.__metadata__[0].autocompletion is not None
 
 
 @pytest.mark.parametrize(
@@ -229,12 +220,6 @@ def test_watch_draws_as_wide_as_the_terminal_with_the_signs_it_has(
         capture_output=True, env={**os.environ, "PYTHONIOENCODING": "cp1252"}, check=True,
     )  # fmt: skip
     assert b"?" not in done.stdout and done.stdout.count(b":") > 10
-
-
-def test_a_curve_in_plain_signs_has_its_peak_on_top() -> None:
-    lines = curve(np.array([0.0, 0.0, 1.0, 0.0]), width=4, height=2, braille=False)
-    assert lines[0][2] == "'" or lines[0][2] == ":" and lines[0][0] == " "
-    assert lines[1][0] == "." and len(lines) == 2 and {len(line) for line in lines} == {4}
 
 
 def test_a_bar_fits_whatever_the_width() -> None:

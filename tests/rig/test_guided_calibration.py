@@ -280,7 +280,7 @@ RATE_HZ = 5000.0
 
 def swung(share: float, lifted: float, hanging: float, counts: int, viscous: float = 0.0) -> np.ndarray:
     """A pendulum of 1.5 Hz with dry friction, by small explicit steps, as an encoder reads it."""
-    omega2, h, angle, speed = (2 * np.pi * 1.5) ** 2, 2e-5, lifted, 0.0
+    omega2, h, angle, speed = (2 * np.pi * 1.5) ** 2, 1e-4, lifted, 0.0
     seen = [angle] * 500
     for k in range(int(20 / h)):
         pull = -omega2 * np.sin(angle)
@@ -290,7 +290,7 @@ def swung(share: float, lifted: float, hanging: float, counts: int, viscous: flo
         after = speed + h * (pull - sense * share * omega2 - viscous * speed)
         speed = 0.0 if speed and np.sign(after) != np.sign(speed) else after
         angle += h * speed
-        if k % 10 == 0:
+        if k % 2 == 0:
             seen.append(angle)
     read = np.asarray(seen + [angle] * 3000) + hanging
     return np.floor(read * counts / (2 * np.pi)) * 2 * np.pi / counts

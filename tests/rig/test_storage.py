@@ -5,7 +5,6 @@ Platform calls: this system's, and the Windows branch with Windows' functions pu
 
 from __future__ import annotations
 
-import hashlib
 import os
 import signal
 import sys
@@ -16,7 +15,7 @@ import pytest
 
 from rig import InputError, Session, platform_calls, read_channels
 from rig import recover as recover_session
-from rig.atomic_write import replace_when_complete, sha256_of_file, write_text
+from rig.atomic_write import replace_when_complete, write_text
 from rig.session.journal_writer import JournalWriter
 
 
@@ -33,14 +32,6 @@ def test_an_exception_while_writing_leaves_the_old_file_and_nothing_else(tmp_pat
 def test_a_folder_that_is_not_there_gives_one_clear_line(tmp_path) -> None:
     with pytest.raises(InputError, match="cannot be written .* choose a writable place"):
         write_text(tmp_path / "no" / "a.txt", "x")
-
-
-def test_the_hash_of_a_file_is_that_of_its_bytes(tmp_path) -> None:
-    data = bytes(range(256)) * 5000
-    (tmp_path / "b").write_bytes(data)
-    assert sha256_of_file(tmp_path / "b") == hashlib.sha256(data).hexdigest()
-    with pytest.raises(InputError, match="cannot be read"):
-        sha256_of_file(tmp_path / "missing")
 
 
 class FakeMsvcrt:

@@ -135,20 +135,6 @@ def test_a_film_without_a_header_needs_its_first_frame_and_real_rate(session, tm
     np.testing.assert_array_equal(times, trial.read().camera.frame_time_s[7:17])
 
 
-def test_a_phantom_film_says_its_first_frame_and_is_found_beside_its_trial(session, tmp_path) -> None:
-    frames = np.random.default_rng(4).integers(0, 4000, (10, 8, 12), dtype=np.uint16)
-    write_cine(tmp_path / "film.cine", frames, first=7, rate=2000)
-    record = attach_film(tmp_path / "film.cine", session.path, 2)
-    trial = session.trial(2)
-    assert trial.film.name == record.film == "trial_0002.cine" and record.first_frame == 7
-    assert SessionFilm(trial.film).owner[1].number == 2
-    with open_film(trial.film) as source:
-        times, _ = SessionFilm(trial.film).frame_times(source)
-    np.testing.assert_array_equal(times, trial.read().camera.frame_time_s[7:17])
-    with pytest.raises(InputError, match="has a film already"):
-        attach_film(tmp_path / "film.cine", session.path, 2)
-
-
 def test_frames_that_a_camera_left_out_keep_the_others_at_their_times(session, tmp_path, capsys) -> None:
     """A Phantom film whose own times lack six frames; every third frame of a Photron film; a video on 25 frames/s."""
     frames = np.random.default_rng(4).integers(0, 4000, (10, 8, 12), dtype=np.uint16)

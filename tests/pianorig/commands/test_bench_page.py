@@ -15,7 +15,6 @@ from typing import Any
 
 import pytest
 
-from tests.command_line import modules_after
 from tests.pianorig.page.conftest import EXAMPLE, Page
 
 
@@ -92,7 +91,3 @@ def test_without_the_extra_it_says_what_to_install(
 
     monkeypatch.setattr(shell, "find_spec", lambda name: None)
     refused("needs the package bokeh", "bench", ".", "--no-show")
-
-
-def test_other_commands_and_its_help_import_no_server() -> None:
-    assert not {"tornado", "bokeh", "numpy"} & modules_after(("bench", "--help"), ("--help",))

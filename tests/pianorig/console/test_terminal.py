@@ -18,14 +18,7 @@ from pianorig.console import progress
 from pianorig.console.output import print_json
 from pianorig.console.progress import ONCE
 from rig import Progress
-from tests.terminal_screen import OnTerminal, Screen
-
-
-def test_the_emulation_of_the_screen_counts_lines_as_a_terminal_does() -> None:
-    screen = Screen(10)
-    screen.feed("abc\rxy\r\n0123456789\r\n0123456789A\r\n")
-    assert screen.shown() == ["xyc", "0123456789", "0123456789", "A"]
-    assert screen.wrapped == 1
+from tests.terminal_screen import OnTerminal
 
 
 def test_a_recording_is_one_line_of_a_narrow_terminal(tmp_path: Path) -> None:

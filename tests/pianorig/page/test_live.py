@@ -83,30 +83,6 @@ def test_a_sealed_trial_brings_its_figures_and_the_next_starts_anew(folder: Path
         assert state is not None and state["trial"] == 5 and rows(samples, 5)[0] == 0
 
 
-def test_the_zeros_set_aside_for_a_long_trial_are_not_read(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    root = folder / "example_forte"
-    with recording(root, most_samples=2_000_000) as made:
-        stream = stream_module.LiveStream(root)
-        made.append(100)
-        stream.poll()
-        assert (root / "trial_0004.journal").stat().st_size > 50_000_000
-        asked: list[int] = []
-        real = Path.open
-
-        def open_(path: Path, *arguments: Any, **more: Any) -> Any:
-            stream = real(path, *arguments, **more)
-            if path.suffix == ".journal":
-                read = stream.read
-                stream.read = lambda size=-1: asked.append(size) or read(size)  # type: ignore[method-assign]
-            return stream
-
-        monkeypatch.setattr(Path, "open", open_)
-        for _ in range(3):
-            made.append(50)
-            assert len(rows(stream.poll()[1], 5)[1]) == 50
-        assert len(asked) == 3 and all(0 < size <= 2_000_000 for size in asked)
-
-
 def test_over_the_wire(folder: Path, looking: Page) -> None:
     with recording(folder / "example_forte") as made:
         made.append(300)

@@ -99,23 +99,6 @@ def test_bad_key_points_are_refused_with_file_key_and_value(points, said) -> Non
     assert refusal.value.exit_code == 2
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "name = 3",
-        "points = 4\nname='a'",
-        "name='a'\npoints=[{time_s=0,force_n=0},{time_s='x',force_n=0}]",
-        "x = = 1",
-        "name='a'\npoints=[{time_s=0,force_n=0},{time_s=1,force_n=false}]",
-        "\x00",
-    ],
-)
-def test_bad_text_is_refused_in_one_line(text) -> None:
-    with pytest.raises(InputError) as refusal:
-        parse_profile(text, "bad.toml")
-    assert str(refusal.value).startswith("bad.toml: ") and "\n" not in str(refusal.value)
-
-
 def test_limits_of_force_and_slew_name_value_and_limit() -> None:
     strong = parse_profile(profile_text([(0, 0), (0.1, 130), (0.2, 0)]), "strong.toml")
     with pytest.raises(InputError, match=r"points\[1\].force_n = 130 N, allowed -120 to 120 N"):

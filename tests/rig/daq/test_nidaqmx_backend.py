@@ -149,47 +149,6 @@ def test_the_frame_pulses_are_where_the_backend_says(make_backend, config, comma
     assert pulse_edges_s(backend.device, camera.counter).size == 0
 
 
-SWAPS = {
-    "a": (
-        ("cDAQ1Mod3/ctr0", "cDAQ1Mod3/ctr9"),
-        ("cDAQ1Mod3/ctr1", "cDAQ1Mod3/ctr0"),
-        ("cDAQ1Mod3/ctr9", "cDAQ1Mod3/ctr1"),
-    ),
-    "b": (("PFI0", "PFI9"), ("PFI2", "PFI0"), ("PFI9", "PFI2"), ("PFI1", "PFI9"), ("PFI3", "PFI1"), ("PFI9", "PFI3")),
-    "c": (("PFI4", "PFI9"), ("PFI5", "PFI4"), ("PFI9", "PFI5")),
-}
-
-
-@pytest.mark.parametrize(
-    ("swap", "columns", "signs"),
-    [("a", (0, 1, 2), (1, 1, 1)), ("b", (1, 0, 2), (1, 1, 1)), ("c", (0, 1, 2), (1, 1, -1))],
-    ids=["counters exchanged: harmless", "terminals of key and whippen exchanged", "A and B of the hammer exchanged"],
-)
-def test_swapped_wires_show_in_the_counts(swap, columns, signs, make_backend, edited_rig, config, command) -> None:
-    straight = record(make_backend(config), config, command)[3]
-    changed = edited_rig(*SWAPS[swap]).config
-    crossed = record(make_backend(changed), changed, command)[3]
-    np.testing.assert_array_equal(crossed, straight[:, columns] * np.array(signs))
-    if columns != (0, 1, 2):
-        assert not np.array_equal(crossed, straight)
-
-
-def test_a_motor_or_load_cell_on_the_wrong_terminal_is_dead(make_backend, edited_rig, command) -> None:
-    wrong_motor = edited_rig(("cDAQ1Mod2/ao0", "cDAQ1Mod2/ao1")).config
-    _, force, _, count = record(make_backend(wrong_motor), wrong_motor, command)
-    np.testing.assert_allclose(force, 0.05, atol=1e-3)
-    assert not count.any()
-    wrong_cell = edited_rig(("cDAQ1Mod1/ai0", "cDAQ1Mod1/ai2")).config
-    _, force, _, count = record(make_backend(wrong_cell), wrong_cell, command)
-    assert not force.any() and count.any()
-
-
-def test_without_drive_enable_nothing_moves(make_backend, config, begin) -> None:
-    backend = make_backend(config)
-    begin(backend, config=config.model_copy(update={"drive_enable": None}))
-    assert not backend.read_block(300, 1.0).encoder_count.any()
-
-
 def test_the_drive_is_enabled_last_and_the_output_is_zero_before_anything_is_reserved(
     make_backend, config, command
 ) -> None:

@@ -32,7 +32,7 @@ from rig import (
 )
 from rig.daq.safe_bench import leave_running
 from rig.simulated.device.watchdog import check_watchdogs
-from rig.simulated.driver import clear_task, stop_task
+from rig.simulated.driver import clear_task
 from rig.simulated.rpc.messages import request_class
 from rig.simulated.status import DaqStatusError, ServerGone
 
@@ -67,14 +67,6 @@ def test_every_fault_is_typed_with_code_and_phase_and_leaves_the_bench_safe(
     assert (fault.value.code, fault.value.phase, fault.value.exit_code) == (code, phase, 3)
     assert "\n" not in str(fault.value) and str(code) in str(fault.value)
     assert_safe(backend)
-
-
-def test_a_stopped_output_would_hold_its_last_value(make_backend, config, command, begin) -> None:
-    """The hazard that the 0 V task is there for: without it the virtual DAC stays where it was."""
-    backend = make_backend(config)
-    begin(backend, 250)
-    stop_task(backend.device, backend.device.tasks["motor"])
-    assert backend.device.output_v["cDAQ1Mod2/ao0"] == command[249] > 1.0
 
 
 def test_when_zero_volts_cannot_be_written_the_drive_is_still_disabled_and_the_fault_reported(

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from rig import ChannelTable, InputError, read_channels
-from rig.foreign.channel_table import number
 from rig.foreign.csv_file import parse_csv
 from rig.foreign.lvm_file import parse_lvm
 from rig.foreign.reading import join_segments
@@ -89,12 +88,6 @@ def test_a_damaged_lvm_is_refused(text: str, words: str) -> None:
     assert words in str(caught.value) and "\n" not in str(caught.value)
 
 
-def test_csv_with_its_separator_and_decimal_sign() -> None:
-    table = parse_csv("# bench 2\n t ; force\n0,0;1,5\n\n0,5;-2e-3\n", "a.csv", ";", ",")
-    np.testing.assert_array_equal(table.channel("t"), [0, 0.5])
-    np.testing.assert_array_equal(table.channel("force"), [1.5, -2e-3])
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -119,32 +112,6 @@ def test_a_damaged_csv_is_refused(text: str, words: str) -> None:
     with pytest.raises(InputError, match=r"^a\.csv: ") as caught:
         parse_csv(text, "a.csv").channel("b")
     assert words in str(caught.value) and "\n" not in str(caught.value)
-
-
-def test_a_decimal_comma_is_not_read_as_a_point() -> None:
-    assert number("1,5", ",") == 1.5
-    with pytest.raises(ValueError, match=r"1\.5"):
-        number("1.5", ",")
-
-
-def test_tdms_gives_channels_units_and_rate(tmp_path) -> None:
-    nptdms = pytest.importorskip("nptdms")
-    path = tmp_path / "a.tdms"
-    force = nptdms.ChannelObject("daq", "Force", FORCE, {"wf_increment": 2e-4, "unit_string": "N"})
-    key = nptdms.ChannelObject("daq", "Key", ANGLE.astype(np.int32), {"wf_increment": 2e-4})
-    label = nptdms.ChannelObject("notes", "text", np.array(["x", "y"]))
-    with nptdms.TdmsWriter(path) as writer:
-        writer.write_segment([force, key, label])
-        writer.write_segment([force, key])
-    table = read_channels(path)
-    np.testing.assert_array_equal(table.channel("Force"), np.tile(FORCE, 2))
-    np.testing.assert_array_equal(table.channel("Key"), np.tile(ANGLE.astype(np.int32), 2))
-    assert table.units == {"Force": "N"} and table.interval(["Force", "Key"], None) == 2e-4
-    whole = path.read_bytes()
-    for cut in (len(whole) - 3, len(whole) - 60, 30, 3):
-        path.write_bytes(whole[:cut])
-        with pytest.raises(InputError, match=r"a\.tdms: "):
-            read_channels(path)
 
 
 def test_plain_hdf5_and_a_name_that_is_not_there(tmp_path) -> None:
@@ -198,11 +165,6 @@ def test_times_must_be_even() -> None:
         interval_of(np.array([0, 1, np.nan]))
     with pytest.raises(InputError, match="no times"):
         ChannelTable("a", {"f": time}).interval(["f"], None)
-
-
-def test_an_unknown_ending_is_refused() -> None:
-    with pytest.raises(InputError, match=r"allowed \.csv"):
-        read_channels("force.xlsx")
 
 
 KEY = np.array([7.0, 8.0, 9.0, 11.0, -3.0])

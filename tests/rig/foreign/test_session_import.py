@@ -169,38 +169,3 @@ def test_the_corrected_force_of_an_export_is_not_corrected_again(tmp_path, recor
         else:
             data = import_session(tmp_path / "other", [file], parse_mapping(named))[1].read()
             np.testing.assert_allclose(data.raw_force_n, 25 * (FORCE_V - 0.2), atol=1e-12)
-
-
-def test_force_alone_makes_a_session(tmp_path, recording, capsys) -> None:
-    text = MAPPING[: MAPPING.index("[[encoders]]")]
-    mapping = parse_mapping(text.replace("[time]", 'absent_encoders = ["key", "whippen", "hammer"]\n[time]'))
-    session = import_session(tmp_path / "s", [recording], mapping)
-    assert session.trials[0].read().angle_rad.shape == (N, 0)
-    for arguments in ([], ["--png", str(tmp_path / "w.png")], ["--json"]):
-        assert run("watch", tmp_path / "s", "--once", *arguments) == 0
-    assert "not recorded: key, whippen, hammer" in capsys.readouterr().out
-
-
-def test_a_unit_the_file_states_wins_over_a_wrong_mapping(tmp_path) -> None:
-    nptdms = pytest.importorskip("nptdms")
-    path = tmp_path / "run.tdms"
-    names = {"load": ("N", FORCE_V), "k": ("counts", KEY), "w": ("deg", WHIPPEN_DEG), "h": ("rad", HAMMER_RAD)}
-    with nptdms.TdmsWriter(path) as writer:
-        writer.write_segment([
-            nptdms.ChannelObject("g", name, values, {"unit_string": unit, "wf_increment": 1 / RATE})
-            for name, (unit, values) in names.items()
-        ])  # fmt: skip
-    text = MAPPING.replace('[time]\nchannel = "t"\n', "")
-    with pytest.raises(InputError, match="load is in 'N' by the file itself, the mapping says 'V'"):
-        import_session(tmp_path / "s", [path], parse_mapping(text))
-    text = text.replace('unit = "V"\nnewtons_per_unit = -25.0\nzero = 0.2', 'unit = "N"')
-    data = import_session(tmp_path / "s", [path], parse_mapping(text)).trials[0].read()
-    np.testing.assert_array_equal(data.raw_force_n, FORCE_V)
-    overruled = (
-        text.replace('"N"', '"gf"').replace("[time]", "").replace("[force]", 'overrule_units = ["load"]\n[force]')
-    )
-    grams = import_session(tmp_path / "s3", [path], parse_mapping(overruled)).trials[0].read()
-    np.testing.assert_allclose(grams.raw_force_n, 9.80665e-3 * FORCE_V)
-    wrong = text.replace("[force]", "[time]\nsample_rate_hz = 5000.0\n[force]")
-    with pytest.raises(InputError, match=r"0\.00025 s by the file itself"):
-        import_session(tmp_path / "s2", [path], parse_mapping(wrong))

@@ -15,7 +15,7 @@ import numpy as np
 
 from rig import InputError
 
-INPUTS, SEED = int(os.environ.get("FUZZ_INPUTS", "150")), int(os.environ.get("FUZZ_SEED", "52"))
+INPUTS, SEED = int(os.environ.get("FUZZ_INPUTS", "100")), int(os.environ.get("FUZZ_SEED", "52"))
 """Of damaged inputs, a format each: `python -m benchmarks fuzz_readers` asks for more."""
 
 

@@ -78,32 +78,6 @@ def logger_csv_case(folder: Path) -> Case:
     return whole.encode(), read, right
 
 
-def savetxt_case(folder: Path) -> Case:
-    rows = "\n".join(f"{k * 2e-4:.18e} {np.sin(k):.18e}" for k in range(30))
-    return f"# by numpy\n# t f\n# s N\n{rows}\n".encode(), *_commented_reading()
-
-
-def _commented_reading() -> tuple[Any, Any]:
-    def read(data: bytes) -> Any:
-        return parse_csv(text(data), "a.csv", " ")
-
-    def right(data: bytes, found: Any) -> None:
-        lines = [line for line in data.decode("utf-8-sig").splitlines() if line.strip() and not line.startswith("#")]
-        for column in found.channels.values():
-            body = [line.split(" ") for line in lines[len(lines) - column.size :]]
-            assert any(
-                [float(row[k]) for row in body] == column.tolist() for k in range(len(body[0])) if _numeric(body, k)
-            )
-
-    def _numeric(body: list[list[str]], k: int) -> bool:
-        try:
-            return all(np.isfinite(float(row[k])) for row in body)
-        except ValueError:
-            return False
-
-    return read, right
-
-
 def unequal_lvm_case(folder: Path) -> Case:
     """Channels with 30, 12 and no samples, times of three digits."""
     head = (

@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 
 import vision
-from rig import InputError, SelftestRecord, load_profile, load_rig, parse_profile, parse_rig
-from rig.configuration.toml_file import check, dump_toml, parse_toml
+from rig import InputError, load_profile, load_rig, parse_profile, parse_rig
 from rig.foreign.mapping import parse_mapping
 from rig.recording.trial_plan import parse_plan
-from rig.session.film_record import FilmRecord
 from tests.rig.foreign.test_session_import import MAPPING
 from tests.rig.fuzz.damage import Case, same_values, text
 from vision import load_calibration
@@ -22,10 +20,6 @@ from vision import load_calibration
 def _says(of: str = "") -> Any:
     """Right is what the text says, in the attribute of this name or in what was found itself."""
     return lambda data, found: same_values(tomllib.loads(data.decode()), getattr(found, of) if of else found)
-
-
-def _of(model: Any) -> Any:
-    return lambda data: check(model, parse_toml(text(data), "a.toml"), "a.toml")
 
 
 def rig_case(folder: Path) -> Case:
@@ -61,35 +55,6 @@ def plan_case(folder: Path) -> Case:
 
 def mapping_case(folder: Path) -> Case:
     return MAPPING.encode(), lambda data: parse_mapping(text(data)), _says("config")
-
-
-def film_case(folder: Path) -> Case:
-    whole = dump_toml(
-        {
-            "schema": "piano-action-rig film 1", "film": "trial_0001.avi", "source": "C:/films/x.avi",
-            "sha256": "ab" * 32, "n_frames": 600, "first_frame": 3, "frame_rate_hz": 2000.0,
-            "attached_utc": "2026-11-21T10:00:00+00:00", "author": "eva",
-        }
-    )  # fmt: skip
-    return whole.encode(), _of(FilmRecord), _says()
-
-
-def selftest_case(folder: Path) -> Case:
-    finding = {"check": "bridge shunt", "passed": True, "found": "0.58 mV/V", "allowed": "0.55 to 0.61", "advice": ""}
-    whole = dump_toml(
-        {
-            "schema": "piano-action-rig selftest 1", "created_utc": "2026-11-21T10:00:00+00:00", "rig": "virtual",
-            "rig_sha256": "ab" * 32, "product": "cDAQ-9189", "device": "cDAQ1", "backend": "sim://", "simulated": True,
-            "operator": "eva", "unloaded_n": 0.25, "findings": [finding, {**finding, "passed": False}],
-        }
-    )  # fmt: skip
-
-    def right(data: bytes, found: Any) -> None:
-        plain = tomllib.loads(data.decode())
-        assert [f.passed for f in found.findings] == [f["passed"] for f in plain["findings"]]
-        assert (found.rig_sha256, found.unloaded_n) == (plain["rig_sha256"], plain.get("unloaded_n"))
-
-    return whole.encode(), _of(SelftestRecord), right
 
 
 def _vision(load: Any, path: Path) -> Any:

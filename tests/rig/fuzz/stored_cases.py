@@ -17,7 +17,6 @@ import numpy as np
 import pytest
 
 from rig import Block, ChannelInfo, MotorCommand, Session, Timing, load_rig, read_channels
-from rig.foreign.reading import read_segments
 from rig.session.journal_records import BLOCK, COMMAND, HEAD, Journal, block_payload, blocks_of, encode, scan
 from rig.session.trial_head import TrialHead
 from tests.rig.foreign import tdms_bytes
@@ -64,35 +63,6 @@ def _tdms_reading(path: Path) -> tuple[Any, Any]:
             np.testing.assert_array_equal(found.channels["Force"], again.astype(float))
 
     return read, right
-
-
-def two_recordings_tdms_case(folder: Path) -> Case:
-    """A second recording behind the first in one file, begun later and with a scale of its own."""
-    nptdms = pytest.importorskip("nptdms")
-    path = folder / "a.tdms"
-    with nptdms.TdmsWriter(path) as writer:
-        for part in range(2):
-            stated = {
-                "wf_increment": 2e-4, "wf_start_time": np.datetime64("2026-03-01T12:00:00") + 60 * part,
-                "NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear", "NI_Scale[0]_Linear_Slope": 2.0 + part,
-                "NI_Scale[0]_Linear_Y_Intercept": 0.0,
-            }  # fmt: skip
-            writer.write_segment([nptdms.ChannelObject("g", "Force", np.sin(np.arange(20.0) + part), stated)])
-
-    def read(data: bytes) -> Any:
-        path.write_bytes(data)
-        return read_segments(path)
-
-    def right(data: bytes, found: Any) -> None:
-        values = np.concatenate([values for table in found for values in table.channels.values()])
-        assert values.size <= 2 * len(data)
-        if len(found) == 2 and data == path.read_bytes() and set(found[0].channels) == {"Force"}:
-            with nptdms.TdmsFile.open(path) as file:
-                # unscaled, each of the two has the numbers that the segments hold
-                raw = file["g"]["Force"].read_data(scaled=False) if "g" in file and "Force" in file["g"] else values
-            assert raw.size == values.size
-
-    return path.read_bytes(), read, right
 
 
 def hdf5_case(folder: Path) -> Case:

@@ -17,8 +17,6 @@ TEXTS = {
     "profile": settings_cases.profile_case,
     "plan": settings_cases.plan_case,
     "mapping": settings_cases.mapping_case,
-    "film record": settings_cases.film_case,
-    "self-test record": settings_cases.selftest_case,
     "bodies": settings_cases.bodies_case,
     "camera": settings_cases.camera_case,
     "csv": recording_cases.csv_case,
@@ -27,12 +25,10 @@ TEXTS = {
     "lvm segments": recording_cases.segments_case,
     "unequal lvm": recording_cases.unequal_lvm_case,
     "csv of a logger": recording_cases.logger_csv_case,
-    "savetxt": recording_cases.savetxt_case,
 }
 BINARY = {
     "tdms": stored_cases.tdms_case,
     "big-endian tdms": stored_cases.big_endian_tdms_case,
-    "two tdms recordings": stored_cases.two_recordings_tdms_case,
     "plain hdf5": stored_cases.hdf5_case,
     "session": stored_cases.session_case,
     "annotations": stored_cases.annotations_case,
@@ -46,7 +42,7 @@ LEAST_REFUSED = {"tdms": 1 / 3, "big-endian tdms": 1 / 3, "trial": 0.9}
 @pytest.mark.parametrize("name", [*TEXTS, *BINARY])
 def test_damaged_input_is_read_right_or_refused(name: str, tmp_path: Path) -> None:
     whole, read, check = {**TEXTS, **BINARY}[name](tmp_path)
-    inputs = INPUTS // 10 if name == "trial" else INPUTS  # each is hashed as a whole
+    inputs = INPUTS // 8 if name == "trial" else INPUTS  # each is hashed as a whole
     refused = survive(whole, read, check, inputs)
     if name in TEXTS:
         assert 0 < refused < inputs  # the damage neither spares nor spoils everything

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rig import InputError, Profile, Timing, TrialData, learn, make_target, motor_command, parse_profile
-from rig.learning import key_bottom, key_points, limit_command, profile_of
+from rig.learning import key_bottom
 from rig.session.trial_head import TrialHead
 
 RATE = 5000.0
@@ -179,23 +179,3 @@ def test_the_spike_at_key_bottom_is_aimed_at_and_not_commanded() -> None:
     target, plain = (make_target("x", pianist(spike_n=n), 1 / RATE, RATE, key_bottom_s=BOTTOM_S) for n in (12.0, 0.0))
     assert target.force_n.max() > 18.0 > 9.0 > plain.force_n.max()
     assert np.abs(target.command_n - plain.command_n).max() < 0.3
-
-
-def test_bad_numbers_are_refused(config) -> None:
-    target = make_target("pianist", pianist(), 1 / RATE, RATE)
-    for arguments, words in (({"blows": 0}, "blows = 0"), ({"goal": 0.0}, "goal = 0")):
-        with pytest.raises(InputError, match=words):
-            learn(target, config, bench(config), **arguments)
-
-
-def test_limits_from_both_ends_and_key_points() -> None:
-    raw = np.zeros(101)
-    raw[50] = 10.0
-    limited = limit_command(raw, 100.0, 500.0, 1000.0)
-    assert np.abs(np.diff(limited)).max() <= 0.5 and limited[0] == limited[-1] == 0
-    values = np.sin(np.linspace(0, 3, 400)) ** 2
-    samples = key_points(values, 0.01)
-    assert len(samples) < 25
-    assert np.abs(np.interp(np.arange(400), samples, values[samples]) - values).max() <= 0.01
-    profile = profile_of("a", np.concatenate(([0.0], values, [0.0])), RATE, 'with "quotes"')
-    assert profile.description == 'with "quotes"' and profile.force_n[-1] == 0

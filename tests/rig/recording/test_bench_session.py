@@ -24,7 +24,6 @@ from pianorig.workflows import rehearse
 from rig import (
     HardwareFault,
     InputError,
-    RecordingFault,
     RigError,
     Session,
     load_profile,
@@ -39,7 +38,6 @@ from rig import (
     recover as recover_session,
 )
 from rig.daq.task_plan import recording_plan
-from rig.session.journal_records import block_payload
 from rig.session.journal_writer import JournalWriter
 from rig.session.live_view import SessionFollower
 from rig.session.sealed_trial import read_trial, write_trial
@@ -146,21 +144,6 @@ def test_counted_exposures_give_the_frame_times_within_their_uncertainty(
     assert truths[0].first_s != truths[1].first_s
 
 
-def test_what_was_counted_survives_in_the_journal(edited_rig, record_steps, tmp_path, monkeypatch) -> None:
-    rig = edited_rig(*COUNTED)
-
-    def full(*trial):
-        raise InputError("full")
-
-    with monkeypatch.context() as context, pytest.raises(RecordingFault):
-        context.setattr("rig.session.folder.write_trial_parts", full)
-        record_steps(rig)
-    _, blocks = journal_in((tmp_path / "s" / "trial_0001.journal").read_bytes())
-    assert all(len(block_payload(b)) == 48 * b.force_n.size for b in blocks)
-    recover_session(tmp_path / "s")
-    assert Session.open(tmp_path / "s").trial(1).read().camera == record_steps(rig, "t").trial(1).read().camera
-
-
 def test_too_few_exposures_are_no_frame_clock_and_a_line_is_fitted_exactly() -> None:
     clock = FrameClock(1000.0, 0.0, 2e-4, 0.0, counted=True)
     time_s = np.arange(1000) / 5000
@@ -253,7 +236,8 @@ def test_a_recording_cut_off_is_recovered_with_them(wired, record_steps, tmp_pat
         again = Session.open(folder).trials[0].read()
         np.testing.assert_array_equal(again.channel_values, sealed.channel_values)
         np.testing.assert_array_equal(again.encoder_count, sealed.encoder_count)
-        assert again.channels == sealed.channels and np.ptp(again.channel_values[:, 1]) > 5.9
+        assert again.camera == sealed.camera and again.channels == sealed.channels
+        assert np.ptp(again.channel_values[:, 1]) > 5.9
         assert (seen[-1].exposure_count is not None) == (name == "counted")
 
 
@@ -336,15 +320,6 @@ def test_a_cable_that_is_not_registered_is_named_and_nothing_is_left(tmp_path: P
 def test_a_wire_that_is_missing_is_found_by_the_encoder_that_gives_no_samples(tmp_path: Path, bench_with) -> None:
     with pytest.raises(rig.ReadTimeout, match="encoder_key"):
         rig.record(tmp_path / "s", profile=STEP, rig_config="chassis_and_card", backend=bench_with("wires = false"))
-
-
-def test_another_card_in_the_slot_is_refused_by_name(tmp_path: Path) -> None:
-    thesis = rig.load_rig("thesis")
-    other = rig.parse_rig(thesis.text.replace('product = "PCI-6602"', 'product = "PCIe-6363"'))
-    bench = rig.open_backend("sim://", thesis.config)
-    with pytest.raises(rig.RigInputError, match=r"product = 'PCIe-6363': device Dev2 is a PCI-6602"):
-        bench.identify(other.config)  # type: ignore[attr-defined]
-    bench.close()
 
 
 @pytest.mark.parametrize(

@@ -217,20 +217,6 @@ def test_who_watches_is_told_of_the_end_of_an_open_recording(tmp_path) -> None:
     assert last is not None and shown == [last.trial] and last.state == "complete" and last.sealed < last.trials
 
 
-def test_few_calls_are_made_while_nobody_plays(tmp_path) -> None:
-    sizes: list[tuple[int, int]] = []
-
-    class Counted(Player):
-        def read_block(self, n_samples: int, timeout_s: float) -> Block:
-            sizes.append((self.next_sample, n_samples))
-            return super().read_block(n_samples, timeout_s)
-
-    record_passive(tmp_path / "s", backend=Counted(), strokes=1)
-    quiet = [n for first, n in sizes if first + n < 1.9 * RATE]
-    playing = [n for first, n in sizes if 2.15 * RATE < first < 2.3 * RATE]
-    assert set(quiet) == {int(0.1 * RATE)} and set(playing) == {int(0.02 * RATE)}
-
-
 def test_on_the_virtual_device_nothing_drives_the_motor(tmp_path, assert_safe) -> None:
     rig = load_rig("virtual")
     backend = open_backend("sim://?hand=plays&seed=7", rig.config)
@@ -308,7 +294,7 @@ def found(force: np.ndarray, count: np.ndarray, block: int = 100, settings: Stro
     return [*strokes, *filter(None, [detector.finish()])]
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(8))
 def test_every_stroke_is_found_once_and_whole(seed) -> None:
     random = np.random.default_rng(seed)
     begins = np.cumsum(random.uniform(0.8, 2.5, 8)) + 0.3

@@ -23,13 +23,6 @@ def cut_off(tmp_path, rig, record_steps, undeleted_journal):
     return tmp_path / "s", record_steps(rig, trials=2, open_journal=undeleted_journal)
 
 
-def test_trials_that_were_sealed_only_lose_their_journals(cut_off) -> None:
-    folder, session = cut_off
-    before = [trial.sha256 for trial in session.trials]
-    assert [entry.status for entry in recover_session(folder)] == ["complete", "complete"]
-    assert [trial.sha256 for trial in session.trials] == before and not session.journals
-
-
 def test_a_trial_killed_while_it_was_sealed_is_sealed_the_same(cut_off) -> None:
     folder, session = cut_off
     sha256 = session.trial(2).sha256

@@ -1,39 +1,20 @@
-"""What keeps a blow from being played, and each limit that ends one; every fault in time is in test_fault_table.py.
-
-How much of its limits a trial has used: the interlocks' own values, however the samples come.
-"""
+"""What keeps a blow from being played, and each limit that ends one; every fault in time is in test_fault_table.py."""
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import numpy as np
 import pytest
 
 from rig import (
-    Block,
     InputError,
     LimitExceeded,
-    RecordingFault,
-    ResourceBusy,
     Session,
-    Timing,
-    TrialData,
     load_rig,
     open_backend,
 )
 from rig import (
     record as record_session,
 )
-from rig import (
-    recover as recover_session,
-)
-from rig.safety.interlocks import Interlocks
-from rig.session.journal_records import scan_journal, stored_blocks
 from rig.simulated.device.state import FaultPlan, parse_faults
-
-PUSHING_S = 0.39
-"""The motor pushes from 0.36 to 0.43 s."""
 
 
 @pytest.fixture
@@ -46,18 +27,6 @@ def bench(tmp_path, make_backend, rig, record_steps):
         return record_steps(rig, backend=backend, trials=3, **changes)
 
     return call, tmp_path / "s", backend
-
-
-@pytest.mark.parametrize(
-    "call_name", ["CreateAIForceBridgeTwoPointLinChan", "CfgSampClkTiming", "TaskControl", "StartTask"]
-)
-def test_a_reserved_resource_leaves_nothing_behind_and_nothing_moves(bench, assert_safe, call_name) -> None:
-    call, folder, backend = bench
-    with pytest.raises(ResourceBusy) as raised:
-        call(f"reserved@{call_name}#3" if call_name == "StartTask" else f"reserved@{call_name}#1")
-    assert raised.value.code == -50103
-    assert_safe(backend)
-    assert not folder.exists()
 
 
 @pytest.mark.parametrize("body", ["key", "whippen", "hammer"])
@@ -74,28 +43,6 @@ def test_an_encoder_that_sticks_or_loses_counts_is_found_and_named(tmp_path, bod
         assert trial.status == "fault" and body in trial.read().reason
         assert backend.device.output_v["cDAQ1Mod2/ao0"] == 0.0 and not backend.device.drive_enabled()
         backend.close()
-
-
-def test_when_not_even_the_trial_can_be_sealed_the_fault_is_told_and_its_journal_recovered(
-    bench, assert_safe, monkeypatch
-) -> None:
-    call, folder, backend = bench
-
-    def full(path, *trial):
-        raise InputError(f"{path}: cannot be written (No space left on device)")
-
-    with monkeypatch.context() as context, pytest.raises(RecordingFault, match="overwritten.*No space left.*recover"):
-        context.setattr("rig.session.folder.write_trial_parts", full)
-        call(f"overwrite@1/{PUSHING_S}")
-    assert_safe(backend)
-    journal = scan_journal(file := folder / "trial_0001.journal")
-    force_n = [block.force_n for block in stored_blocks(file, journal)]
-    assert journal.ending is not None and journal.ending[0] == "fault"
-    (entry,) = recover_session(folder)
-    assert entry.status == "fault"
-    data = Session.open(folder).trial(1).read()
-    assert data.n_valid == journal.n_samples and "overwritten" in data.reason
-    np.testing.assert_array_equal(data.raw_force_n, np.concatenate(force_n))
 
 
 def test_an_encoder_that_moves_before_the_blow_or_a_force_out_of_range_keeps_the_motor_still(
@@ -142,66 +89,8 @@ def test_a_profile_that_heats_the_motor_is_refused_before_anything_moves(bench, 
     assert not folder.exists() and backend.service.trace == []
 
 
-@pytest.mark.parametrize(
-    "text", ["", "overwrite@2/0.4", "stuck:key@1/0,timeout@ReadAnalogF64#3"]
-)  # fmt: skip
-def test_faults_are_read_as_written(text) -> None:
-    assert len(parse_faults(text)) == len([part for part in text.split(",") if part])
-
-
 @pytest.mark.parametrize("text", ["late@1/0.4", "overwrite", "stuck@1/0.4", "stuck:jack@1/0.4", "overwrite@1/x"])
 def test_a_fault_that_cannot_be_planted_is_one_line(text) -> None:
     with pytest.raises(InputError, match="fault .*write") as refusal:
         open_backend(f"sim://?fault={text.replace('#', '%23')}", load_rig("virtual").config)
     assert "\n" not in str(refusal.value)
-
-
-EXAMPLE = Path(__file__).parents[3] / "sessions" / "example_forte"
-LIMITS = {
-    "force": "force_max_n",
-    "force rate": "force_rate_n_per_s",
-    "travel": "travel_rad",
-    "speed": "speed_rad_per_s",
-}
-
-
-@pytest.fixture(scope="module")
-def data() -> TrialData:
-    return Session.open(EXAMPLE).trial(1).read()
-
-
-def largest(data: TrialData) -> dict[str, tuple[float, int]]:
-    """Largest value of each limited quantity of a trial, and the index of its body."""
-    turned = data.angle_rad
-    step = round(1e-3 * data.sample_rate_hz)  # speeds are taken over a millisecond
-    speed = np.abs(turned[step:] - turned[:-step]).max(axis=0) / 1e-3
-    travel = np.abs(turned).max(axis=0)
-    return {
-        "force": (float(data.raw_force_n.max()), 0),
-        "force rate": (float(np.abs(np.diff(data.raw_force_n)).max() * data.sample_rate_hz), 0),
-        "travel": (float(travel[0]), 0),
-        "speed": (float(speed[2]), 2),
-    }
-
-
-@pytest.mark.parametrize("what", LIMITS)
-@pytest.mark.parametrize(("factor", "stops"), [(0.999, True), (1.001, False)])
-def test_a_limit_stops_just_below_the_largest_value_and_not_just_above(
-    data: TrialData, what: str, factor: float, stops: bool
-) -> None:
-    given = load_rig("virtual").config
-    value, body = largest(data)[what]
-    old = getattr(given.limits, LIMITS[what])
-    limit = factor * value
-    new = tuple(limit if i == body else 1e3 for i in range(3)) if isinstance(old, tuple) else limit
-    config = given.model_copy(update={"limits": given.limits.model_copy(update={LIMITS[what]: new})})
-    timing = Timing(data.sample_rate_hz, 0.0)
-    interlocks = Interlocks(config, timing, np.zeros(data.n_valid), data.blow_start_s)
-    stopped = ""
-    try:
-        for first in range(0, data.n_valid - 100, 100):
-            rows = slice(first, first + 100)
-            interlocks.check(Block(first, data.raw_force_n[rows], data.force_raw[rows], data.encoder_count[rows]))
-    except LimitExceeded as fault:
-        stopped = str(fault)
-    assert ("allowed" in stopped) == stops

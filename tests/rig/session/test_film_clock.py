@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rig import CameraInfo, InputError
-from rig.session.film_record import FilmRecord, clock_steps, frame_times, write_record
+from rig.session.film_record import clock_steps, frame_times
 
 CLOCK = CameraInfo(2000.0, 0.0123, 1e-4, 500, 2e-6)
 
@@ -25,21 +25,6 @@ def film(path: Path, n_frames: int = 40, first: int | None = None) -> Any:
     return SimpleNamespace(path=path, n_frames=n_frames, exposure_s=1e-4, frame_time_s=own, has_camera_times=True)
 
 
-@pytest.mark.parametrize(("header", "attached", "first"), [(None, None, 0), (17, None, 17), (17, 30, 30)])
-def test_the_record_of_an_attached_film_counts_before_its_header(
-    tmp_path: Path, header: int | None, attached: int | None, first: int
-) -> None:
-    path = tmp_path / "trial_0001.mraw"
-    path.write_bytes(b"film")
-    if attached is not None:
-        known = {"frame_rate_hz": 2000.0, "attached_utc": "2026-01-01T00:00:00+00:00", "author": "ana"}
-        record = {"film": path.name, "source": "C001", "sha256": "0" * 64, "n_frames": 40, "frames_after": 0, **known}
-        write_record(path, FilmRecord.model_validate({**record, "first_frame": attached}))
-    times, u_time = frame_times(trial(), film(path, first=header))
-    np.testing.assert_array_equal(times, CLOCK.frame_time_s[first : first + 40])
-    assert u_time == CLOCK.u_time_s
-
-
 def test_frames_without_a_counted_pulse_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "film.mraw"
     with pytest.raises(InputError, match="frames 0 to 500 found, allowed 0 to 499"):
@@ -48,20 +33,6 @@ def test_frames_without_a_counted_pulse_are_refused(tmp_path: Path) -> None:
         frame_times(trial(), film(path, first=-3))
     with pytest.raises(InputError, match="has no frame clock"):
         frame_times(trial(None), film(path))
-
-
-GAP = np.r_[0:15, 21:46]
-
-
-@pytest.mark.parametrize(("camera", "rate_hz"), [(True, 2000.0), (True, 2000.1), (False, 25.0)])
-def test_frames_that_the_film_leaves_out_stay_out(tmp_path: Path, camera: bool, rate_hz: float) -> None:
-    """From a camera's times, also of a clock 50 ppm off; from a video's stamps on the scale of play-back."""
-    own = GAP / rate_hz + 0.5e-4
-    gapped = SimpleNamespace(
-        path=tmp_path / "f.cine", n_frames=40, exposure_s=1e-4, frame_time_s=own, has_camera_times=camera
-    )
-    times, _ = frame_times(trial(), gapped)
-    np.testing.assert_array_equal(times, CLOCK.frame_time_s[GAP])
 
 
 def test_a_clock_that_drifts_by_frames_in_a_long_film_counts_right() -> None:

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
-from rig import InputError, RoomInfo, Session, SessionInfo
+from rig import InputError, Session, SessionInfo
 from rig.session.info import FileInfo
 from tests.rig.session.test_sealed_trial import trial
 
@@ -57,31 +54,6 @@ def test_folders_that_are_no_session_or_have_no_trials_are_refused(tmp_path) -> 
     assert Session.open(tmp_path / "empty", require_trials=False).trials == ()
 
 
-def test_an_existing_folder_with_something_in_it_is_never_used(session) -> None:
-    with pytest.raises(InputError, match="not an empty folder"):
-        Session.create(session.path, INFO)
-    with pytest.raises(InputError):
-        Session.create(session.path / "session.toml", INFO)
-
-
-@pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="needs a user whom permissions bind")
-def test_a_folder_that_cannot_be_written_gives_one_line_and_leaves_nothing(tmp_path) -> None:
-    tmp_path.chmod(0o500)
-    with pytest.raises(InputError, match="cannot be created"):
-        Session.create(tmp_path / "s", INFO)
-    tmp_path.chmod(0o700)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_path_below_a_file_cannot_be_created_and_a_failing_copy_leaves_nothing(tmp_path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="cannot be created"):
-        Session.create(tmp_path / "file" / "s", INFO)
-    with pytest.raises(InputError, match="cannot be written"):
-        Session.create(tmp_path / "t", INFO, {"no/such/folder.toml": ""})
-    assert [p.name for p in tmp_path.iterdir()] == ["file"]
-
-
 def test_a_rejected_trial_is_kept_with_its_reason_and_can_be_accepted_again(session) -> None:
     session.annotate(2, "reject", "the key stuck", author="ana")
     session.annotate(0, "note", "window open")
@@ -96,13 +68,6 @@ def test_a_rejected_trial_is_kept_with_its_reason_and_can_be_accepted_again(sess
     ]
     lines = (session.path / "annotations.jsonl").read_text().splitlines()
     assert len(lines) == 3 and json.loads(lines[0])["reason"] == "the key stuck"
-
-
-def test_annotations_need_a_reason_a_known_kind_and_a_trial(session) -> None:
-    for number, kind, reason in [(1, "reject", " "), (1, "delete", "x"), (9, "reject", "x"), (0, "reject", "x")]:
-        with pytest.raises(InputError):
-            session.annotate(number, kind, reason)
-    assert session.annotations == ()
 
 
 @pytest.mark.parametrize(
@@ -125,13 +90,6 @@ def test_tables_for_notebooks_say_what_the_files_hold(session) -> None:
     bodies = [f"{body}_{what}" for body in ("key", "whippen", "hammer") for what in ("count", "rad")]
     assert list(table.columns) == ["time_s", "force_n", "raw_force_n", "force_raw", "motor_command_v", *bodies]
     assert table.raw_force_n[3] == 1.5 and len(table) == 20
-
-
-def test_films_are_found_beside_the_trial(session) -> None:
-    assert [t.film for t in session.trials] == [None, None]
-    (session.path / "trial_0002.mraw").write_bytes(b"")
-    (session.path / "trial_0002.cihx").write_bytes(b"")
-    assert session.trials[1].film == session.path / "trial_0002.mraw"
 
 
 def test_derived_tables_come_back_with_attributes_and_parents(session) -> None:
@@ -171,21 +129,6 @@ def test_a_bad_step_name_or_column_is_refused_and_a_damaged_table_too(session) -
     path.write_bytes(path.read_bytes()[:500])
     with pytest.raises(InputError, match="has no seal"):
         session.read_derived("s", 1)
-
-
-words = st.text(st.characters(exclude_categories=("Cs",)), max_size=20)
-measured = st.one_of(st.just("unknown"), st.floats(-40, 60))
-
-
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(name=words, operator=words, notes=st.dictionaries(words, words, max_size=3), temperature=measured)
-def test_any_session_information_survives_a_round_trip(tmp_path_factory, name, operator, notes, temperature) -> None:
-    info = INFO.model_copy(
-        update={"name": name, "operator": operator, "notes": notes, "room": RoomInfo(temperature_c=temperature)}
-    )
-    folder = tmp_path_factory.mktemp("s") / "session"
-    Session.create(folder, info)
-    assert Session.open(folder, require_trials=False).info == info
 
 
 @pytest.mark.parametrize(

@@ -91,13 +91,6 @@ def test_a_drifting_signal_that_is_not_hum_is_refused_by_the_held_back_third():
     assert not fit.accepted
 
 
-def test_a_constant_baseline_has_no_hum_and_no_error():
-    time = np.arange(1000) / RATE_HZ
-    fit = fit_hum(time, np.full(time.size, 0.25), 60.0)
-    assert not fit.accepted
-    assert fit.offset_n == pytest.approx(0.25)
-
-
 @pytest.mark.parametrize("with_hum", [True, False])
 def test_the_uncertainty_of_the_baseline_covers_the_truth(with_hum):
     rng = np.random.default_rng(11)
@@ -105,7 +98,7 @@ def test_the_uncertainty_of_the_baseline_covers_the_truth(with_hum):
     n = int(0.35 * RATE_HZ)
     at = np.array([0, n - 1, time.size - 1])
     z = []
-    for _ in range(150):
+    for _ in range(80):
         phase = tuple(rng.uniform(-np.pi, np.pi, 3))
         hum = hum_n(time, 60 + rng.uniform(-0.1, 0.1), (0.3, 0.0, 0.1), phase) if with_hum else np.zeros(time.size)
         true = 0.15 + hum
@@ -113,8 +106,8 @@ def test_the_uncertainty_of_the_baseline_covers_the_truth(with_hum):
         if fit.accepted == with_hum:
             z.append((fit.baseline_n(time[at]) - true[at]) / fit.u_baseline_n(time[at]))
     z = np.array(z)
-    assert len(z) >= 147
-    # 150 draws: the standard deviation of z is known to 6 %
+    assert len(z) >= 78
+    # 80 draws: the standard deviation of z is known to 8 %
     assert np.all(np.abs(z.std(axis=0) - 1) < 0.2)
     assert np.all(np.abs(z.mean(axis=0)) < 0.25)
 

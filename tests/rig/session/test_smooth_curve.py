@@ -61,11 +61,3 @@ def test_where_no_smooth_curve_rises_it_passes_all_points() -> None:
     curve = fit_smooth(places, height)
     assert np.all(np.diff(curve.value(np.linspace(0.0, 5.0, 200))) >= 0)
     assert curve.scatter > 0.2
-
-
-def test_what_a_moved_point_does_is_what_refitting_gives() -> None:
-    places = SENSORS["steep"](POINTS_M)
-    curve, away = fit_smooth(places, read(1)), 1e-5 * np.arange(11)
-    moved = curve.shift_points(away, places)
-    assert moved - curve.height == pytest.approx(curve.smoother @ away, abs=1e-12)
-    assert moved[-1] - curve.height[-1] == pytest.approx(away[-1], abs=1e-12)

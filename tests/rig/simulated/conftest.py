@@ -1,10 +1,8 @@
-"""The real client on a virtual device, channels with every argument given, and commands in other processes."""
+"""The real client on a virtual device, and channels with every argument given."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 import nidaqmx
@@ -12,12 +10,9 @@ import pytest
 from nidaqmx import constants as ni
 from nidaqmx.errors import DaqError
 
-from rig import SelftestFinding, SelftestRecord, load_rig
+from rig import load_rig
 from rig.simulated.rpc.service import in_process_channel
 from rig.simulated.timing import advance
-from tests.rig.program import Program
-
-WATCHED = Path(__file__).parents[1] / "watched_bench.py"
 
 
 def _mode(samples: int | None) -> dict[str, Any]:
@@ -139,46 +134,3 @@ def encoder() -> Callable[..., Any]:
         return channel
 
     return add
-
-
-@pytest.fixture
-def start() -> Iterator[Callable[..., Program]]:
-    """Start a command in another process; it is ended with the test."""
-    running = []
-
-    def begin(*arguments: str | Path, **more: Any) -> Program:
-        code = "from pianorig.cli import main; main()"
-        running.append(Program("-c", code, *map(str, arguments), **more))
-        return running[-1]
-
-    yield begin
-    for program in running:
-        program.end()
-
-
-@pytest.fixture
-def serve(tmp_path) -> Iterator[Callable[[str], tuple[Program, str]]]:
-    """Serve the bench of an address, in another process that tells how its outputs are: (program, backend address)."""
-    running = []
-
-    def begin(bench: str) -> tuple[Program, str]:
-        running.append(Program(WATCHED, bench))
-        return running[-1], "ni-grpc://" + running[-1].wait_for(lambda line: "address" in line)["address"]
-
-    yield begin
-    for program in running:
-        program.end()
-
-
-@pytest.fixture
-def permitted(tmp_path) -> list[str]:
-    """Options of ``record`` that let the motor of a virtual bench behind TCP move."""
-    rig_file = tmp_path / "rig.toml"
-    rig_file.write_text(load_rig("virtual").text.replace("allow_yes = false", "allow_yes = true"))
-    rig = load_rig(rig_file)
-    record = SelftestRecord(
-        created_utc=datetime.now(UTC), rig="virtual", rig_sha256=rig.sha256, product="cDAQ-9189", device="cDAQ1",
-        backend="test", simulated=True, serial_number="none (simulated)",
-        findings=(SelftestFinding(check="all", passed=True, found="", allowed=""),),
-    )  # fmt: skip
-    return ["--rig", str(rig_file), "--yes", "--selftest", str(record.write(tmp_path))]

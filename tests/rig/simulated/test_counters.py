@@ -40,11 +40,6 @@ def test_an_encoder_counts_from_the_start_of_its_task(cdaq, encoder, bridge) -> 
     assert read[0] == 7.0 and read[5] == pytest.approx(7.0 - 163840 / (2 * np.pi) * 0.3 * 0.5, abs=1.0)
 
 
-def test_encoders_have_the_default_terminals_of_the_card(card) -> None:
-    channel = card.task().ci_channels.add_ci_ang_encoder_chan("Dev1/ctr2", pulses_per_rev=81920)
-    assert (channel.ci_encoder_a_input_term, channel.ci_encoder_b_input_term) == ("/Dev1/PFI0", "/Dev1/PFI2")
-
-
 def test_counters_named_by_the_9401_have_its_default_terminals(cdaq) -> None:
     task = cdaq.task()
     channel = task.ci_channels.add_ci_count_edges_chan("cDAQ1Mod4/ctr1")

@@ -162,26 +162,6 @@ def test_encoder_units_and_decoding_follow_the_task(cdaq, encoder, force_task) -
         assert found[name][10] == pytest.approx(expected, rel=2e-4), name
 
 
-def test_units_of_force_follow_the_task(cdaq, bridge) -> None:
-    cdaq.device.lines["cDAQ1Mod4/port0/line7"] = True
-    cdaq.device.output_v["cDAQ1Mod2/ao0"] = 2.0
-    task = cdaq.task()
-    bridge(task, min_val=-4.0, max_val=25.0, units=ni.ForceUnits.POUNDS)
-    task.timing.cfg_samp_clk_timing(5000, sample_mode=ni.AcquisitionType.CONTINUOUS)
-    assert task.read(60)[59] == pytest.approx(24.05 / 4.4482216, rel=1e-5)
-
-
-def test_a_range_of_channels_is_read_channel_by_channel_or_scan_by_scan(bench_of) -> None:
-    card = bench_of("pcie6363")
-    task = card.task()
-    task.ai_channels.add_ai_voltage_chan("Dev1/ai2:0", name_to_assign_to_channel="in")
-    task.timing.cfg_samp_clk_timing(10_000, sample_mode=ni.AcquisitionType.CONTINUOUS)
-    assert task.channel_names == ["in0", "in1", "in2"]
-    rows = np.array(task.read(4))
-    assert rows.shape == (3, 4) and not rows[:2].any()
-    np.testing.assert_allclose(rows[2], 0.05 * 10 / 111.2, atol=20 / 2**16)
-
-
 def test_channels_that_do_not_exist_or_cannot_measure_this(cdaq, card, bridge, refused) -> None:
     with refused(-200170):
         bridge(cdaq.task(), "cDAQ1Mod1/ai4")
@@ -317,12 +297,6 @@ def test_frame_pulses_cannot_leave_through_an_input_module(cdaq, refused) -> Non
     channel = cdaq.task().co_channels.add_co_pulse_chan_freq("cDAQ1Mod4/ctr3", freq=2000.0)
     with refused(-89136):
         channel.co_pulse_term = "/cDAQ1Mod3/PFI0"
-
-
-def test_pulse_rates_are_whole_ticks_of_the_timebase(cdaq) -> None:
-    channel = cdaq.task().co_channels.add_co_pulse_chan_freq("cDAQ1Mod4/ctr3", freq=3000.0, initial_delay=1e-4)
-    assert channel.co_pulse_freq == 80e6 / 26667
-    assert channel.co_pulse_freq_initial_delay == 1e-4
 
 
 def test_what_another_task_holds_is_reserved_until_it_lets_go(cdaq, encoder, refused) -> None:

@@ -13,7 +13,7 @@ from rig import InputError, RigInputError, load_profile, open_backend
 from rig.simulated.backend import DEFAULT_BENCH
 from rig.simulated.bench.parts_alone import swing_plant
 from rig.simulated.bench.plant import ActionPlant, PlantTruth, load_plant
-from rig.simulated.bench.plant_protocol import ENCODED_BODIES, Plant, read_bench
+from rig.simulated.bench.plant_protocol import ENCODED_BODIES, read_bench
 from rig.simulated.bench.sensors import (
     load_sensors,
 )
@@ -75,10 +75,6 @@ def forte(plant: ActionPlant) -> PlantTruth:
 def strikes(truth: PlantTruth) -> np.ndarray:
     height = model.observables.hammer_height_m(truth.action, truth.angle_rad[:, :5])
     return truth.time_s[1:][(height[1:] <= 0) & (height[:-1] > 0)]
-
-
-def test_fulfils_the_contract(plant: ActionPlant) -> None:
-    assert isinstance(plant, Plant)
 
 
 def test_forte_spikes_as_in_the_thesis(forte: PlantTruth) -> None:

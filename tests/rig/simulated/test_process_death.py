@@ -8,15 +8,18 @@ from __future__ import annotations
 
 import os
 import signal
+from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from rig import Session
+from rig import SelftestFinding, SelftestRecord, Session, load_rig
 from rig.session.journal_records import scan_journal
+from tests.rig.program import Program
 
-STEP = Path(__file__).parents[1] / "step.toml"
+HERE = Path(__file__).parents[1]
 MOST_UNCOMMITTED = 500
 """Samples: 100 ms."""
 HELD = (
@@ -34,26 +37,36 @@ def safe(line: dict[str, object]) -> bool:
     return line.get("motor") == "0 V" and line["drive"] == "disabled"
 
 
+@pytest.fixture(scope="module")
+def bench() -> Iterator[tuple[Program, str]]:
+    """A bench served in another process that tells how its outputs are: (program, backend address)."""
+    program = Program(str(HERE / "watched_bench.py"), "sim://?clock=0.25")
+    yield program, "ni-grpc://" + program.wait_for(lambda line: "address" in line)["address"]
+    program.end()
+
+
 @pytest.fixture
-def recording(serve, start, permitted, tmp_path):
-    """A recording in one process on a bench in another: (bench, recorder, session folder)."""
-
-    def begin():
-        bench, address = serve("sim://?clock=0.25")
-        profile = tmp_path / "held.toml"
-        profile.write_text(HELD)
-        folder = tmp_path / "s"
-        recorder = start("record", "--profile", profile, "--backend", address, "--out", folder, *permitted)
-        return bench, recorder, folder
-
-    return begin
+def recorder(bench, tmp_path) -> Iterator[Program]:
+    """A recording in a process of its own into ``tmp_path / "s"``, permitted to move the bench's motor."""
+    profile, rig_file, folder = tmp_path / "held.toml", tmp_path / "rig.toml", tmp_path / "s"
+    profile.write_text(HELD)
+    rig_file.write_text(load_rig("virtual").text.replace("allow_yes = false", "allow_yes = true"))
+    passed = SelftestRecord(
+        created_utc=datetime.now(UTC), rig="virtual", rig_sha256=load_rig(rig_file).sha256, product="cDAQ-9189",
+        device="cDAQ1", backend="test", simulated=True, serial_number="none (simulated)",
+        findings=(SelftestFinding(check="all", passed=True, found="", allowed=""),),
+    ).write(tmp_path)  # fmt: skip
+    words = ("--profile", profile, "--backend", bench[1], "--out", folder, "--rig", rig_file, "--selftest", passed)
+    program = Program("-c", "from pianorig.cli import main; main()", "record", "--yes", *map(str, words))
+    yield program
+    program.end()
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_recording_asked_to_end_makes_the_outputs_safe_itself_and_seals_the_trial(
-    number, recording, recover, stated_s
+    number, bench, recorder, recover, stated_s, tmp_path
 ) -> None:
-    bench, recorder, folder = recording()
+    (bench, _), folder = bench, tmp_path / "s"
     began = bench.wait_for(live)
     committed = scan_journal(folder / "trial_0001.journal").n_samples
     assert recorder.end(number) == 130
@@ -65,8 +78,10 @@ def test_a_recording_asked_to_end_makes_the_outputs_safe_itself_and_seals_the_tr
     assert "stopped by" in data.reason and recover(folder) == []
 
 
-def test_when_the_recording_is_killed_the_watchdog_makes_the_outputs_safe(recording, recover, stated_s) -> None:
-    bench, recorder, folder = recording()
+def test_when_the_recording_is_killed_the_watchdog_makes_the_outputs_safe(
+    bench, recorder, recover, stated_s, tmp_path
+) -> None:
+    (bench, _), folder = bench, tmp_path / "s"
     began = bench.wait_for(live)
     committed = scan_journal(folder / "trial_0001.journal").n_samples
     recorder.end(signal.SIGKILL)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from rig import InputError
-from rig.simulated.backend import DEFAULT_BENCH
 from rig.simulated.bench.sensors import (
     DelayLine,
     EncoderSensor,
@@ -34,31 +33,12 @@ def newtons(signal: ForceSignal, force_n: np.ndarray) -> np.ndarray:
     return signal.millivolts_per_volt(force_n, np.arange(force_n.size) / 5000.0) * 50.0
 
 
-def test_the_cell_gives_its_sensitivity_gain_error_and_offset() -> None:
-    sensor = ForceSensor(**CELL, gain_error=0.01, offset_n=0.5)
-    np.testing.assert_allclose(newtons(ForceSignal(sensor, 1, 1), np.array([0.0, 10.0, -4.0])), [0.5, 10.6, -3.54])
-
-
-def test_noise_has_the_stated_deviation_and_is_white() -> None:
-    sensor = ForceSensor(**{**CELL, "noise_n": 0.03})
-    noise = newtons(ForceSignal(sensor, 1, 1), np.zeros(200_000))
-    assert noise.std() == pytest.approx(0.03, rel=0.01)
-    assert abs(np.corrcoef(noise[1:], noise[:-1])[0, 1]) < 0.01
-
-
 def test_noise_does_not_depend_on_the_length_of_the_blocks() -> None:
     sensor = ForceSensor(**{**CELL, "noise_n": 0.03})
     whole = newtons(ForceSignal(sensor, 1, 1), np.zeros(1000))
     parts = ForceSignal(sensor, 1, 1)
     split = np.concatenate([newtons(parts, np.zeros(n)) for n in (1, 99, 400, 500)])
     np.testing.assert_array_equal(whole, split)
-
-
-def test_hum_has_the_stated_amplitudes_frequency_and_phase() -> None:
-    sensor = ForceSensor(**CELL, hum_n=(0.3, 0.0, 0.1), hum_hz=50.0, hum_phase_rad=(0.4,), hum_phase_scatter=False)
-    time_s = np.arange(500) / 5000.0
-    expected = 0.3 * np.sin(2 * np.pi * 50 * time_s + 0.4) + 0.1 * np.sin(2 * np.pi * 150 * time_s)
-    np.testing.assert_allclose(newtons(ForceSignal(sensor, 1, 1), np.zeros(500)), expected, atol=1e-12)
 
 
 def test_offset_and_hum_phase_scatter_from_trial_to_trial_by_the_stated_amount() -> None:
@@ -75,23 +55,6 @@ def test_offset_and_hum_phase_scatter_from_trial_to_trial_by_the_stated_amount()
 def test_the_cell_saturates() -> None:
     sensor = ForceSensor(**CELL, saturation_mv_per_v=3.0)
     assert newtons(ForceSignal(sensor, 1, 1), np.array([1e6, -1e6])) == pytest.approx([150.0, -150.0])
-
-
-def test_counts_are_whole_start_at_zero_and_err_by_less_than_one() -> None:
-    scales = (
-        EncoderSensor(counts_per_revolution=4096),
-        EncoderSensor(counts_per_revolution=8192, sign=-1),
-        EncoderSensor(counts_per_revolution=163840),
-    )
-    angle = 0.3 + np.linspace(0, 1, 4001)[:, None] * np.array([0.5, -0.25, 2.0])
-    signals = EncoderSignals(scales, 1, 1)
-    counts = np.concatenate([signals.quarter_counts(part) for part in np.array_split(angle, 7)])
-    exact = (angle - angle[0]) * np.array([4096, -8192, 163840]) / (2 * np.pi)
-    error = counts - exact
-    assert counts.dtype == np.int64 and not counts[0].any()
-    assert np.abs(error).max() < 1.0
-    # uniform within one count about a constant that depends on where in a count the trial began
-    np.testing.assert_allclose(error[100:].std(axis=0), 1 / np.sqrt(12), rtol=0.1)
 
 
 def test_a_delay_line_delays_by_whole_and_broken_samples_whatever_the_blocks() -> None:
@@ -177,9 +140,3 @@ def test_a_scale_whose_centre_rises_reads_lift_over_radius() -> None:
     assert np.all(counts[:, 2] == 0)
     still = EncoderSignals((EncoderSensor(counts_per_revolution=lines), *sensors[1:]), 1, 1)
     assert np.all(still.quarter_counts(np.zeros((2, 3)), np.array([0.0, 1e-3])) == 0)  # no radius: no error
-
-
-def test_radius_of_the_bench_follows_from_its_lines() -> None:
-    key = load_sensors(DEFAULT_BENCH).encoders[0]
-    assert key.scale_radius_m == pytest.approx(8192 * 20e-6 / (2.0 * np.pi), rel=1e-3)
-    assert key.counts_per_revolution == 8192 * 40

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -122,17 +121,6 @@ def test_a_reader_that_is_late_has_lost_samples(paced, refused) -> None:
         assert task.timing.samp_clk_rate == 1000.0
     with refused(-200279):
         task.read(10)
-
-
-def test_polling_comes_to_an_end_on_the_virtual_clock(card) -> None:
-    task = card.inputs("Dev1/ai0", 100)
-    task.start()
-    end = time.monotonic() + 30
-    while task.in_stream.total_samp_per_chan_acquired < 100:
-        assert time.monotonic() < end
-    while not task.is_task_done():
-        assert time.monotonic() < end
-    assert len(task.read(100, timeout=0)) == 100
 
 
 def test_a_pulse_on_a_terminal_starts_an_acquisition(card) -> None:

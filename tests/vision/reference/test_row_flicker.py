@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from vision import ArrayFilm, FrameSource
-from vision.fitting.template import build_template
 from vision.reference.camera_faults import (
     FlickerCorrectedFilm,
     correct_row_flicker,
-    find_grey_step,
-    is_coarsely_quantised,
     row_flicker_share,
 )
 
@@ -43,30 +39,8 @@ def test_rows_are_brought_to_the_same_light() -> None:
     np.testing.assert_array_equal(film.read(5)[3:97], film.read_region(5, 3, 97, 0, 160))
 
 
-@pytest.mark.parametrize(("depth", "row_noise"), [(0.0, 0.0), (0.03, 0.0), (0.0, 1.5)])
-def test_what_does_not_change_is_left_alone(depth: float, row_noise: float) -> None:
-    """Texture, rows of another gain, which the still frames share with the film, and noise of whole rows."""
-    film = film_of(np.full(12, depth), row_noise)
-    assert correct_row_flicker(film, BOX) is film
-
-
 def test_saturated_pixels_stay_so() -> None:
     frames = np.full((6, 40, 40), 255, dtype=np.uint8)
     frames[:, 10:30] = (100.0 * (1.0 + 0.05 * np.cos(np.arange(6)))[:, None, None]).astype(np.uint8)
     film = FlickerCorrectedFilm(ArrayFilm(frames), (0, 40, 0, 40))
     assert np.all(film.read(2)[:10] == 255)
-
-
-def test_step_of_the_grey_values() -> None:
-    film = film_of(np.zeros(2))
-    assert find_grey_step(film, BOX) == 1.0
-    coarse = ArrayFilm((np.rint(film.read(0) / 16.0) * 16).astype(np.uint8)[None])
-    assert find_grey_step(coarse, BOX) == 16.0
-
-
-@pytest.mark.parametrize(("step", "noise", "coarse"), [(1.0, 0.2, False), (16.0, 0.5, True), (16.0, 9.0, False)])
-def test_steps_are_coarse_beside_texture_and_noise(step: float, noise: float, coarse: bool) -> None:
-    picture = film_of(np.zeros(2)).read(0)
-    template = build_template("bar", picture, np.ones(picture.shape, dtype=bool), 10, noise_grey=noise)
-    assert is_coarsely_quantised(template, step) is coarse
-    assert not is_coarsely_quantised(template, 0.1 * float(np.std(picture)))

@@ -8,7 +8,6 @@ import pytest
 import vision.tracking.track_film
 from tests.vision.known_films import PIVOT, bar_motion, bar_scene, film_of, sliding_bar, smooth_step, z_of
 from vision import ArrayFilm, track
-from vision.tracking.sensor_pattern import PatternCorrectedFilm
 
 
 def with_pattern(film: ArrayFilm, rms: float, seed: int = 0) -> tuple[ArrayFilm, np.ndarray]:
@@ -58,12 +57,3 @@ def test_a_film_is_tracked_again_only_where_a_sample_of_rows_fits_better(
     result = track(film, known.bodies)
     assert passes == [110] * (2 if disturbed == "pattern" else 1)
     assert (result.info["pattern_grey"] > 0.0) == (disturbed == "pattern")
-
-
-def test_saturated_pixels_stay_so() -> None:
-    frames = np.full((2, 20, 20), 100, dtype=np.uint8)
-    frames[:, 5, 5] = 255
-    film = PatternCorrectedFilm(ArrayFilm(frames, 100.0), np.full((20, 20), 3.0, dtype=np.float32))
-    picture = film.read(1)
-    assert picture[5, 5] == 255.0 and picture[0, 0] == 97.0 and picture.dtype == np.float32
-    np.testing.assert_array_equal(film.read_region(1, 2, 9, 3, 8), picture[2:9, 3:8])

@@ -23,18 +23,6 @@ def poses(n: int, angle: np.ndarray) -> np.ndarray:
     return np.column_stack([angle, np.full(n, PIVOT[0]), np.full(n, PIVOT[1])])[:, None, :]
 
 
-def test_shutter_term_is_the_spread_over_where_the_speed_changes() -> None:
-    """A speed step anywhere within a frame: root mean square of exposure mean less angle at its middle."""
-    frame, exposure, step = 5e-4, 2e-4, 30.0
-    at = np.linspace(-0.5 * frame, 0.5 * frame, 20001)
-    # exposure mean less the angle at its middle; the angle is step * max(0, t - at)
-    t = np.linspace(-0.5 * exposure, 0.5 * exposure, 401)
-    shift = [np.mean(step * np.maximum(0, t - a)) - step * max(0.0, -a) for a in at[::20]]
-    expected = np.sqrt(np.mean(np.square(shift)))
-    formula = step * exposure * np.sqrt(exposure / (320 * frame))
-    assert formula == pytest.approx(expected, rel=0.02)
-
-
 def test_terms_that_follow_the_motion() -> None:
     n, rate, exposure, acceleration = 38, 2000.0, 4e-4, 4000.0
     i = np.arange(n)
@@ -161,13 +149,3 @@ def test_rolling_shutter_term_is_the_error_it_makes() -> None:
     skew = -speed_x * np.mean(across**2, axis=1) / np.mean(dx**2 + dy**2)
     closed = np.abs((pose_phi * rows + skew) / rows_per_s)
     np.testing.assert_allclose(term, closed, rtol=0.25)
-
-
-def test_a_shutter_that_is_not_declared_is_said_so() -> None:
-    known = film_of(bar_scene("speckle"), poses(30, np.maximum(np.arange(30) - 14, 0) * 0.01))
-    for declared, said in ((None, "not declared"), (np.inf, "global shutter"), (1e6, "rolling shutter, 1e+06 rows/s")):
-        result = track(known.film, known.bodies, n_still=12, rows_per_s=declared)
-        assert said in result.budget.shutter
-        assert (np.nanmax(result.budget.absolute["rows"]) > 0.0) == (declared == 1e6)
-    with pytest.raises(InputError, match="rows_per_s"):
-        track(known.film, known.bodies, rows_per_s=0.0)

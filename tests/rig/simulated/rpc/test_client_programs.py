@@ -5,18 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from nidaqmx import constants as ni
-from nidaqmx.system import Device, System
 
 from rig.simulated.rpc.messages import request_class
 
 FINITE, CONTINUOUS = ni.AcquisitionType.FINITE, ni.AcquisitionType.CONTINUOUS
-
-
-@pytest.fixture
-def system(request) -> System:
-    """The system of the bench that a test uses."""
-    bench = request.getfixturevalue("card" if "card" in request.fixturenames else "cdaq")
-    return System.remote(bench.options())
 
 
 def test_a_continuous_output_repeats_its_buffer(card) -> None:
@@ -44,27 +36,6 @@ def test_input_and_output_with_clocks_of_their_own_start_on_one_trigger(card) ->
     assert outputs.is_task_done()
 
 
-def test_two_clocks_without_a_trigger_run_side_by_side(card) -> None:
-    first, second = card.task(), card.inputs("Dev1/ai2", 50, 250.0)
-    first.ao_channels.add_ao_voltage_chan("Dev1/ao1")
-    first.timing.cfg_samp_clk_timing(1000.0, sample_mode=CONTINUOUS)
-    first.write([1.0, 2.0], auto_start=True)
-    assert second.read(50) == [0.0] * 50
-    assert card.device.bench.edge == pytest.approx(197, abs=1)  # 49 intervals of 4 ms, and one edge
-    first.stop()
-    assert second.is_task_done()
-
-
-def test_a_finite_train_has_the_pulses_it_was_asked_for(card) -> None:
-    train, count = card.pulses(1000.0, "Dev1/ctr3", 25), card.task()
-    count.ci_channels.add_ci_count_edges_chan("Dev1/ctr1", initial_count=7).ci_count_edges_term = "/Dev1/PFI15"
-    count.start()
-    train.start()
-    while not train.is_task_done():
-        pass
-    assert count.read() == 7 + 25
-
-
 def test_an_exported_clock_drives_another_task(card, refused) -> None:
     inputs, counts = card.inputs("Dev1/ai2", 40), card.task()
     inputs.export_signals.export_signal(ni.Signal.SAMPLE_CLOCK, "/Dev1/PFI4")
@@ -87,17 +58,6 @@ def test_the_sum_of_the_rates_and_the_number_of_outputs_limit_the_rate(card, ref
     assert outputs.timing.samp_clk_rate == pytest.approx(100e6 / 3333, rel=1e-12)
 
 
-def test_a_client_that_reads_what_is_there_gets_what_has_come(card) -> None:
-    task = card.inputs("Dev1/ai2")
-    task.start()
-    got, reads = 0, 0
-    while got < 100:
-        got += len(task.read(ni.READ_ALL_AVAILABLE))
-        reads += 1
-    assert reads < 50 and card.device.bench.edge == got
-    assert task.in_stream.avail_samp_per_chan == 10  # asking took 10 ms
-
-
 def test_levels_go_to_the_lines_they_are_written_for(card, refused) -> None:
     out = card.task()
     out.do_channels.add_do_chan("Dev1/port0/line3:0", line_grouping=ni.LineGrouping.CHAN_PER_LINE)
@@ -110,23 +70,6 @@ def test_levels_go_to_the_lines_they_are_written_for(card, refused) -> None:
         other.write(True, auto_start=True)
     with refused(-200452):
         out.timing.cfg_samp_clk_timing(1000.0)
-
-
-def test_a_reset_clears_what_a_dead_client_left(card) -> None:
-    task = card.task("left")
-    task.ao_channels.add_ao_voltage_chan("Dev1/ao0")
-    task.write(3.0, auto_start=True)
-    device = Device("Dev1", grpc_options=card.options())
-    device.reset_device()
-    assert card.device.output_v["Dev1/ao0"] == 0.0 and card.device.tasks == {}
-    card.forget(task)
-
-
-def test_a_task_on_demand_is_done(card) -> None:
-    task = card.task()
-    task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
-    task.start()
-    assert task.is_task_done()
 
 
 def test_one_value_cannot_be_written_to_several_channels(card) -> None:
@@ -151,24 +94,3 @@ def test_a_setting_that_is_not_finite_is_refused(value, card, refused) -> None:
     task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
     with refused(-200077):
         task.timing.cfg_samp_clk_timing(value, sample_mode=CONTINUOUS)
-
-
-def test_a_chassis_and_its_modules_say_what_they_are(cdaq, system) -> None:
-    devices = {device.name: device for device in system.devices}
-    assert [(name, d.product_type) for name, d in devices.items()][:3] == [
-        ("cDAQ1", "cDAQ-9189"), ("cDAQ1Mod1", "NI 9237"), ("cDAQ1Mod2", "NI 9263"),
-    ]  # fmt: skip
-    module = devices["cDAQ1Mod4"]
-    assert module.product_category == ni.ProductCategory.C_SERIES_MODULE and module.compact_daq_slot_num == 4
-    assert [port.name for port in module.di_ports] == ["cDAQ1Mod4/port0"]
-    assert [channel.name for channel in devices["cDAQ1Mod1"].ai_physical_chans] == [
-        f"cDAQ1Mod1/ai{i}" for i in range(4)
-    ]
-
-
-def test_a_card_lists_its_channels_and_no_others(card, system) -> None:
-    device = system.devices["Dev1"]
-    assert device.product_category == ni.ProductCategory.X_SERIES_DAQ and device.is_simulated
-    assert [c.name for c in device.ao_physical_chans] == [f"Dev1/ao{i}" for i in range(4)]
-    assert device.di_ports.channel_names == ["Dev1/port0", "Dev1/port1", "Dev1/port2"]
-    assert len(device.ai_physical_chans) == 32 and len(device.ci_physical_chans) == 4

@@ -187,9 +187,8 @@ def test_an_empty_request_of_every_call_is_answered_or_refused(make_backend) -> 
     assert set(answers.values()) <= {"OK", "UNKNOWN"}
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_random_requests_of_every_call_are_answered_or_refused(seed, make_backend) -> None:
-    draw, seen = random.Random(seed), set()
+def test_random_requests_of_every_call_are_answered_or_refused(make_backend) -> None:
+    draw, seen = random.Random(1), set()
     for _ in range(4):
         service = with_tasks(make_backend)
         calls = [call for call in sorted(CALLS) if call not in ("ResetDevice", "ClearTask")]

@@ -89,14 +89,6 @@ def test_what_is_not_answered_is_refused_by_its_name_also_where_events_would_com
     assert dict(refusal.value.trailing_metadata())["ni-error"] == "-200452"
 
 
-@pytest.mark.parametrize("call", ["StartTask", "ReadAnalogF64", "WriteAnalogF64", "CfgSampClkTiming", "TaskControl"])
-def test_requests_with_nothing_in_them_are_refused_not_crashed_on(call, card) -> None:
-    stub, _ = card
-    with pytest.raises(grpc.RpcError) as refusal:
-        getattr(stub, call)(getattr(messages, f"{call}Request")())
-    assert ("ni-error", "-200088") in [tuple(entry) for entry in refusal.value.trailing_metadata()]
-
-
 def test_a_port_is_not_shared_by_two_servers(make_backend, config, served) -> None:
     backend = make_backend(config)
     port = int(served(backend)[1].rsplit(":", 1)[1])
