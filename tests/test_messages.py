@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -23,15 +24,16 @@ A_COMMAND = re.compile(r"pianorig [a-z]")
 KEPT = {"--yes"}  # how the operator confirmed, as sessions hold it
 
 
+@cache
 def texts() -> dict[str, list[str]]:
     """Strings of the four packages that are no docstrings, by file; the parts of an f-string as one."""
     found: dict[str, list[str]] = {}
     for package in ("model", "vision", "rig", "validation"):
         for path in (ROOT / package).rglob("*.py"):
-            tree = ast.parse(path.read_text(encoding="utf-8"))
-            inside = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in ast.walk(node)}
-            left_out = inside | {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-            for node in ast.walk(tree):
+            nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+            inside = {id(part) for node in nodes if isinstance(node, ast.JoinedStr) for part in ast.walk(node)}
+            left_out = inside | {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
+            for node in nodes:
                 parts = node.values if isinstance(node, ast.JoinedStr) else [node] if id(node) not in left_out else []
                 said = [p.value for p in parts if isinstance(p, ast.Constant) and isinstance(p.value, str)]
                 found.setdefault(str(path.relative_to(ROOT)), []).append("…".join(said))

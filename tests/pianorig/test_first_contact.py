@@ -71,13 +71,14 @@ def test_arguments_are_capitals_and_examples_are_not_wrapped(capsys: pytest.Capt
         ("pianorig touch hirsch", {"hirschkorn2004", "hirschkorn2004-regulated"}),
     ],
 )
-def test_completion_knows_commands_and_built_in_names(line: str, wanted: set[str]) -> None:
+def test_completion_knows_commands_and_built_in_names(
+    line: str, wanted: set[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     place = str(len(line.split()) - 1)
-    asked = {"_PIANORIG_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": place}
-    done = subprocess.run(
-        [sys.executable, "-m", "pianorig"], env={**os.environ, **asked}, capture_output=True, text=True
-    )
-    assert set(done.stdout.split()) == wanted, done.stderr
+    for name, value in {"_PIANORIG_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": place}.items():
+        monkeypatch.setenv(name, value)
+    run()
+    assert set(capsys.readouterr().out.split()) == wanted
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,8 @@ def test_marked_intervals_are_the_true_lifts(tmp_path: Path) -> None:
     bench.close()
     session = Session.open(tmp_path / "session")
     assert session.info.simulated
-    marked = validation.compare(session, "hirschkorn2004", keep_predictions=False).marked
+    quick = {"keep_predictions": False, "rivals": (), "budget": False, "explain": False}
+    marked = validation.compare(session, "hirschkorn2004", **quick).marked
     for number, what in truth.items():
         lift, time = what.column("key_lift"), what.time_s
         rows = marked[marked["trial"] == number]

@@ -48,6 +48,7 @@ class Page:
 
     address: str
     port: int
+    folder: Path = Path()
 
     def ask(self, path: str, method: str = "GET", body: Any = None, **headers: str | None) -> Answer:
         """Send a request as this page's own browser would; headers replace those, None leaves one out."""
@@ -85,7 +86,7 @@ def serve(folder: Path, control: bool) -> Iterator[Page]:
     thread.start()
     access, loop, ended = ready.result(30)
     try:
-        yield Page(access.address, access.port)
+        yield Page(access.address, access.port, folder)
     finally:
         loop.call_soon_threadsafe(ended.set)
         thread.join(60)
@@ -141,12 +142,15 @@ def own_process(folder: Path, *options: str) -> Iterator[tuple[subprocess.Popen[
         server.stdout.close()
 
 
+def copy_example(root: Path) -> Path:
+    shutil.copytree(EXAMPLE, root / "example_forte", ignore=shutil.ignore_patterns("derived"))
+    return root
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A folder with the example session."""
-    root = tmp_path / "sessions"
-    shutil.copytree(EXAMPLE, root / "example_forte", ignore=shutil.ignore_patterns("derived"))
-    return root
+    return copy_example(tmp_path / "sessions")
 
 
 HEIGHT, WIDTH, FRAMES = 60, 120, 120
@@ -162,9 +166,8 @@ def film_frames() -> np.ndarray:
     return np.stack([(rows + 2 * cols + k) % 200 for k in range(FRAMES)]).astype(np.uint8)
 
 
-@pytest.fixture
-def filmed(folder: Path) -> Path:
-    """The folder, with a film of trial 1 whose outlines turn by 1 mrad a frame and are lost in frame 60."""
+def add_film(folder: Path) -> Path:
+    """Add to the folder a film of trial 1 whose outlines turn by 1 mrad a frame and are lost in frame 60."""
     session = Session.open(folder / "example_forte")
     write_mraw(session.path / "trial_0001.mraw", film_frames(), 2000.0, exposure_s=1e-4, start_frame=FIRST_FRAME)
     bodies = [
@@ -184,6 +187,18 @@ def filmed(folder: Path) -> Path:
     seals = {name: sha256_of_file(session.path / name) for name in ("bodies.toml", "trial_0001.mraw")}
     session.write_derived("angles", 1, pd.DataFrame(columns), {}, seals)
     return folder
+
+
+@pytest.fixture
+def filmed(folder: Path) -> Path:
+    """The folder, with a film of trial 1."""
+    return add_film(folder)
+
+
+@pytest.fixture(scope="session")
+def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    """A page that may write, of such a folder with a film; for tests that leave it as it is."""
+    yield from serve(add_film(copy_example(tmp_path_factory.mktemp("page") / "sessions")), control=True)
 
 
 @pytest.fixture

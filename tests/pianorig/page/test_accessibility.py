@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from tests.pianorig.page.conftest import Page
-from tests.pianorig.page.stories import opened
+from tests.pianorig.page.stories import opened, until
 
 VIEWS = {
     "sessions?session=example_forte": "#trials",
@@ -31,23 +31,18 @@ def check_by_axe(tab: Any, at_least: int) -> None:
 
 
 @pytest.mark.parametrize("view", VIEWS)
-def test_axe_core_finds_nothing_and_every_view_fits(browser: Any, filmed: Path, writing: Page, view: str) -> None:
-    with opened(browser, writing, f"{writing.address}#{view}") as tab:
+def test_axe_core_finds_nothing_and_every_view_fits(browser: Any, shown: Page, view: str) -> None:
+    with opened(browser, shown, f"{shown.address}#{view}") as tab:
         tab.locator(VIEWS[view]).first.wait_for()
         check_by_axe(tab, 20)
         for width in (640, 400):  # what is left of 1280 px at 200 %, and a phone
             tab.set_viewport_size({"width": width, "height": 900})
-            tab.wait_for_timeout(300)
-            wide = (
-                "[...document.querySelectorAll('main *')].filter(e => e.getBoundingClientRect().right > innerWidth + 1)"
-            )
-            found = tab.evaluate(f"{wide}.filter(e => !e.closest('.scroll')).map(e => e.tagName + '.' + e.className)")
-            assert tab.evaluate("document.documentElement.scrollWidth") <= width, (width, found[:5])
+            until(tab, f"innerWidth === {width} && document.documentElement.scrollWidth <= {width}", turns=100)
 
 
-def test_an_exported_animation_for_a_screen_reader(browser: Any, looking: Page, tmp_path: Path) -> None:
+def test_an_exported_animation_for_a_screen_reader(browser: Any, shown: Page, tmp_path: Path) -> None:
     kept = tmp_path / "kept.html"
-    kept.write_text(looking.ask("/api/action/hirschkorn2004/animation?blow=forte").json["text"], encoding="utf-8")
+    kept.write_text(shown.ask("/api/action/hirschkorn2004/animation?blow=forte").json["text"], encoding="utf-8")
     tab = browser.new_page()
     tab.goto(kept.as_uri())
     tab.locator("main[data-ready]").wait_for()

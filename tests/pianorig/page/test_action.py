@@ -93,16 +93,16 @@ def test_the_file_reads_back_to_the_same_numbers(turned: model.Action, tmp_path:
     assert "hammer.mass = 0.009 kg" in path.read_text() and "by the user" in again.quantities["hammer.mass"].source
 
 
-def test_the_page_asks_and_gets(looking: Page) -> None:
-    names = looking.ask("/api/actions").json
+def test_the_page_asks_and_gets(shown: Page) -> None:
+    names = shown.ask("/api/actions").json
     assert "hirschkorn2004-regulated" in names["actions"] and names["blows"] == list(BLOWS)
-    plain, heavy = (looking.ask(BLOW + more) for more in ("", "&set=hammer.mass=0.012"))
+    plain, heavy = (shown.ask(BLOW + more) for more in ("", "&set=hammer.mass=0.012"))
     assert plain.status == heavy.status == 200
     peaks = [numbers(answer.json["channels"]["hammer"]["value"]) for answer in (plain, heavy)]
     assert np.abs(peaks[0] - peaks[1]).max() > 0.1
-    moving = looking.ask("/api/action/hirschkorn2004/animation?blow=piano&set=hammer.mass=0.012").json["text"]
+    moving = shown.ask("/api/action/hirschkorn2004/animation?blow=piano&set=hammer.mass=0.012").json["text"]
     assert "<title>hirschkorn2004, hammer.mass=0.012</title>" in moving and '"start_s"' in moving
-    text = looking.ask("/api/action/hirschkorn2004/file?set=hammer.mass=0.012").json["text"]
+    text = shown.ask("/api/action/hirschkorn2004/file?set=hammer.mass=0.012").json["text"]
     assert "hammer.mass = 0.012 kg" in text
 
 
@@ -133,22 +133,22 @@ def test_the_page_asks_and_gets(looking: Page) -> None:
         (BLOW + "&set=hammer.mass=0.01" * 201, "201 changes"),
     ],
 )
-def test_what_cannot_be_tried_is_refused_in_one_line(looking: Page, address: str, words: str) -> None:
-    answer = looking.ask(address)
+def test_what_cannot_be_tried_is_refused_in_one_line(shown: Page, address: str, words: str) -> None:
+    answer = shown.ask(address)
     assert answer.status == 400 and words in answer.json["error"] and "\n" not in answer.json["error"]
 
 
-def test_a_technicians_step_moves_its_own_target_most(looking: Page) -> None:
+def test_a_technicians_step_moves_its_own_target_most(shown: Page) -> None:
     asked = "/api/action/hirschkorn2004-regulated/step?target=let_off&turn_m=1e-4"
-    found = looking.ask(asked).json
+    found = shown.ask(asked).json
     change = {row["target"]: row["after_m"] - row["before_m"] for row in found["rows"]}
     assert found["screw"] == "button" and max(change, key=lambda name: abs(change[name])) == "let_off"
     assert change["let_off"] == pytest.approx(-5.0 * 1e-4, rel=0.5)  # as `SCREWS` states it
     assert all(abs(change[name]) < 1e-9 for name in ("dip", "hammer_height", "jack", "repetition"))
 
 
-def test_the_touch_curve_is_that_of_weigh(looking: Page) -> None:
-    found = looking.ask("/api/action/hirschkorn2004/touch").json
+def test_the_touch_curve_is_that_of_weigh(shown: Page) -> None:
+    found = shown.ask("/api/action/hirschkorn2004/touch").json
     wanted = model.touch.weigh(model.load_action("hirschkorn2004"))
     assert found["weights"]["down weight"] == pytest.approx(wanted.down_n, rel=1e-9)
     dip, force = numbers(found["press"]["dip_m"]), numbers(found["press"]["force_n"])

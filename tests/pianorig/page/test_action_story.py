@@ -21,8 +21,8 @@ def speed(tab: Any) -> list[float]:
     return [float(cell.split()[0]) for cell in row.locator("td").all_inner_texts()]
 
 
-def test_turn_undo_reload_save(browser: Any, looking: Page, tmp_path: Path) -> None:
-    with opened(browser, looking, f"{looking.address}#action", accept_downloads=True) as tab:
+def test_turn_undo_reload_save(browser: Any, shown: Page, tmp_path: Path) -> None:
+    with opened(browser, shown, f"{shown.address}#action", accept_downloads=True) as tab:
         tab.locator("main[data-ready]").wait_for()
         given, now = speed(tab)
         assert given == now and tab.get_by_role("button", name="Save as TOML").is_disabled()
@@ -63,8 +63,8 @@ def test_turn_undo_reload_save(browser: Any, looking: Page, tmp_path: Path) -> N
         )
 
 
-def test_what_the_technicians_step_does(browser: Any, looking: Page) -> None:
-    with opened(browser, looking, f"{looking.address}#action?action=hirschkorn2004-regulated") as tab:
+def test_what_the_technicians_step_does(browser: Any, shown: Page) -> None:
+    with opened(browser, shown, f"{shown.address}#action?action=hirschkorn2004-regulated") as tab:
         tab.locator("main[data-ready]").wait_for()
         tab.get_by_role("button", name="What does it do?").nth(4).press("Enter")
         row = tab.locator("#step tr[aria-selected=true]")
@@ -75,17 +75,17 @@ def test_what_the_technicians_step_does(browser: Any, looking: Page) -> None:
         tab.get_by_text("down weight").wait_for()
 
 
-def test_choose_a_scene_and_turn_it(browser: Any, looking: Page) -> None:
-    def shown(tab: Any) -> None:
+def test_choose_a_scene_and_turn_it(browser: Any, shown: Page) -> None:
+    def wait(tab: Any) -> None:
         tab.locator("main[data-ready]").wait_for()
 
     rebound = HAMMER.replace("child(5)", "child(6)")
-    with opened(browser, looking, f"{looking.address}#action") as tab:
-        shown(tab)
+    with opened(browser, shown, f"{shown.address}#action") as tab:
+        wait(tab)
         rigid = tab.evaluate(rebound)
         tab.locator("#choose-scene").select_option("string")
         tab.locator("#choose-beside").wait_for()
-        shown(tab)
+        wait(tab)
         assert tab.evaluate(rebound) != rigid
         assert tab.evaluate(rebound.replace("child(3)", "child(2)")) == rigid  # beside the whole action
         strung = tab.evaluate(rebound)
@@ -95,11 +95,11 @@ def test_choose_a_scene_and_turn_it(browser: Any, looking: Page) -> None:
         tab.locator("#choose-scene").select_option("motor-arm")
         tab.get_by_text("driven by torque_nm").wait_for()
         tab.locator("#choose-scene").select_option("key-whippen")
-        shown(tab)
+        wait(tab)
         assert tab.get_by_text("they need all bodies").is_visible()
         tab.get_by_text("A scene of your own").click()
         tab.get_by_label("Text of a scene file").fill("[string]\nmodes = 20\n")
         tab.get_by_role("button", name="Use").click()
         until(tab, "document.querySelector('[id=\"set-string.modes\"]')?.value === '0'")
         assert tab.locator('[id="set-string.modes"]').get_attribute("aria-valuetext") == "0, as given: 20"
-        shown(tab)
+        wait(tab)

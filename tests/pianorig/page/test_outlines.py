@@ -69,13 +69,11 @@ def test_outlines_are_saved_as_tracking_reads_them(filmed: Path, writing: Page) 
         ([body(points=SQUARE * 200)], "up to 500"),
     ],
 )
-def test_what_is_no_outline_is_refused_and_nothing_is_written(
-    filmed: Path, writing: Page, bodies: Any, words: str
-) -> None:
-    before = (filmed / "example_forte" / "bodies.toml").read_bytes()
-    answer = writing.ask(HERE, "POST", {"bodies": bodies})
+def test_what_is_no_outline_is_refused_and_nothing_is_written(shown: Page, bodies: Any, words: str) -> None:
+    before = (shown.folder / "example_forte" / "bodies.toml").read_bytes()
+    answer = shown.ask(HERE, "POST", {"bodies": bodies})
     assert answer.status == 400 and words in answer.json["error"] and "\n" not in answer.json["error"]
-    assert (filmed / "example_forte" / "bodies.toml").read_bytes() == before
+    assert (shown.folder / "example_forte" / "bodies.toml").read_bytes() == before
 
 
 def test_a_film_on_its_own_has_its_files_beside_it(filmed: Path, writing: Page) -> None:
@@ -102,7 +100,7 @@ def test_a_film_on_its_own_has_its_files_beside_it(filmed: Path, writing: Page) 
         assert writing.ask(f"/api/outlines/{name}/0").status == 404, name
 
 
-def test_a_place_that_is_none_is_refused(filmed: Path, writing: Page) -> None:
+def test_a_place_that_is_none_is_refused(shown: Page) -> None:
     for content, words in (
         ({"frame": "1", "places": {}}, "frame number"),
         ({"frame": 1, "places": {"jack": [1, 2]}}, "place of jack"),
@@ -110,7 +108,7 @@ def test_a_place_that_is_none_is_refused(filmed: Path, writing: Page) -> None:
         ({"frame": 1, "places": {"j" * 90: []}}, f"place of {'j' * 60}: allowed"),
         ({"frame": 1, "places": {"jack": [0.0, 1.0, 2.0]}}, "track the film first"),
     ):
-        answer = writing.ask(f"{HERE}/frame", "POST", content)
+        answer = shown.ask(f"{HERE}/frame", "POST", content)
         assert answer.status == 400 and words in answer.json["error"], words
 
 

@@ -40,7 +40,7 @@ def test_every_answer_is_guarded(looking: Page) -> None:
             assert "Access-Control-Allow-Origin" not in found.headers
     here = f"127.0.0.1:{looking.port}"
     for host in (None, "127.0.0.1", "127.0.0.1:9", f"evil.example:{looking.port}", f"{here}.evil.example"):  # rebinding
-        assert looking.ask("/api/sessions", Host=host).status == 403, host
+        assert looking.ask("/api/sessions", Host=host).status in (400, 403), host
     assert looking.ask("/api/sessions", Host=f"LOCALHOST:{looking.port}", Sec_Fetch_Site="same-origin").status == 200
     for origin in ("http://evil.example", "null", "http://127.0.0.1:9", f"https://{here}"):
         assert looking.ask("/api/sessions", Origin=origin).status == 403, origin

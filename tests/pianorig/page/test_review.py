@@ -97,20 +97,20 @@ def test_looking_writes_nothing(filmed: Path, looking: Page) -> None:
     assert files() == before
 
 
-def test_frames_are_those_of_the_film(filmed: Path, looking: Page) -> None:
+def test_frames_are_those_of_the_film(shown: Page) -> None:
     truth = film_frames()
     for first, count, found in ((0, 1, 1), (37, 8, 8), (FRAMES - 3, 8, 3)):
-        answer = looking.ask(f"/film/example_forte/1/{first}-{count}?v=1")
+        answer = shown.ask(f"/film/example_forte/1/{first}-{count}?v=1")
         assert answer.status == 200 and "max-age" in answer.headers["Cache-Control"]
         got = np.frombuffer(answer.body, np.uint8).reshape(-1, HEIGHT, WIDTH)
         np.testing.assert_array_equal(got, truth[first : first + count])
         assert len(got) == found
     for address in (f"1/{FRAMES}-1", "1/99999999-1", "2/0-1", "9/0-1"):
-        answer = looking.ask(f"/film/example_forte/{address}")
+        answer = shown.ask(f"/film/example_forte/{address}")
         assert answer.status == 404 and "\n" not in answer.json["error"], address
     for count in (0, 17):
-        assert looking.ask(f"/film/example_forte/1/0-{count}").status == 400
-    assert looking.ask("/film/..%2fexample_forte/1/0-1").status == 404
+        assert shown.ask(f"/film/example_forte/1/0-{count}").status == 400
+    assert shown.ask("/film/..%2fexample_forte/1/0-1").status == 404
 
 
 def test_of_a_deep_film_the_upper_bits_are_shown(filmed: Path, looking: Page) -> None:
@@ -163,20 +163,20 @@ def test_a_trial_that_cannot_be_compared_is_shown_as_recorded(folder: Path, look
 
 
 @pytest.mark.parametrize("name", ["../../etc/passwd", "nothing", "rig.toml", ""])
-def test_only_built_in_models_are_read(looking: Page, name: str) -> None:
-    answer = looking.ask(f"{TRIAL}?model={name}&model=x")
+def test_only_built_in_models_are_read(shown: Page, name: str) -> None:
+    answer = shown.ask(f"{TRIAL}?model={name}&model=x")
     assert answer.status == 400 and "hirschkorn2004" in answer.json["error"]
 
 
-def test_the_animation_to_keep_shows_measured_beside_model(filmed: Path, looking: Page) -> None:
-    text = looking.ask("/api/review/example_forte/1/animation?model=hirschkorn2004").json["text"]
+def test_the_animation_to_keep_shows_measured_beside_model(shown: Page) -> None:
+    text = shown.ask("/api/review/example_forte/1/animation?model=hirschkorn2004").json["text"]
     data = json.loads(text.split('id="data">')[1].split("</script>")[0])
-    view = looking.ask("/api/review/example_forte/1?model=hirschkorn2004").json
+    view = shown.ask("/api/review/example_forte/1?model=hirschkorn2004").json
     assert data["drawings"][0]["drawing"] == view["drawings"][0]
     hammer = next(curve for curve in data["curves"] if curve["title"].startswith("hammer"))
     assert hammer["value"] == view["channels"]["hammer"]["measured"]["value"]
     assert hammer["beside"] == view["channels"]["hammer"]["models"][0]
     onset = next(event for event in view["events"] if event["name"] == "onset")
     assert onset["time_s"] - 0.05 < data["start_s"] < onset["time_s"] and data["events"] == view["events"]
-    assert looking.ask("/api/review/example_forte/9/animation").status == 400
-    assert looking.ask("/api/review/example_forte/1/animation?model=../x").status == 400
+    assert shown.ask("/api/review/example_forte/9/animation").status == 400
+    assert shown.ask("/api/review/example_forte/1/animation?model=../x").status == 400

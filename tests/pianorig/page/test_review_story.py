@@ -15,8 +15,8 @@ NOW = "window.benchPlayer.time"
 
 
 @pytest.fixture
-def tab(browser: Any, filmed: Path, looking: Page) -> Any:
-    with opened(browser, looking, f"{looking.address}#review?session=example_forte&trial=1") as tab:
+def tab(browser: Any, shown: Page) -> Any:
+    with opened(browser, shown, f"{shown.address}#review?session=example_forte&trial=1") as tab:
         tab.locator("main[data-ready]").wait_for()
         yield tab
 

@@ -25,7 +25,7 @@ from vision import FilmError, VisionWarning
 from vision.film.mraw import write_mraw
 from vision.film.open import open_film
 
-FILMS, SEED = int(os.environ.get("FUZZ_INPUTS", "60")), int(os.environ.get("FUZZ_SEED", "7"))
+FILMS, SEED = int(os.environ.get("FUZZ_INPUTS", "45")), int(os.environ.get("FUZZ_SEED", "7"))
 CIH_LINES = """#Camera Information Header
 Record Rate(fps) : 2000
 Shutter Speed(s) : 1/8000

@@ -31,23 +31,13 @@ def test_a_gap_in_the_numbers_is_refused(tmp_path: Path) -> None:
         assert film.n_frames == 3
 
 
-@pytest.mark.parametrize("part", [0.3, 0.5, 0.9])
-def test_a_tiff_stack_cut_short_is_refused(tmp_path: Path, part: float) -> None:
-    path = tmp_path / "film.tif"
-    assert cv2.imwritemulti(str(path), list(FRAMES))
-    with open_film(path) as film:
-        assert film.n_frames == 12
-    whole = path.read_bytes()
-    path.write_bytes(whole[: int(part * len(whole))])
-    with pytest.raises(FilmError, match="allow_truncated|cannot be decoded"):
-        open_film(path)
-
-
-def test_a_cut_stack_is_read_on_request(tmp_path: Path) -> None:
+def test_a_tiff_stack_cut_short_is_refused_or_read_on_request(tmp_path: Path) -> None:
     path = tmp_path / "film.tif"
     assert cv2.imwritemulti(str(path), list(FRAMES))
     whole = path.read_bytes()
     path.write_bytes(whole[: int(0.7 * len(whole))])
+    with pytest.raises(FilmError, match="allow_truncated"):
+        open_film(path)
     with open_film(path, allow_truncated=True) as film:
         assert 4 <= film.n_frames < 12
         np.testing.assert_array_equal(film.read(film.n_frames - 1), FRAMES[film.n_frames - 1])

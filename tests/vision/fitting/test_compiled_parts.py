@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vision import ArrayFilm
 from vision.film.source import saturated_areas
 from vision.fitting.assessment import inverse_and_covariance
 from vision.fitting.bspline import coefficients
-from vision.fitting.frame_spline import FrameSpline, prefilter, saturated_inside
+from vision.fitting.frame_spline import prefilter, saturated_inside
 from vision.fitting.template import invert_normal
 
 
@@ -55,24 +54,3 @@ def test_inverse_and_covariance() -> None:
         np.testing.assert_allclose(covariance, 2.5 * (expected @ normal @ expected)[:3, :3], rtol=1e-8)
     for bad in (np.ones((5, 5)), np.full((5, 5), np.nan), np.diag([1.0, 1.0, 0.0, 1.0, 1.0])):
         assert not inverse_and_covariance(bad, np.zeros((5, 5)), 0.0, 1.0, inverse, covariance)
-
-
-def test_a_frame_is_read_once_for_all_bodies() -> None:
-    class Counted(ArrayFilm):
-        reads = 0
-
-        def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> np.ndarray:
-            self.reads += 1
-            return super().read_region(index, y0, y1, x0, x1)
-
-    frames = np.random.default_rng(5).integers(0, 250, (3, 90, 120)).astype(np.uint8)
-    film = Counted(frames)
-    spline = FrameSpline(film)
-    spline.expect(1, (10, 70, 20, 110))
-    for box in ((10, 40, 20, 60), (30, 70, 40, 110)):
-        assert spline.filtered_part(1, box).box == (10, 70, 20, 110)
-    assert film.reads == 1
-    outside = spline.filtered_part(1, (0, 30, 0, 30))
-    assert outside.box == (0, 30, 0, 30) and film.reads == 2
-    np.testing.assert_array_equal(outside.picture, frames[1, :30, :30])
-    assert spline.filtered_part(2, (10, 40, 20, 60)).box == (10, 40, 20, 60), "another frame than the expected one"

@@ -19,8 +19,6 @@ from vision.fitting.kernels import (
     Subset,
     fit_rigid,
     normal_equations,
-    robust_scale,
-    solve5,
     weighted_sums,
 )
 from vision.fitting.pose_covariance import TUKEY
@@ -82,27 +80,6 @@ def test_fit_reports_failure_instead_of_raising() -> None:
     for start in ([0.0, 0.0, 0.0], [0.0, 5000.0, 0.0], [np.nan, 0.0, 0.0]):
         fit = fitter.fit(flat, 0, np.array(start), None)
         assert not fit.converged or fit.zncc < 0.1
-
-
-def test_solve5_against_numpy() -> None:
-    rng = np.random.default_rng(4)
-    for _ in range(20):
-        a = rng.standard_normal((9, 5)) * [1e4, 1.0, 3.0, 50.0, 1.0]
-        matrix, right, found = a.T @ a, rng.standard_normal(5), np.empty(5)
-        assert solve5(matrix, right, found)
-        np.testing.assert_allclose(found, np.linalg.solve(matrix, right), rtol=1e-7)
-    assert not solve5(np.ones((5, 5)), np.ones(5), np.empty(5))
-    assert not solve5(np.full((5, 5), np.nan), np.ones(5), np.empty(5))
-
-
-def test_robust_scale_is_the_median() -> None:
-    rng = np.random.default_rng(5)
-    residual = (3.0 * rng.standard_normal(5000)).astype(np.float32)
-    visible = (rng.uniform(size=5000) < 0.7).astype(np.float32)
-    expected = 1.4826 * np.median(np.abs(residual[visible > 0]))
-    bins = np.empty(5000, dtype=np.int32)
-    assert robust_scale(residual, visible, 24.0, bins) == pytest.approx(expected, rel=0.01)
-    assert robust_scale(residual, np.zeros(5000, dtype=np.float32), 24.0, bins) == 0.0
 
 
 @pytest.mark.parametrize("offset", range(8, 64, 8))

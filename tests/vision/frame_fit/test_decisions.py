@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -19,6 +21,7 @@ pytestmark = pytest.mark.processor
 F64 = NDArray[np.float64]
 
 
+@cache
 def template(x: float, y: float, noise_grey: float = 2.0) -> Template:
     """Of a textured rectangle of 40 x 24 px, its middle at (x, y)."""
     picture = 90.0 + np.random.default_rng(int(x)).normal(0.0, 20.0, (200, 260))

@@ -13,15 +13,10 @@ from numpy.typing import NDArray
 import vision.tracking.track_film
 from tests.vision.known_films import film_of, smooth_step
 from vision import ArrayFilm, Body, FrameFlag, open_film, track, write_mraw
-from vision.film.source import Repeats
-from vision.fitting.frame_spline import NO_PART
-from vision.frame_fit.compiled import NOT_BEGUN
-from vision.frame_fit.frame_fit import NEVER, FrameFit, build_repeat_watch, read_frames_around
-from vision.frame_fit.motion import place_body
+from vision.frame_fit.frame_fit import FrameFit, build_repeat_watch, read_frames_around
 from vision.results.pose_table import PoseTable
 from vision.synthetic import Scene, SyntheticBody, background, box, speckle
 from vision.tracking.film_tracker import FilmTracker, build_repeat_detector
-from vision.tracking.prepare import prepare
 
 pytestmark = pytest.mark.processor
 
@@ -138,14 +133,6 @@ def test_frames_are_taken_as_they_lie_where_they_do(tmp_path: Path) -> None:
                 assert not around[1].flags.writeable
 
 
-def test_which_frames_are_watched_for_repeating_the_one_before() -> None:
-    frames = np.random.default_rng(1).integers(0, 250, (9, 30, 40)).astype(np.uint8)
-    repeats = Repeats(ArrayFilm(frames), (4, 20, 5, 33))
-    assert build_repeat_watch(repeats, 3) == (3, 3, (12, 5, 33)) and build_repeat_watch(repeats, 0)[1] == 1
-    repeats.meaningful = False
-    assert build_repeat_watch(repeats, 3)[1] == NEVER
-
-
 def test_a_body_that_was_never_placed_is_left_to_python(lever_scene: Scene) -> None:
     known = film_of(lever_scene, lever_motion()[:16], parents={"finger": "beam"})
     tracker = FilmTracker(vision.tracking.track_film.prepare(known.film, known.bodies, STILL))
@@ -157,22 +144,3 @@ def test_a_body_that_was_never_placed_is_left_to_python(lever_scene: Scene) -> N
     assert done and not table.is_lost[:done].any() and tracker.trackers[2].fit.converged
     np.testing.assert_array_equal(tracker.trackers[2].fit.pose, table.pose[done - 1, 2])
     assert isinstance(known.bodies[0], Body)
-
-
-def test_pixels_are_covered_by_bodies_as_placed_or_else_as_expected(lever_scene: Scene) -> None:
-    known = film_of(lever_scene, lever_motion()[:16], parents={"finger": "beam"})
-    ready = prepare(known.film, known.bodies, STILL)
-    fit, rng = FrameFit(ready.templates, ready.occlusion, [0, 1, 2], [None, 0, None]), np.random.default_rng(3)
-    fit.states.apart.fill(1)  # each body is left to Python
-    for body, shift in enumerate((0.0, 16.0, -30.0)):
-        place_body(fit.states.motion, body, -1, np.array([0.02, shift, -2.0]))
-    fit.expect(0)
-    for body in range(3):
-        assert fit.go_on(NO_PART, body, 0) == (body, NOT_BEGUN)
-        # those before it have been found in this frame, not quite where they were expected
-        poses = {i: fit.found.pose[i] if i < body else fit.found.expected[i] for i in ready.occlusion.in_front[body]}
-        expected = ready.occlusion.hidden_pixels(body, fit.found.expected[body], poses)
-        np.testing.assert_array_equal(fit.hidden_pixels(body), expected)
-        assert np.count_nonzero(expected) > 100 or body > 0, "finger and plate lie over the beam"
-        fit.found.pose[body] = fit.found.expected[body] + rng.normal(0.0, [0.02, 3.0, 3.0])
-        place_body(fit.states.motion, body, 0, fit.found.pose[body])

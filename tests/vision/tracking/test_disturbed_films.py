@@ -74,15 +74,6 @@ def test_noise_of_all_rows_is_in_u_and_coarse_steps_of_grey_have_a_flag() -> Non
     assert not np.any(coarse.flag & WIDENED) and np.any(coarse.flag & IMPRECISE)
 
 
-@pytest.mark.parametrize("texture", ["speckle", "wood"])
-def test_a_clean_film_keeps_its_uncertainty(texture: str) -> None:
-    result, z = tracked("clean", texture)
-    assert not result.is_lost.any()
-    assert 0.6 < np.sqrt(np.mean(z**2)) < 1.5
-    # as predicted before the film was tracked, so nothing was widened
-    assert np.median(result.u_angle_rad) == pytest.approx(result.predicted_u_rad[0], rel=0.08)
-
-
 def test_repeated_frames_are_lost_with_their_flag() -> None:
     known = disturbed("duplicates", "speckle")
     with pytest.warns(VisionWarning, match="5 frames repeat"):

@@ -21,7 +21,6 @@ from tests.vision.known_films import (
     z_of,
 )
 from vision import Body, VisionWarning, track
-from vision.fitting.icgn import IcgnFitter
 from vision.synthetic import Scene, SyntheticBody, background, box, speckle
 
 MDEG = np.radians(1e-3)
@@ -63,30 +62,6 @@ def test_unknown_object_covers_the_body(texture: str) -> None:
     assert (
         np.sqrt(np.mean(error_of(result, pose) ** 2)) < 1.6 * known.bound()[0]
     )  # the hidden third costs about 1.3 by itself
-
-
-def test_fit_has_converged() -> None:
-    """With a part freshly covered, a second fit from the first one's end stays where it is."""
-    n = 60
-    rng = np.random.default_rng(3)
-    pose = np.tile([0.0, *PIVOT], (n, 1))[:, None, :]
-    pose[20:, 0] += rng.uniform([-0.1, -3.0, -3.0], [0.1, 3.0, 3.0], (n - 20, 3))
-
-    def block(i: int, light: NDArray[np.float32]) -> None:
-        if i >= 20:
-            left = 66 + i % 60
-            light[:, left : left + 16] = 20.0
-
-    known = film_of(bar_scene("wood"), pose, cover=block)
-    template = known.template(20)
-    moved = []
-    for i in range(20, n):
-        fitter = IcgnFitter(template)
-        first = fitter.fit(known.film, i, known.true_fit(i, template) + [0.003, 0.2, 0.2], None)
-        second = fitter.fit(known.film, i, first.pose, None)
-        assert first.converged and second.converged
-        moved.append(np.abs(second.pose - first.pose) / np.sqrt(np.diag(second.covariance)))
-    assert np.max(moved) < 0.3
 
 
 def test_leaving_the_picture() -> None:
