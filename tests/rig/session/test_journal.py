@@ -233,7 +233,7 @@ def test_a_session_is_seen_while_it_is_recorded(tmp_path, rig, record_steps) -> 
     end = follower[0].poll()
     data = session.trials[1].read()
     assert end.is_finished and end.state == "complete" and (end.trial, end.sealed) == (2, 2)
-    np.testing.assert_array_equal(end.force_n, data.raw_force_n)
+    np.testing.assert_array_equal(end.raw_force_n, data.raw_force_n)
     np.testing.assert_array_equal(views[-1].angle_rad, data.angle_rad[: views[-1].time_s.size])
 
 
