@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Protocol, Unpack
 
 import numpy as np
@@ -87,7 +88,7 @@ class Recorded(Protocol):
 
 def simulate(
     action: ActionLike,
-    time_s: ArrayLike | Recorded,
+    time_s: ArrayLike | Recorded | None = None,
     force_n: ArrayLike | None = None,
     *,
     initial: RestState | State | None = None,
@@ -139,7 +140,9 @@ def simulate(
     >>> solution.to_frame().attrs["units"]["hammer_rad"]
     'rad'
     """
-    options = make_options(ForceDrivenOptions, "model.simulate", keywords)
+    options = make_options(ForceDrivenOptions, "model.simulate", keywords, ("time_s", "force_n", "initial"))
+    if time_s is None:
+        raise TypeError("model.simulate() needs time_s and force_n, or a recorded trial in their place")
     preload_n = 0.0
     if force_n is None:
         times, forces, preload_n, sampled = force_table_of_trial(time_s)
@@ -148,8 +151,8 @@ def simulate(
         times, forces = check_force_table(time_s, force_n)  # type: ignore[arg-type]  # a trial comes without a force
     outputs = check_output_times(options.output_time_s, times)
     action, choice = options.resolve(as_action(action))
-    if force_n is None and choice.input_column != "force_n":
-        raise InputError(f"a trial has a force, this scene is driven by {choice.input_column}; give a table")
+    if force_n is None:
+        require_force_input(choice)
     scene, fewer = resolve_string_modes(action, choice, options)
     if isinstance(initial, State):
         state = initial.copy()
@@ -166,7 +169,8 @@ def simulate(
 def force_table_of_trial(trial: Any) -> tuple[Array, Array, float, Array]:
     """Force table (k,), preload and sample times (n,) of a recorded trial; the table reaches over all samples."""
     if not hasattr(trial, "corrected_force"):
-        raise InputError(f"force: found {type(trial).__name__}, allowed time_s and force_n, or a recorded trial")
+        file = f"; read it by model.read_force_table({str(trial)!r})" if isinstance(trial, str | Path) else ""
+        raise InputError(f"force: found {type(trial).__name__}, allowed time_s and force_n, or a recorded trial{file}")
     trial = trial.read() if hasattr(trial, "read") else trial
     force = trial.corrected_force()
     times, forces, sampled = force.time_s, force.force_n, trial.time_s
@@ -174,6 +178,12 @@ def force_table_of_trial(trial: Any) -> tuple[Array, Array, float, Array]:
         times, forces = np.append(times, sampled[-1]), np.append(forces, forces[-1])
     times, forces = check_force_table(times, forces, f"trial {getattr(trial, 'number', '')}".strip())
     return times, forces, float(force.preload_n), sampled[sampled >= times[0]]
+
+
+def require_force_input(choice: SceneChoice) -> None:
+    """Refuse a scene that a recorded trial cannot drive."""
+    if choice.input_column != "force_n":
+        raise InputError(f"a trial has a force, this scene is driven by {choice.input_column}; give a table")
 
 
 def resolve_string_modes(

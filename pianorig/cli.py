@@ -187,9 +187,6 @@ def main(arguments: list[str] | None = None) -> None:
     # nothing and would take a fifth of the time (docs/explanation/lanes.md)
     gc.set_threshold(20_000, 20, 50)  # choice: some thirty times Python's own
     atexit.register(gc.freeze)
-    # many small matrices, and threads of our own: those of the linear algebra wait for each other, on a busy computer
-    # for two thirds of `validate` (docs/explanation/one_text.md); read when NumPy is first imported
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         refuse_shadowed_packages()
         if arguments is None and not as_json:  # a program that calls `main` keeps its standard error

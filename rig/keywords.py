@@ -10,9 +10,12 @@ from typing import Any, TypeVar
 T = TypeVar("T")
 
 
-def make_options(kind: Callable[..., T], function: str, keywords: Mapping[str, Any]) -> T:
-    """The options ``kind`` of a public function; ``TypeError`` in the function's name for one that it has not."""
-    refuse_unknown(function, keywords, inspect.signature(kind).parameters)
+def make_options(kind: Callable[..., T], function: str, keywords: Mapping[str, Any], first: Iterable[str] = ()) -> T:
+    """The options ``kind`` of a public function; ``TypeError`` in the function's name for one that it has not.
+
+    ``first`` are the names of its other arguments.
+    """
+    refuse_unknown(function, keywords, [*first, *inspect.signature(kind).parameters])
     return kind(**keywords)
 
 

@@ -10,6 +10,7 @@ import textwrap
 import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -105,7 +106,11 @@ class ValidationResult:
         try:
             return self.__dict__["tables"][name]  # type: ignore[no-any-return]
         except KeyError:
-            raise AttributeError(f"ValidationResult has no attribute or table {name!r}") from None
+            if "tables" not in self.__dict__ or name.startswith("__"):  # while it is being copied or unpickled
+                raise AttributeError(name) from None
+            near = get_close_matches(name, dir(self), n=1, cutoff=0.7)
+            hint = f"; did you mean {near[0]}?" if near else f"; tables are {', '.join(self.tables)}"
+            raise AttributeError(f"ValidationResult has no attribute or table {name!r}{hint}") from None
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self.tables]

@@ -21,7 +21,14 @@ from numpy.typing import ArrayLike, NDArray
 from model.arrays import ArrayRecord
 from model.errors import ModelError
 from model.files.force_table import check_force_table
-from model.force_driven import ForceDrivenRun, check_output_times, resolve_string_modes
+from model.force_driven import (
+    ForceDrivenRun,
+    Recorded,
+    check_output_times,
+    force_table_of_trial,
+    require_force_input,
+    resolve_string_modes,
+)
 from model.parameters.action import ActionLike, as_action
 from model.scene.build import Scene
 from model.scene.selection import SceneChoice
@@ -146,7 +153,7 @@ def _scene_with_writable_arrays(scene: Scene) -> Scene:
 
 def make_jobs(
     action: ActionLike,
-    trials: Mapping[str, tuple[ArrayLike, ArrayLike]],
+    trials: Mapping[str, tuple[ArrayLike, ArrayLike] | Recorded],
     parameter_sets: Mapping[str, Mapping[str, float]],
     options: ForceDrivenOptions,
     initial: RestState | None = None,
@@ -156,7 +163,7 @@ def make_jobs(
     Parameters
     ----------
     action : parameter set that the others start from
-    trials : name -> times (k,), s, and forces (k,), N
+    trials : name -> times (k,), s, and forces (k,), N; or a recorded trial, as for `model.simulate`
     parameter_sets : name -> parameter path -> value
     options : tolerance, output times, scene and method, as for `model.simulate`
     initial : rest state to start from; by default that of each parameter set
@@ -176,39 +183,67 @@ def make_jobs(
     ('forte', 'printed')
     """
     action = as_action(action)
-    tables: dict[str, tuple[Array, Array, Array] | ModelError] = {}
-    for trial, (time_s, force_n) in trials.items():
+    tables: dict[str, _Table | Exception] = {}
+    for trial, given in trials.items():
         try:
-            times, forces = check_force_table(time_s, force_n, f"trial {trial}")
-            tables[trial] = times, forces, check_output_times(options.output_time_s, times)
-        except ModelError as problem:
+            tables[trial] = _make_table(trial, given, options)
+        except (ModelError, ValueError) as problem:  # the force of a recorded trial may not be correctable
             tables[trial] = problem
     jobs = []
     for label, overrides in parameter_sets.items():
-        scene, fewer, start, failure, choice = None, None, None, None, SceneChoice()
+        scene, fewer, failure, choice = None, None, None, SceneChoice()
+        starts: dict[float, Array] = {}  # by the load at rest
         try:
             changed, choice = options.resolve(action.with_values(overrides) if overrides else action)
             scene, fewer = resolve_string_modes(changed, choice, options)
-            start = solve_rest(scene) if initial is None else np.array(initial.angle_rad, dtype=float)
+            for table in tables.values():
+                if isinstance(table, _Table) and table.is_recorded:
+                    require_force_input(choice)
+                if isinstance(table, _Table) and table.preload_n not in starts:
+                    rest = solve_rest(scene, table.preload_n) if initial is None else initial.angle_rad
+                    starts[table.preload_n] = np.array(rest, dtype=float)
         except ModelError as problem:
             failure = problem
         for trial, table in tables.items():
-            if isinstance(table, ModelError):
-                jobs.append(Job(trial, label, None, start, failure or table))
+            if isinstance(table, Exception):
+                jobs.append(Job(trial, label, None, None, failure or table))
             elif scene is None or failure is not None:
-                jobs.append(Job(trial, label, None, start, failure))
+                jobs.append(Job(trial, label, None, None, failure))
             else:
                 run = ForceDrivenRun(
                     scene,
-                    *table,
+                    table.time_s,
+                    table.force_n,
+                    table.output_time_s,
                     options.tolerance,
                     options.method,
                     choice.outputs,
                     options.estimate_error,
                     fewer,
                 )
-                jobs.append(Job(trial, label, run, start))
+                jobs.append(Job(trial, label, run, starts[table.preload_n]))
     return jobs
+
+
+@dataclass(frozen=True)
+class _Table:
+    """What drives a member: a force table (k,), where rows come out (m,), and the load at rest."""
+
+    time_s: Array
+    force_n: Array
+    output_time_s: Array
+    preload_n: float
+    is_recorded: bool
+
+
+def _make_table(name: str, given: tuple[ArrayLike, ArrayLike] | Recorded, options: ForceDrivenOptions) -> _Table:
+    preload_n, sampled, is_recorded = 0.0, None, not isinstance(given, tuple | list)
+    if isinstance(given, tuple | list):
+        times, forces = check_force_table(*given, f"trial {name}")
+    else:
+        times, forces, preload_n, sampled = force_table_of_trial(given)
+    asked = sampled if options.output_time_s is None else options.output_time_s
+    return _Table(times, forces, check_output_times(asked, times), preload_n, is_recorded)
 
 
 def prepare_run(job: Job) -> tuple[ForceDrivenRun, State]:

@@ -21,6 +21,7 @@ from model.batch.lanes import group_jobs, run_job_group, select_lane_jobs
 from model.batch.store import Store
 from model.codegen.load import load_kernel, load_kernels
 from model.errors import InputError
+from model.force_driven import Recorded
 from model.keywords import make_options
 from model.parameters.action import ActionLike, as_action
 from model.simulation.lanes import warm_up_lanes
@@ -31,7 +32,8 @@ AHEAD = 4  # jobs submitted per worker
 AHEAD_ELSEWHERE = 256  # to an executor that does not tell how many workers it has
 POLL_S = 0.2  # an interrupt is noticed after this time at the latest, also where waiting cannot be interrupted
 
-Trials = Mapping[str, tuple[ArrayLike, ArrayLike]] | Sequence[tuple[ArrayLike, ArrayLike]]
+Trial = tuple[ArrayLike, ArrayLike] | Recorded
+Trials = Mapping[str, Trial] | Iterable[Trial]
 ParameterSets = Mapping[str, Mapping[str, float]] | Sequence[Mapping[str, float]]
 T = TypeVar("T")
 Progress = Callable[[int, int], None]
@@ -217,8 +219,11 @@ def run_jobs(
     return [member for member in members if member is not None]
 
 
-def _label_items(items: Mapping[str, T] | Sequence[T]) -> dict[str, T]:
-    return dict(items) if isinstance(items, Mapping) else {str(i): item for i, item in enumerate(items)}
+def _label_items(items: Mapping[str, T] | Iterable[T]) -> dict[str, T]:
+    """By the names given, by the numbers of recorded trials, or by their index."""
+    if isinstance(items, Mapping):
+        return dict(items)
+    return {str(getattr(item, "number", i)): item for i, item in enumerate(items)}
 
 
 def simulate_many(
@@ -243,7 +248,8 @@ def simulate_many(
     Parameters
     ----------
     action : parameter set that the others start from
-    trials : force tables (times s, forces N) by name or in a row (then named by their index)
+    trials : force tables (times s, forces N) by name or in a row (then named by their index); or recorded trials, such
+        as a session, each under its corrected force from rest under its preload (named by their numbers)
     parameter_sets : parameter path -> value for each set, by name or in a row; by default the action as it is
     initial : rest state to start from, as for `simulate`
     executor : where to compute; by default threads of this process
@@ -277,6 +283,12 @@ def simulate_many(
     action = as_action(action)
     options = make_options(BatchOptions, "model.simulate_many", keywords)
     sets = {"": {}} if parameter_sets is None else _label_items(parameter_sets)
+    for label, values in sets.items():
+        if not isinstance(values, Mapping):
+            raise InputError(
+                f"parameter_sets: {label!r}: found {type(values).__name__}, allowed path -> value for each set, "
+                'such as [{"hammer.mass": 0.011}, {"hammer.mass": 0.012}]'
+            )
     jobs = make_jobs(action, _label_items(trials), sets, options, initial)
     members = run_jobs(
         select_lane_jobs(jobs, options.lanes), executor=executor, workers=workers, progress=progress, store=store

@@ -373,7 +373,10 @@ def as_action(action: ActionLike) -> Action:
         return action
     if isinstance(action, str | Path):
         return load_action(action)
-    raise InputError(f"action: found {type(action).__name__}, allowed a model.Action, a built-in name or a TOML file")
+    one = "one action: " if isinstance(action, list | tuple) else ""
+    raise InputError(
+        f"action: found {type(action).__name__}, allowed {one}a model.Action, a built-in name or a TOML file"
+    )
 
 
 def _text(value: str) -> str:

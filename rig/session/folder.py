@@ -114,6 +114,7 @@ def _read_column(dataset: h5py.Dataset) -> np.ndarray:
 
 
 INFO_NAME = "session.toml"
+MOST_NAMED = 8  # sessions of a folder, in a message
 FILM_SUFFIXES = (
     *(".mraw", ".cine", ".avi", ".tif", ".tiff", ".mp4", ".mov", ".mkv", ".m4v", ".webm", ".3gp"),
     *(".mts", ".m2ts", ".ts", ".mpg", ".mpeg", ".mxf"),
@@ -192,9 +193,24 @@ class Trial(Tabular):
         return self.read().time_s
 
     @property
+    def duration_s(self) -> float:
+        """Samples over their rate, s, read from the file."""
+        return self.read().duration_s
+
+    @property
     def force_n(self) -> NDArray[np.float64]:
         """Corrected force at the sample times (n,), N, read from the file."""
         return self.read().force_n
+
+    @property
+    def raw_force_n(self) -> NDArray[np.float64]:
+        """Force as it was read (n,), N, read from the file."""
+        return self.read().raw_force_n
+
+    @property
+    def peak_force_n(self) -> float:
+        """Largest corrected force, N, read from the file; NaN where there is none."""
+        return self.read().peak_force_n
 
     @property
     def angle_rad(self) -> NDArray[np.float64]:
@@ -245,7 +261,9 @@ class Session:
             raise RigInputError(f"{folder}: no such session folder")
         file = folder / INFO_NAME
         if not file.is_file():
-            raise RigInputError(f"{folder}: not a session, {INFO_NAME} is missing")
+            inside = sorted(one.parent.name for one in folder.glob(f"*/{INFO_NAME}"))[:MOST_NAMED]
+            hint = f"; it holds the sessions {', '.join(inside)}" if inside else ""
+            raise RigInputError(f"{folder}: not a session, {INFO_NAME} is missing{hint}")
         info = toml_file.check(SessionInfo, toml_file.parse_toml(toml_file.read_text(file), str(file)), str(file))
         session = cls(folder, info)
         if require_trials and not session.trials:
@@ -344,6 +362,8 @@ class Session:
 
     def trial(self, number: int) -> Trial:
         """Return the trial with this number."""
+        if not isinstance(number, int | np.integer):
+            raise RigInputError(f"{self.path}: trial: found {number!r}, allowed one number; list(session) can be cut")
         for trial in self.trials:
             if trial.number == number:
                 return trial

@@ -20,6 +20,7 @@ from rig.arrays import as_numbers
 from rig.errors import RigInputError
 from rig.keywords import make_options
 from rig.mains_hum import HARMONICS, SEARCH_HZ, hum_terms
+from rig.tabular import Tabular
 
 Array = NDArray[np.float64]
 
@@ -242,8 +243,8 @@ class Quiet:
         return self.end_s - self.start_s
 
 
-@dataclass(frozen=True)
-class CorrectedForce:
+@dataclass(frozen=True, repr=False)
+class CorrectedForce(Tabular):
     """The force on the key as it acted.
 
     Attributes
@@ -272,10 +273,22 @@ class CorrectedForce:
     noise_n: float
     channel: ForceChannel
 
+    def __repr__(self) -> str:
+        largest = int(self.force_n.argmax())
+        peak = f"largest {self.force_n[largest]:.2f} N at {self.time_s[largest]:.4f} s"
+        return f"<CorrectedForce: {self.time_s.size} samples, {peak}, offset taken off {self.hum.offset_n:.3f} N>"
+
     @property
     def preload_n(self) -> float:
         """Declared force of the resting arm, N."""
         return self.channel.preload_n
+
+    def columns(self) -> dict[str, Array]:
+        """Columns by name: time, force and its standard uncertainty."""
+        return {"time_s": self.time_s, "force_n": self.force_n, "u_force_n": self.u_force_n}
+
+    def _names_to_plot(self) -> list[str]:
+        return ["force_n"]
 
 
 class ForceChannelValues(TypedDict, total=False):

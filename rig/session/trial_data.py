@@ -245,4 +245,4 @@ class TrialData(Tabular, ArrayRecord):
         at = as_numbers(self.encoder_count[:1] if zero is None else zero, "counts at zero")
         if at.shape not in ((), (0, len(per_count)), (len(per_count),), (1, len(per_count))):
             raise RigInputError(f"counts at zero: found shape {at.shape}, allowed (1, {len(per_count)})")
-        return (self.encoder_count - at) * per_count
+        return (self.encoder_count - at) * per_count + 0.0  # a zero has no sign

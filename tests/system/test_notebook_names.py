@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -9,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import model
 import rig
@@ -199,3 +201,69 @@ def test_the_peak_is_that_of_the_corrected_force(session):
     assert trial.peak_force_n == trial.corrected_force().force_n.max() < trial.raw_force_n.max()
     assert session.to_frame()["peak_force_n"][0] == trial.peak_force_n
     assert trial.duration_s == pytest.approx(len(trial.time_s) / 5000.0)
+
+
+def test_a_trial_is_asked_for_by_one_number(session, tmp_path):
+    for wrong in ("1", slice(1, 3), 1.5):
+        with pytest.raises(rig.RigInputError, match=r"trial: found .*, allowed one number; list\(session\) can be cut"):
+            session[wrong]
+    with pytest.raises(rig.RigInputError, match=r"session\.toml is missing; it holds the sessions .*example_forte"):
+        rig.open_session(SESSION.parent)
+    with pytest.raises(rig.RigInputError, match=r"session\.toml is missing$"):
+        rig.open_session(tmp_path)
+
+
+def test_what_drives_a_simulation_is_named_in_the_functions_words():
+    for keywords, words in [
+        ({}, r"model\.simulate\(\) needs time_s and force_n, or a recorded trial"),
+        ({"time": [0.0], "force": [0.0]}, r"unexpected keyword argument 'time'; did you mean 'time_s'\?"),
+    ]:
+        with pytest.raises(TypeError, match=words):
+            model.simulate(ACTION, **keywords)
+    with pytest.raises(model.InputError, match=r"found str, .* read it by model\.read_force_table\('force\.csv'\)"):
+        model.simulate(ACTION, "force.csv")
+    with pytest.raises(model.InputError, match="action: found list, allowed one action: a model.Action"):
+        model.rest_state([ACTION])
+
+
+def test_a_session_is_a_batch_of_its_corrected_forces(session):
+    """Each member is the single run of its trial: from rest under the preload, rows at the samples."""
+    members = model.simulate_many(ACTION, session, [{}, {"hammer.mass": 0.0125}])
+    assert [(m.trial, m.parameters, m.error) for m in members] == [(n, s, None) for s in "01" for n in "123"]
+    alone = model.simulate(model.load_action(ACTION, {"hammer.mass": 0.0125}), session[2])
+    np.testing.assert_allclose(members[4].solution.angle_rad, alone.angle_rad, atol=2e-5)
+    np.testing.assert_array_equal(members[4].solution.time_s, alone.time_s)
+    with pytest.raises(model.InputError, match="parameter_sets: 'hammer.mass': found list, allowed path -> value for"):
+        model.simulate_many(ACTION, session, {"hammer.mass": [0.011, 0.012]})
+    (driven,) = model.simulate_many(ACTION, [session[1]], scene="finger")
+    assert "a trial has a force, this scene is driven by finger_m" in str(driven.error)
+
+
+def test_a_corrected_force_is_a_table_and_a_curve(session):
+    force = session[1].corrected_force()
+    frame = force.to_frame()
+    assert list(frame) == ["time_s", "force_n", "u_force_n"] and set(frame.attrs["units"].values()) == {"s", "N"}
+    np.testing.assert_array_equal(force.plot().lines[0].get_ydata(), force.force_n)
+    assert repr(force).startswith("<CorrectedForce: 6300 samples, largest 33.44 N at 0.4")
+    plt.close("all")
+
+
+def test_comparing_takes_one_thread_of_linear_algebra_and_gives_the_others_back(session):
+    def threads() -> set[int]:
+        return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+
+    seen: list[set[int]] = []
+    with threadpool_limits(2, "blas"):
+        before = threads()
+        validation.compare(session, budget=False, explain=False, progress=lambda _: seen.append(threads()))
+        assert threads() == before
+    assert seen and all(found == {1} for found in seen)
+
+
+def test_a_result_names_the_table_that_was_meant(session):
+    result = validation.compare(session, budget=False, explain=False)
+    with pytest.raises(AttributeError, match="no attribute or table 'score'; did you mean scores"):
+        result.score  # noqa: B018
+    with pytest.raises(AttributeError, match="no attribute or table 'qqq'; tables are channels, "):
+        result.qqq  # noqa: B018
+    assert repr(pickle.loads(pickle.dumps(result))) == repr(result)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Unpack
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 import model
 from model.errors import ModelError
@@ -44,6 +45,7 @@ FIT_SHARE = 0.75  # of the budget; profiles and changes of the model have the re
 SAME = 6.0  # of twice the log likelihood: starts that end this close have found the same minimum
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def identify(
     sessions: Session | str | Path | Sequence[Session | str | Path],
     parameters: str | Sequence[str],
@@ -86,9 +88,8 @@ def identify(
 
     Notes
     -----
-    A fit factors thousands of small matrices, which the threads of a BLAS library only slow down: twenty times beside
-    another busy process. The command sets one thread; a program should set ``OPENBLAS_NUM_THREADS=1`` (or
-    ``MKL_NUM_THREADS``) before it imports numpy.
+    A fit factors thousands of small matrices, which the threads of a BLAS library only slow down, twenty times beside
+    another busy process: BLAS has one thread meanwhile.
 
     Examples
     --------

@@ -16,6 +16,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from threadpoolctl import threadpool_limits
+
 import model
 from rig.session import Session
 from validation.cache.result_store import ResultStore
@@ -107,6 +109,7 @@ def provenance(
 FINER = "; the verdict's test of the primary quantities does not resolve it"
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions) -> ValidationResult:
     tested = model_under_test(session, action, chosen)
     measured = measure_session(

@@ -12,6 +12,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 import model
 from model.errors import ModelError
 from rig.errors import RigError
@@ -99,6 +101,7 @@ USER_ERRORS = (RigError, ValidationError, ModelError)
 """What a session that cannot be read or predicted raises; a defect is not among them."""
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def compare_every(
     sessions: Sequence[Session | str | Path], actions: Sequence[model.Action | str | Path], chosen: ComparisonOptions
 ) -> SideBySide:

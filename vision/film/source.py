@@ -245,6 +245,18 @@ class Film:
         rate = "" if self.frame_rate_hz is None else f", {self.frame_rate_hz:g} frames/s"
         return f"<{type(self).__name__} {self.path}: {self.n_frames} frames of {self.width} x {self.height} px{rate}>"
 
+    def __len__(self) -> int:
+        return self.n_frames
+
+    def __bool__(self) -> bool:
+        return True
+
+    def __getitem__(self, index: int) -> NDArray[Any]:
+        return self.read(range(self.n_frames)[index])
+
+    def __iter__(self) -> Iterator[NDArray[Any]]:
+        return (self.read(index) for index in range(self.n_frames))
+
     @property
     def frame_time_s(self) -> NDArray[np.float64] | None:
         """Middle of each exposure, s; None when the file states no frame rate."""

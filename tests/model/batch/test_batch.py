@@ -234,7 +234,7 @@ def test_structure_is_loaded_once_and_scene_and_rest_are_shared(
     action: model.Action, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     solved = []
-    monkeypatch.setattr("model.batch.job.solve_rest", lambda s: solved.append(1) or action_rest)
+    monkeypatch.setattr("model.batch.job.solve_rest", lambda *_: solved.append(1) or action_rest)
     action_rest = model.rest_state(action).angle_rad
     many(action)
     assert len(solved) == len(SETS)

@@ -47,6 +47,10 @@ def test_round_trip_and_regions(
     assert path.stat().st_size == (frames.size * bit_depth + 7) // 8
     with open_film(path) as film:
         assert (film.n_frames, film.height, film.width) == shape
+        assert len(film) == len(list(film)) == shape[0]
+        np.testing.assert_array_equal(film[-1], frames[-1])
+        with pytest.raises(IndexError):
+            film[shape[0]]
         for i in range(shape[0]):
             np.testing.assert_array_equal(film.read(i), frames[i])
         y0 = data.draw(st.integers(0, shape[1] - 1))
