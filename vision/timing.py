@@ -11,8 +11,10 @@ from vision.arrays import as_numbers
 from vision.errors import VisionInputError
 
 MAX_OFFSET_FRAMES = 20.0  # between a film's clock and an encoder's that is looked for
-MIN_MOVED_U = 20.0
-"""The angle must change by this many of its own standard uncertainties."""
+STEPS = 161  # offsets that are tried first: a quarter of a frame apart
+MOST_LAGS = 12  # of the residuals' correlation, that count in the uncertainty: frames
+LEAST_SAMPLES = 8  # of film and encoder: three unknowns and a scatter
+MIN_MOVED_U = 20.0  # the angle must change by this many of its own standard uncertainties
 
 
 @dataclass(frozen=True)
@@ -88,13 +90,17 @@ def estimate_offset(
     clock, reading = (as_numbers(v, where) for v in (encoder_time_s, encoder_rad))
     if not (time.shape == angle.shape == u.shape and time.ndim == 1 and clock.shape == reading.shape):
         raise VisionInputError("clock offset: film columns must have one length, encoder columns another")
-    if clock.size < 8 or np.any(np.diff(clock) <= 0.0) or not np.all(np.isfinite(reading)):
-        raise VisionInputError("clock offset: the encoder needs at least 8 finite samples at increasing times")
+    if clock.size < LEAST_SAMPLES or np.any(np.diff(clock) <= 0.0) or not np.all(np.isfinite(reading)):
+        raise VisionInputError(
+            f"clock offset: the encoder needs at least {LEAST_SAMPLES} finite samples at increasing times"
+        )
     frame_s = float(np.median(np.diff(time)))
     reach = MAX_OFFSET_FRAMES * frame_s
     known = np.isfinite(angle) & (u > 0.0) & (time > clock[0] + reach) & (time < clock[-1] - reach)
-    if np.count_nonzero(known) < 8:
-        raise VisionInputError(f"clock offset: {np.count_nonzero(known)} frames within the encoder's record; needs 8")
+    if np.count_nonzero(known) < LEAST_SAMPLES:
+        raise VisionInputError(
+            f"clock offset: {np.count_nonzero(known)} frames within the encoder's record; needs {LEAST_SAMPLES}"
+        )
     time, angle, u = time[known], angle[known], u[known]
     if np.ptp(angle) < MIN_MOVED_U * np.median(u):
         raise VisionInputError("clock offset: the body hardly moves on the film; use a film with a blow")
@@ -115,7 +121,7 @@ def estimate_offset(
         solution = np.linalg.lstsq(rest, target, rcond=None)[0]
         return float(np.sum((target - rest @ solution) ** 2))
 
-    steps = np.linspace(-reach, reach, 161)
+    steps = np.linspace(-reach, reach, STEPS)
     offset = float(steps[int(np.argmin([misfit(step) for step in steps]))])
     scale = 1.0
     for _ in range(20):
@@ -128,14 +134,14 @@ def estimate_offset(
             raise VisionInputError(
                 "clock offset: film and encoder do not fit each other; are they of one body and trial?"
             )
-        if abs(change) < 1e-4 * frame_s / MAX_OFFSET_FRAMES:
+        if abs(change) < 1e-6 * frame_s:
             break
     weighted, target, _ = design(offset)
     solution = np.linalg.lstsq(weighted, target, rcond=None)[0]
     rest = target - weighted @ solution
     inverse = np.linalg.inv(weighted.T @ weighted)
     # heteroscedastic and autocorrelated residuals: Newey and West, Econometrica 55, 1987, with Bartlett weights
-    lags = min(12, rest.size // 4)
+    lags = min(MOST_LAGS, rest.size // 4)
     scores = weighted * rest[:, None]
     middle = scores.T @ scores
     for lag in range(1, lags + 1):

@@ -12,13 +12,10 @@ from vision.errors import BodyError
 from vision.film.source import SATURATED_SHARE
 from vision.item_map import ItemMap, serial_map
 
-EROSION_PX = 4.0
-"""Width of the rim that is not used: edge pixels mix the body with what lies behind it."""
-CLEARANCE_PX = 4.0
-"""Distance kept from the outline of a body that lies in front."""
-SATURATED_REACH_PX = 2
-MIN_PIXELS = 100
-"""Below this a five-parameter fit is not worth starting."""
+EROSION_PX = 4.0  # width of the rim that is not used: edge pixels mix the body with what lies behind it
+CLEARANCE_PX = 4.0  # distance kept from the outline of a body that lies in front
+SATURATED_REACH_PX = 2  # around a saturated area: its light spills over, the spline's slopes too
+MIN_PIXELS = 100  # below this a five-parameter fit is not worth starting
 
 
 def build_masks(bodies: Sequence[Body], height: int, width: int) -> list[NDArray[np.bool_]]:

@@ -20,8 +20,7 @@ from vision.kernel_cache import cached_njit
 FAST = {"reassoc", "contract", "arcp", "nsz"}
 
 
-GROUP = 64
-"""Pixels that are looked at together first: where their whole neighbourhood is clear, none of them is."""
+GROUP = 64  # pixels that are looked at together first: where their whole neighbourhood is clear, none of them is
 
 
 @cached_njit(_nrt=False)

@@ -20,21 +20,29 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from vision.angles import turn_matrix
-from vision.camera.model import CalibratedCamera, build_projection
+from vision.camera.model import EXPECTED_TURN_RAD, MAX_DISTORTION, CalibratedCamera, build_projection
 from vision.errors import VisionInputError
 from vision.film.source import FrameSource
 
 TARGETS = ("checkerboard", "dots")
-AT_REST_PX = 0.3
-"""Frames whose points moved less than this since the last view are averaged with it."""
+CORNER_SHARE = 0.3  # of the distance of corners, that the window of one reaches to each side: to no other edge
+CORNER_STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 50, 1e-4)  # iterations, last step in px: converged
+DOT_SHARE = 0.4  # of the distance of dots, that the window of one reaches: the next begins at a half
+LEAST_DOT_PX2, MOST_DOT_PX2 = 12.0, 1e5  # area of a dot: four pixels across, a third of a picture
+LEAST_DISTANCE_PX = 3.0  # of two dots: neighbours touch below
+PAPER = 0.9  # quantile of the grey values around a dot, that is paper
+BRIGHTEST = 0.999  # quantile of the grey values, that is white: glints and defect pixels lie above
+LEAST_FREEDOM = 8  # degrees, with which the residual is known to a quarter
+MOST_CONDITION = 1e9  # of the scaled Jacobian: beyond it the target does not fix the view
+BLOCK_POINTS = (13, 5)  # of the block along x and y: their rigid turn is that of the whole within a hundredth
+EDGE = 0.15  # of the spanned part, that the block's middle keeps from its edge: half of the block lies outside
+AT_REST_PX = 0.3  # frames whose points moved less than this since the last view are averaged with it
 MAX_VIEWS = 40  # of the target that are used, spread over the film
-MISTAKEN = 3.0
-"""Residual of a view, over the usual one, above which it is left out."""
+MISTAKEN = 3.0  # residual of a view, over the usual one, above which it is left out
 CORRELATED = 2.0
 """Neighbouring points have correlated errors: variance of the parameters over that from independent points, as found on
 synthetic targets (root mean square of error over uncertainty 1.4 without)."""
-BLOCK_PX = (120.0, 40.0)
-"""Body for which the effect on angles is stated."""
+BLOCK_PX = (120.0, 40.0)  # body for which the effect on angles is stated
 
 
 @dataclass(frozen=True)
@@ -58,10 +66,10 @@ class Target:
     def __post_init__(self) -> None:
         if self.kind not in TARGETS:
             raise VisionInputError(f"target {self.kind!r} is not known; choose {' or '.join(TARGETS)}")
-        if not (3 <= self.columns <= 200 and 3 <= self.rows <= 200):
-            raise VisionInputError(f"target of {self.columns} x {self.rows} points; each side needs 3 to 200")
-        if not 0.0 < self.pitch_m < 10.0:
-            raise VisionInputError(f"target pitch {self.pitch_m} m; needs a positive length below 10 m")
+        if min(self.columns, self.rows) < 3:
+            raise VisionInputError(f"target of {self.columns} x {self.rows} points; each side needs 3 or more")
+        if not 0.0 < self.pitch_m < np.inf:
+            raise VisionInputError(f"target pitch {self.pitch_m} m; needs a positive length")
 
     def points_m(self) -> NDArray[np.float64]:
         """Points in their own axes, shape (rows * columns, 2), row by row, y as in the picture."""
@@ -101,15 +109,14 @@ class Calibration:
 
 def find_points(picture: NDArray[Any], target: Target) -> NDArray[np.float64] | None:
     """Points of the target in a picture, shape (rows * columns, 2), px; None unless all of them are in view."""
-    top = float(np.quantile(picture, 0.999))
+    top = float(np.quantile(picture, BRIGHTEST))
     grey = np.clip(np.asarray(picture, dtype=float) * (255.0 / max(top, 1.0)), 0, 255).astype(np.uint8)
     size = (target.columns, target.rows)
     if target.kind == "checkerboard":
         found, points = cv2.findChessboardCornersSB(grey, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
-        if found:
-            half = int(np.clip(0.3 * _spacing(np.asarray(points, dtype=float).reshape(-1, 2)), 2, 15))
-            stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 50, 1e-4)
-            points = cv2.cornerSubPix(grey, points.astype(np.float32), (half, half), (-1, -1), stop)
+        if found:  # whose corners are off by a sixth of a pixel
+            half = max(int(CORNER_SHARE * _spacing(np.asarray(points, dtype=float).reshape(-1, 2))), 2)
+            points = cv2.cornerSubPix(grey, points.astype(np.float32), (half, half), (-1, -1), CORNER_STOP)
     else:
         found, points = cv2.findCirclesGrid(
             grey, size, flags=cv2.CALIB_CB_SYMMETRIC_GRID, blobDetector=_create_dot_detector()
@@ -180,16 +187,17 @@ def angle_errors(
     camera: CalibratedCamera,
     low_px: NDArray[np.float64],
     high_px: NDArray[np.float64],
-    turn_rad: float = np.radians(15.0),
+    turn_rad: float = EXPECTED_TURN_RAD,
 ) -> tuple[float, float]:
     """Largest angle error without correction, and largest standard uncertainty with it, of a turning block, rad."""
-    x, y = np.meshgrid(np.linspace(-0.5, 0.5, 13) * BLOCK_PX[0], np.linspace(-0.5, 0.5, 5) * BLOCK_PX[1])
+    x, y = np.meshgrid(*(np.linspace(-0.5, 0.5, n) * side for n, side in zip(BLOCK_POINTS, BLOCK_PX, strict=True)))
     block = np.stack([x.ravel(), y.ravel()], axis=-1)
     size = camera.width, camera.height
     seen_by = [build_projection(camera.parameters, *size), *(one.projection for one in camera.variants(*size))]
     worst = u_worst = 0.0
-    for place in (low_px + (high_px - low_px) * np.array([u, v]) for u in (0.15, 0.5, 0.85) for v in (0.15, 0.5, 0.85)):
-        for start in np.radians([0.0, 45.0, 90.0, 135.0]):
+    shares = (EDGE, 0.5, 1.0 - EDGE)
+    for place in (low_px + (high_px - low_px) * np.array([u, v]) for u in shares for v in shares):
+        for start in 0.25 * np.pi * np.arange(4):
             before, after = (place + block @ turn_matrix(a).T for a in (start, start + turn_rad))
             errors = [_rigid_turn(view.to_picture(before), view.to_picture(after)) - turn_rad for view in seen_by]
             worst = max(worst, abs(errors[0]))
@@ -212,7 +220,9 @@ def _fit_camera(
     start = [np.zeros(5), np.array([np.mean(scales)]), *places]
 
     def residuals(x: NDArray[np.float64]) -> NDArray[np.float64]:
-        projection = build_projection(np.array([*x[:4], np.clip(x[4], -0.2, 0.2)]), film.width, film.height)
+        projection = build_projection(
+            np.array([*x[:4], np.clip(x[4], -MAX_DISTORTION, MAX_DISTORTION)]), film.width, film.height
+        )
         off = []
         for i, points in enumerate(corners_px):
             turn, tx, ty = x[6 + 3 * i : 9 + 3 * i]
@@ -224,15 +234,15 @@ def _fit_camera(
     found = least_squares(residuals, np.concatenate(start), x_scale=step, method="lm", xtol=1e-13, ftol=1e-13)
     rest = found.fun
     freedom = rest.size - found.x.size
-    if freedom < 8:
+    if freedom < LEAST_FREEDOM:
         raise VisionInputError(f"{film.path}: {rest.size // 2} points are too few; use a target with more")
     scaled = found.jac * step
-    if np.linalg.cond(scaled) > 1e9:
+    if np.linalg.cond(scaled) > MOST_CONDITION:
         raise VisionInputError(
             f"{film.path}: the points do not fix the view; use a larger target, spread over the picture"
         )
     covariance = CORRELATED * np.outer(step, step) * np.linalg.inv(scaled.T @ scaled) * float(rest @ rest) / freedom
-    if abs(found.x[4]) >= 0.2:
+    if abs(found.x[4]) >= MAX_DISTORTION:
         raise VisionInputError(
             f"{film.path}: distortion of {100 * found.x[4]:.0f} % at the corner; is it the right target?"
         )
@@ -255,14 +265,14 @@ def _spacing(points: NDArray[np.float64]) -> float:
 
 def _create_dot_detector() -> Any:
     wanted = cv2.SimpleBlobDetector.Params()
-    wanted.minArea, wanted.maxArea = 12.0, 1e5
-    wanted.minDistBetweenBlobs = 3.0
+    wanted.minArea, wanted.maxArea = LEAST_DOT_PX2, MOST_DOT_PX2
+    wanted.minDistBetweenBlobs = LEAST_DISTANCE_PX
     return cv2.SimpleBlobDetector.create(wanted)
 
 
 def _centroids(grey: NDArray[np.uint8], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Centres of mass of the dots' darkness around the points found, within a third of their distance."""
-    half = max(3, int(0.4 * _spacing(points)))
+    half = max(3, int(DOT_SHARE * _spacing(points)))
     result = points.astype(float).copy()
     for _ in range(3):
         for i, (x, y) in enumerate(result):
@@ -271,7 +281,7 @@ def _centroids(grey: NDArray[np.uint8], points: NDArray[np.float64]) -> NDArray[
             rows, columns = np.indices(patch.shape)
             rows, columns = rows + max(0, y0), columns + max(0, x0)
             round_window = np.clip(half + 0.5 - np.hypot(columns - x, rows - y), 0.0, 1.0)
-            dark = np.clip(np.quantile(patch, 0.9) - patch, 0.0, None)
+            dark = np.clip(np.quantile(patch, PAPER) - patch, 0.0, None)
             dark = np.where(dark > 0.25 * dark.max(), dark, 0.0) * round_window
             if dark.sum() > 0.0:
                 result[i] = (np.sum(dark * columns) / dark.sum(), np.sum(dark * rows) / dark.sum())

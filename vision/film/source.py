@@ -45,16 +45,16 @@ def jpeg_segments(data: bytes | NDArray[np.uint8]) -> Iterator[tuple[int, int]]:
     while at + 4 <= len(data) and data[at] == 0xFF:
         kind = int(data[at + 1])
         yield kind, at + 4
-        at += 1 if kind == 0xFF else 2 + int(data[at + 2]) * 256 + int(data[at + 3])
+        at += 1 if kind == 0xFF else 2 + int(data[at + 2]) * 256 + int(data[at + 3])  # big-endian length of a segment
 
 
 def jpeg_quantisation_table(data: bytes) -> NDArray[np.float64] | None:
     """Luminance quantisation table of a JPEG, shape (8, 8); None where it has none."""
     at = next((at for kind, at in jpeg_segments(data) if kind == 0xDB), len(data))
     number = np.dtype(">u2") if data[at : at + 1] > b"\x0f" else np.dtype(np.uint8)
-    if len(data) < at + 1 + 64 * number.itemsize:
+    if len(data) < at + 1 + 64 * number.itemsize:  # a table of 8 x 8
         return None
-    values = np.frombuffer(data, dtype=number, count=64, offset=at + 1)
+    values = np.frombuffer(data, dtype=number, count=64, offset=at + 1)  # as above
     steps = np.empty((8, 8))
     steps[tuple(np.transpose(ZIGZAG))] = values
     return steps
@@ -65,8 +65,7 @@ def jpeg_ends(data: bytes) -> bool:
     return data.startswith(b"\xff\xd8") and data[-64:].rstrip(b"\0").endswith(b"\xff\xd9")
 
 
-COARSE_JPEG = 12.0
-"""Mean quantisation step: 6 at quality 95, 11.5 at 90, 29 at 75 (tables of ITU-T T.81 annex K)."""
+COARSE_JPEG = 12.0  # mean quantisation step: 6 at quality 95, 11.5 at 90, 29 at 75 (tables of ITU-T T.81 annex K)
 
 
 def jpeg_compression(path: Path, data: bytes, stacklevel: int) -> Compression | None:

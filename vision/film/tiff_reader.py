@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     import tifffile
 
 ORIENTATION = 274
-OFFSETS, COUNTS = (273, 324), (279, 325)
-"""Tags of the places and sizes of strips and tiles."""
+OFFSETS, COUNTS = (273, 324), (279, 325)  # tags of the places and sizes of strips and tiles
 SIZES = {3: "u2", 4: "u4", 16: "u8"}
 MAX_PAGES, MOST_STRIPS, MOST_TAGS = 10_000_000, 65_536, 4096
 """Of a film, and of a page: a strip holds a row at least, and tiles are larger; pages have some twenty tags."""

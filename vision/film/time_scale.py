@@ -29,17 +29,15 @@ from vision.film.source import FrameSource
 
 F64 = NDArray[np.float64]
 
-RAMP_SCORE = -3.72
-"""Standard normal quantile of 1e-4."""
-WHOLE = 0.1
-"""Intervals may be off a whole multiple by this share of the interval: the jitter of a computer's clock."""
-FINE_TICKS = 8.0
-"""From this many ticks an interval on, rounding to ticks (a sixteenth) is no whole multiple of it."""
+RAMP_SCORE = -3.72  # standard normal quantile of 1e-4
+COARSEST = 0.3  # tick over the interval, up to which rounding is allowed for: below a half, multiples stay apart
+WHOLE = 0.1  # intervals may be off a whole multiple by this share of the interval: the jitter of a computer's clock
+MOSTLY = 0.8  # of coarse intervals, that are single: of one that is no whole number of ticks fewer would be
+FINE_TICKS = 8.0  # from this many ticks an interval on, rounding to ticks (a sixteenth) is no whole multiple of it
 LEAST_RAMP, SURE_RAMP = 1.02, 3.0
 """Smallest change of pace that counts (2 % are 20 us at 1,000/s), and that of a ramp although its intervals are whole
 multiples: phones halve their rate in the dark, slow motion is played 4 or 8 times slower."""
-RUN = 5
-"""Intervals whose median is the pace at a place: two of them may be gaps."""
+RUN = 5  # intervals whose median is the pace at a place: two of them may be gaps
 LONG = 2.0
 """An interval of so many medians is said, though intervals are no whole multiples: frames may be missing there."""
 CLOCKS_AGREE = 1e-4
@@ -73,7 +71,7 @@ def classify_spacing(stamp_s: F64, tick_s: float, nominal_s: float | None = None
     median = float(np.median(intervals))
     rounding = 1e-9 * float(np.abs(stamp_s).max(initial=0.0)) + 1e-12
     # rounded to a tick they lie within one about their line, and a fit is off it by less than one
-    for interval, width in ((nominal_s, 1.001), (_even_interval(stamp_s, intervals, tick_s, median), 2.0)):
+    for interval, width in ((nominal_s, 1.0 + 1e-3), (_even_interval(stamp_s, intervals, tick_s, median), 2.0)):
         if interval and np.ptp(stamp_s - interval * np.arange(stamp_s.size)) <= width * tick_s + rounding:
             return Spacing("even", interval, none)
     if intervals.min() <= 0.0:
@@ -106,7 +104,7 @@ def _multiples(intervals: F64, tick_s: float, base_s: float) -> NDArray[np.int64
     if multiple.min() >= 1.0:
         base_s = float(intervals.sum() / multiple.sum())
         multiple = np.rint(intervals / base_s)
-    slack = max(WHOLE, min(1.001 * tick_s / base_s, 0.3))
+    slack = max(WHOLE, min((1.0 + 1e-3) * tick_s / base_s, COARSEST))
     if multiple.min() < 1.0 or np.any(np.abs(intervals / base_s - multiple) > slack):
         return None
     return multiple.astype(np.int64)
@@ -119,7 +117,7 @@ def _even_interval(stamp_s: F64, intervals: F64, tick_s: float, median: float) -
     if tick_s <= median < FINE_TICKS * tick_s:
         multiple = np.rint(intervals / median)
         is_whole = multiple.min() >= 1.0 and np.all(np.abs(intervals - multiple * median) < 0.5 * tick_s)
-        if is_whole and np.mean(multiple == 1.0) > 0.8:
+        if is_whole and np.mean(multiple == 1.0) > MOSTLY:
             # of an interval that is no whole number of ticks, others would come, or these more often
             return None
     return float(np.polyfit(np.arange(stamp_s.size), stamp_s, 1)[0])
@@ -135,7 +133,7 @@ def _is_serial(intervals: F64) -> bool:
     if n < 4 or spread == 0.0:
         return False
     ratio = float(np.sum(np.diff(rank) ** 2)) / spread
-    return (ratio - 2.0) / np.sqrt(20.0 / (5 * n + 7)) < RAMP_SCORE
+    return (ratio - 2.0) / np.sqrt(20.0 / (5 * n + 7)) < RAMP_SCORE  # Bartels 1982: mean and variance
 
 
 def _pace_ratio(intervals: F64) -> float:

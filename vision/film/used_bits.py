@@ -11,13 +11,11 @@ import numpy as np
 from vision.errors import FilmError
 from vision.film.source import Film
 
-STORED_BITS = 16
+STORED_BITS = 16  # of a file whose white is looked for
 DEPTHS = (12, 14)
 """Of cameras that fill 16 bits from below; 10 only where its white occurs, since dim films of 12 look the same."""
-UNUSED_LOW_BITS = (6, 4, 2)
-"""Of cameras that fill 16 bits from above."""
-SATURATED_PIXELS = 4
-"""Equal to the white of 10 bit, from which it is believed."""
+UNUSED_LOW_BITS = (6, 4, 2)  # of cameras that fill 16 bits from above
+SATURATED_PIXELS = 4  # equal to the white of 10 bit, from which it is believed
 
 
 def find_white(film: Film) -> None:
@@ -36,7 +34,7 @@ def find_white(film: Film) -> None:
     if not most:
         return
     if most == 1023 and n_white_of_10 >= SATURATED_PIXELS:
-        film.bit_depth = 10
+        film.bit_depth = 10  # bits
         return
     for depth in DEPTHS:
         if most < 1 << depth:

@@ -28,14 +28,11 @@ if TYPE_CHECKING:
 
 FIELD_ORDERS = {2: "even", 3: "odd"}
 """FFmpeg's codes of field orders that all containers mean alike."""
-LIMITED_RANGE = 1
-"""FFmpeg's code of luma between 16 and 235."""
+LIMITED_RANGE = 1  # FFmpeg's code of luma between 16 and 235
 STANDALONE = frozenset(["ffv1", "png"])
 """Not listed by FFmpeg as coding every frame alone, but they do when all packets are key frames."""
-COARSE_TICK = 0.02
-"""Of a frame's time: at 1,000/s a tick of 20 us, a standard uncertainty of 6 us."""
-HELD = 8
-"""Indices kept, so that opening a film again within a command decodes nothing twice."""
+COARSE_TICK = 0.02  # of a frame's time: at 1,000/s a tick of 20 us, a standard uncertainty of 6 us
+HELD = 8  # indices kept, so that opening a film again within a command decodes nothing twice
 
 
 NO_JPEG = "frame {} is not a whole JPEG picture of {} x {}; export the film again, or copy it again"

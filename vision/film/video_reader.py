@@ -38,8 +38,7 @@ from vision.film.video_index import (
 
 PACKED_LUMA = {"yuyv422": 0, "yvyu422": 0, "uyvy422": 1}
 """First byte of luma in formats that store it between the colours."""
-NEAR = 16
-"""Frames that are decoded and thrown away rather than sought."""
+NEAR = 16  # frames that are decoded and thrown away rather than sought
 
 
 class VideoFilm(Film):
@@ -72,7 +71,7 @@ class VideoFilm(Film):
         if channel is not None:
             self.bit_depth = 8 if self.bit_depth == 8 else 16
         elif index.is_limited:
-            self.white_grey = 235 << (self.bit_depth - 8)
+            self.white_grey = 235 << (self.bit_depth - 8)  # white of limited range, ITU-R BT.601
         self._orient(index)
         self._set_compression(index)
         for remark in index.remarks:
@@ -257,7 +256,7 @@ def _bits(path: Path, pixel_format: str) -> int:
     if pixel_format.startswith("bayer"):
         raise FilmError(f"{path}: holds the raw mosaic of a colour sensor ({pixel_format}); export grey or colour")
     form = av.VideoFormat(pixel_format)
-    bits = max([8, *(int(one.bits) for one in form.components[:1])])
+    bits = max([8, *(int(one.bits) for one in form.components[:1])])  # as most formats
     # colours of more bits are widened to 16
     return 16 if form.is_rgb and bits > 8 else bits
 

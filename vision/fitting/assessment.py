@@ -23,8 +23,8 @@ from vision.fitting.template import TILE_PX, Template
 from vision.kernel_cache import cached_njit, inner_njit
 
 FAST = {"reassoc", "contract", "arcp", "nsz"}
-MOST = 1e9
-"""Largest element of the inverse of a normal matrix whose columns are scaled to length one."""
+N_PARAMETERS = 5  # turn, two shifts, gain, offset
+MOST = 1e9  # largest element of the inverse of a normal matrix whose columns are scaled to length one
 SUSPECTED, SINGULAR, TOO_FEW = 1, 2, 3
 """A fixed pattern may be in the noise; the normal matrix cannot be inverted; too few pixels agree."""
 
@@ -158,10 +158,10 @@ def block_ratios(
 def assess_fit(facts: BodyFacts, blocks: Blocks, fit: RigidFit, work: F32, weight: F32, out: Assessed) -> int:
     """Fill in ``out`` from the last iteration of a fit; returns 0, or why it is not whole (`SUSPECTED` and beyond)."""
     sums, gain, covariance = fit.sums, fit.gain, out.covariance
-    if sums.weight <= 6.0:
+    if sums.weight <= N_PARAMETERS + 1.0:
         return TOO_FEW
     # the weighted sum has as many degrees of freedom as pixels with weight, less the five parameters
-    variance = sums.squares / (sums.weight * (1.0 - 5.0 / max(sums.seen, 6.0)))
+    variance = sums.squares / (sums.weight * (1.0 - N_PARAMETERS / max(sums.seen, N_PARAMETERS + 1.0)))
     spread = sums.value2 / sums.weight - (sums.value / sums.weight) ** 2
     explained = 1.0 - sums.squares / sums.weight / spread if spread > 0.0 else 0.0
     reference = gain**2 / facts.n_averaged
@@ -186,10 +186,8 @@ def assess_fit(facts: BodyFacts, blocks: Blocks, fit: RigidFit, work: F32, weigh
     return 0
 
 
-BLOCK_PX = (TILE_PX, 2 * TILE_PX, 4 * TILE_PX)
-"""Sides of the blocks."""
+BLOCK_PX = (TILE_PX, 2 * TILE_PX, 4 * TILE_PX)  # sides of the blocks
 N_LEVELS = len(BLOCK_PX)
-N_PARAMETERS = 5
 LEAST_BLOCKS = N_PARAMETERS + 3
 """The fit makes the sums of all blocks vanish in as many directions as it has parameters; of fewer blocks too little is
 left to tell anything."""
@@ -214,7 +212,7 @@ def build_blocks(offset_px: NDArray[np.float32]) -> Blocks:
     first = np.append(starts, x.size)
     row, column = y[starts], x[starts]
     numbers = [
-        np.unique(row // step * 4096 + column // step, return_inverse=True)[1]
+        np.unique(row // step * (1 << 12) + column // step, return_inverse=True)[1]
         for step in (side // TILE_PX for side in BLOCK_PX)
     ]
     groups = np.array(numbers, dtype=np.int32)

@@ -16,11 +16,10 @@ from vision.fitting.assessment import UNKNOWN, Ratios
 from vision.fitting.template import Template
 from vision.kernel_cache import cached_njit
 
-MARGIN_PX = 14
-"""Read around the body: 8 px for the spline filter, the rest for motion beyond the prediction."""
-LEAST_PX = 16
-"""Side of a region."""
+MARGIN_PX = 14  # read around the body: 8 px for the spline filter, the rest for motion beyond the prediction
+LEAST_PX = 16  # side of a region
 NO_REGION = -1
+ROUNDING_GREY = 0.3  # standard deviation of rounding to whole grey values, 1 / sqrt 12
 
 
 @dataclass(frozen=True)

@@ -58,9 +58,8 @@ def basis(fraction: NDArray[np.float64] | float) -> NDArray[np.float64]:
     """Weights of the four coefficients around a point, shape (..., 4), for fractions 0 <= f < 1."""
     f = np.asarray(fraction, dtype=float)
     g = 1.0 - f
-    return np.stack(
-        [g**3 / 6.0, (4.0 - 6.0 * f**2 + 3.0 * f**3) / 6.0, (4.0 - 6.0 * g**2 + 3.0 * g**3) / 6.0, f**3 / 6.0], axis=-1
-    )
+    middle = (2.0 / 3.0 - one**2 + 0.5 * one**3 for one in (f, g))
+    return np.stack([g**3 / 6.0, *middle, f**3 / 6.0], axis=-1)
 
 
 @lru_cache(maxsize=1)

@@ -20,8 +20,7 @@ TAPS = tuple(np.float32(6.0 * tap) for tap in prefilter_taps()[HALF_TAPS:])
 """From the middle outwards, times the gain of the recursion; frozen into the compiled code."""
 Z = np.float32(POLE)
 END = np.float32(POLE / (POLE**2 - 1.0))
-START = 16
-"""Rows that begin the recursion; the next would count 1e-9."""
+START = 16  # rows that begin the recursion; the next would count 1e-9
 F32 = NDArray[np.float32]
 
 

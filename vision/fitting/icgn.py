@@ -92,16 +92,14 @@ STOP_U = 0.1
 of 0.002 px is a small part of that, and asking for it loses frames."""
 MAX_ITERATIONS = 80
 """Most fits take two; where noise in the template holds a body of weak texture back, the steps shrink slowly."""
-FAR_PX = MARGIN_PX - 9
-"""A fit that ends further than this from where it began is repeated from there."""
+FAR_PX = MARGIN_PX - 9  # a fit that ends further than this from where it began is repeated from there
 CHANGE_SUSPECTED = 2.0
 """Ratio of `vision.fitting.assessment` over the largest blocks from which light and scale are looked at."""
 CHANGE_ROUNDS = 5  # fits of a frame, each under the light and scale of the one before
-LIGHT_ROUNDS = 4
+LIGHT_ROUNDS = 4  # of them at most, that look at local light: choice
 QUIET = 0.7
 """The residuals of a body may be quieter than the still frames by this factor, since darker parts of a picture are."""
-SCALE_FLOOR_GREY = 0.5
-"""Smallest noise the weights assume: below it there is only the rounding to whole grey values."""
+SCALE_FLOOR_GREY = 0.5  # smallest noise the weights assume: below it there is only the rounding to whole grey values
 
 
 def fit_settings() -> Settings:

@@ -62,30 +62,21 @@ def fill_unknown_squares(change: F64) -> F64:
 
 
 CELL_PX = 8  # side of a square
-LEAST_PIXELS = 20
-"""Of a square that is looked at."""
-SAME_BODY = 2.5
-"""Scatter inside a square over the noise up to which it shows the same texture."""
-EDGE = 0.3
-"""And by how much more, over what the light has changed by, since an edge may run through the square."""
+LEAST_PIXELS = 20  # of a square that is looked at
+SAME_BODY = 2.5  # scatter inside a square over the noise up to which it shows the same texture
+EDGE = 0.3  # and by how much more, over what the light has changed by, since an edge may run through the square
 SAME_TEXTURE = 2.5
 """Difference of neighbouring residuals over that of noise up to which a square shows the same texture: an edge of the
 light lies between few of them, another surface between all."""
-USABLE = 8.0
-"""Residuals over the noise up to which they tell whether light is added or multiplied."""
-SIGNIFICANT_U = 6.0
-"""A square's change over its standard uncertainty from which it counts."""
-LEAST_CELLS = 4
-BETTER = 0.9
-"""Misfit of all pixels with the local light taken out over that without, at most."""
-OUTLYING = 3.0
-"""A residual of more standard deviations counts as one of so many."""
-SETTLED = 0.5
-"""A field that changes by less than this many standard uncertainties in all squares needs no further fit."""
-MAX_VARIANCE_INFLATION = 3.0
-"""As in `vision.fitting.slow_changes`."""
-MOST = 0.6
-"""Largest share by which a shade may change the light."""
+USABLE = 8.0  # residuals over the noise up to which they tell whether light is added or multiplied
+MEDIAN_U = 1.25  # standard error of a median of normal noise over a mean's: sqrt(pi / 2)
+SIGNIFICANT_U = 6.0  # a square's change over its standard uncertainty from which it counts
+LEAST_CELLS = 4  # of significant squares: fewer may be a glint
+BETTER = 0.9  # misfit of all pixels with the local light taken out over that without, at most
+OUTLYING = 3.0  # a residual of more standard deviations counts as one of so many
+SETTLED = 0.5  # a field that changes by less than this many standard uncertainties in all squares needs no further fit
+MAX_VARIANCE_INFLATION = 3.0  # of the turn, that local light may cost: choice; beyond it the uncertainty has it
+MOST = 0.6  # largest share by which a shade may change the light
 
 
 @dataclass(frozen=True)
@@ -152,7 +143,7 @@ def can_show_illumination(squares: Squares, visible: F32, residual: F32, gain: f
             continue
         middle, least = (
             max(gain * squares.middle[k], 1.0),
-            0.999 * SIGNIFICANT_U * 1.25 * noise / math.sqrt(end - start),
+            (1.0 - 1e-3) * SIGNIFICANT_U * MEDIAN_U * noise / math.sqrt(end - start),
         )
         count = loud_shade = loud_glow = 0
         for j in range(start, end):
@@ -174,9 +165,12 @@ def can_show_illumination(squares: Squares, visible: F32, residual: F32, gain: f
                     n += 1
             change = select_median(room, n) * (1.0 if glows else middle)
             size = abs(change)
-            if size * math.sqrt(count) < 0.999 * SIGNIFICANT_U * 1.25 * noise or size > 1.001 * MOST * middle:
+            if (
+                size * math.sqrt(count) < (1.0 - 1e-3) * SIGNIFICANT_U * MEDIAN_U * noise
+                or size > (1.0 + 1e-3) * MOST * middle
+            ):
                 continue
-            most, near = 1.001 * (SAME_BODY * noise + EDGE * size) / 1.4826, 0
+            most, near = (1.0 + 1e-3) * (SAME_BODY * noise + EDGE * size) / 1.4826, 0
             for j in range(start, end):
                 i = squares.pixel[j]
                 off = residual[i] - change * (1.0 if glows else gain * squares.grey[j] / middle)
@@ -292,7 +286,7 @@ class IlluminationField:
         glows = self._is_additive(light, change, off, grey / middle[:, None], (middle, enough, noise))
         if not glows:
             change = row_median(off / np.maximum(grey, 1.0)) * middle
-        u = 1.25 * noise / np.sqrt(count[enough])  # of a median, against a mean's 1
+        u = MEDIAN_U * noise / np.sqrt(count[enough])
         off -= change[:, None] * (1.0 if glows else grey / middle[:, None])
         scatter = 1.4826 * row_median(np.abs(off))
         whole = np.full(self.shape[0] * self.shape[1], np.nan)
@@ -432,13 +426,10 @@ def _clipped_chi_square(residual: F64, noise: float) -> float:
     return float(np.mean(np.minimum(np.abs(residual) / noise, OUTLYING) ** 2)) if residual.size else 0.0
 
 
-HIDDEN_SUSPECTED = 0.05
-"""Share of visible pixels that do not agree from which local light is looked for."""
-SUSPECTED = 2.0
-"""The same for the ratio of `vision.fitting.assessment` over the largest blocks."""
-ALIKE = 0.7
-"""Correlation of the changes that two fits show, from which they are the same light."""
-LEAST_NOISE_GREY = 0.5
+HIDDEN_SUSPECTED = 0.05  # share of visible pixels that do not agree from which local light is looked for
+SUSPECTED = 2.0  # the same for the ratio of `vision.fitting.assessment` over the largest blocks
+ALIKE = 0.7  # correlation of the changes that two fits show, from which they are the same light
+LEAST_NOISE_GREY = 0.5  # as `SCALE_FLOOR_GREY` of the fit
 MEAN_NOISE_GAIN = float(noise_gain().mean())
 """Frozen into compiled code."""
 

@@ -101,9 +101,9 @@ class RigidFit(NamedTuple):
     noise_gain: float
 
 
-TUKEY = 4.685
-"""Tukey's constant: 95 % efficiency on normal noise."""
-SCALE_BINS = 512
+TUKEY = 4.685  # Tukey's constant: 95 % efficiency on normal noise
+TOP_SIGMA, INSIDE = 8.0, 0.175  # end of the histogram over the scale before, and of it the largest scale it tells
+SCALE_BINS = 512  # of the residuals' histogram: a median within 0.2 % of its end
 FAST = {"reassoc", "contract", "arcp", "nsz"}
 """For sums over pixels alone: other operations would be ordered anew in each caller that they are compiled into."""
 SIXTH, THIRD = 1.0 / 6.0, 2.0 / 3.0
@@ -127,7 +127,7 @@ def solve5(matrix: F64, rhs: F64, solution: F64) -> bool:
             for k in range(j):
                 total -= factor[i, k] * factor[j, k]
             if i == j:
-                if not total > 1e-10:
+                if not total > 1e-10:  # of columns of length one: singular below
                     return False
                 factor[i, i] = math.sqrt(total)
             else:
@@ -351,8 +351,9 @@ def fit_rigid(region: Region, subset: Subset, settings: Settings, state: State) 
         if not solve5(matrix, right, q) or abs(q[3]) < 1e-3:
             return RigidFit(-iteration, q[3], matrix, sums, 1.0)
         linear_residuals(subset.columns, value, q, residual)
-        top, found = 8.0 * max(sums.scale, settings.scale_floor), np.inf
-        while found >= 0.175 * top and top < 1e7:
+        # the histogram is widened until the scale lies well inside it, so that nothing that counts is cut off
+        top, found = TOP_SIGMA * max(sums.scale, settings.scale_floor), np.inf
+        while found >= INSIDE * top and top < 1e9:
             found, top = robust_scale(residual, visible, top, state.at), 4.0 * top
         found = max(found, settings.scale_floor)
         tukey_weights(residual, found, weight)
@@ -367,7 +368,7 @@ def fit_rigid(region: Region, subset: Subset, settings: Settings, state: State) 
         pose[2] -= sine * step_x + cosine * step_y
         # what is left if the next steps shrink as this one did; once at least with weights of this frame's residuals
         step = step_over_uncertainty(matrix, q, sums, right, column)
-        rate = max(min(step / before, 0.95), 0.7 * rate)
+        rate = max(min(step / before, 0.95), 0.7 * rate)  # of convergence: at most 0.95, and no sudden fall
         before = step
         small = max(abs(turn) * subset.radius, max(abs(step_x), abs(step_y))) < settings.tolerance_px
         left = step * (1.0 if iteration == settings.max_iterations else rate / (1.0 - rate))

@@ -18,12 +18,9 @@ from vision.arrays import as_numbers
 from vision.errors import BodyError
 from vision.fitting.template import Template, design_columns, invert_normal
 
-PATTERN_EXCESS = 1.5
-"""Residual variance over that of the still frames from which a fixed pattern is suspected."""
-MOST_PATTERN = 0.75
-"""Largest share of the normal matrix, in any direction, that is taken for noise."""
-TUKEY = 4.685
-"""As in `vision.fitting.kernels`, whose import would cost 0.5 s of numba here."""
+PATTERN_EXCESS = 1.5  # residual variance over that of the still frames from which a fixed pattern is suspected
+MOST_PATTERN = 0.75  # largest share of the normal matrix, in any direction, that is taken for noise
+TUKEY = 4.685  # as in `vision.fitting.kernels`, whose import would cost 0.5 s of numba here
 
 
 def _tukey_factor() -> float:
@@ -32,7 +29,7 @@ def _tukey_factor() -> float:
     For normal noise of variance one: covariance = E[psi^2] / E[psi']^2 (Huber, Robust Statistics, 1981, ch.
     7) in units of the inverse unweighted matrix, which is E[w] times the inverse weighted one.
     """
-    u = np.linspace(-TUKEY, TUKEY, 200001)
+    u = np.linspace(-TUKEY, TUKEY, 200001)  # points of the integral
     density = np.exp(-0.5 * u * u) / np.sqrt(2.0 * np.pi)
     ratio2 = (u / TUKEY) ** 2
     weight = (1.0 - ratio2) ** 2
@@ -42,7 +39,7 @@ def _tukey_factor() -> float:
         return float(np.sum(values * density) * (u[1] - u[0]))
 
     residual = mean(weight * u * u) / mean(weight)
-    slope = mean((1.0 - ratio2) * (1.0 - 5.0 * ratio2))
+    slope = mean((1.0 - ratio2) * (1.0 - 5.0 * ratio2))  # derivative of psi
     return mean((weight * u) ** 2) / slope**2 * mean(weight) / residual
 
 

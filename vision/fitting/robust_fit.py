@@ -7,8 +7,10 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 
-ROUNDS = 2
-"""Of fits: one to find what lies far off, one without it."""
+ROUNDS = 2  # of fits: one to find what lies far off, one without it
+OUTLYING = 3.5  # standard deviations by the median, beyond which a residual is left out: 1 in 2000 of normal noise
+PIXELS_PER_COLUMN = 10  # least, that agree: fewer leave the scatter unknown
+MOST_CONDITION = 1e10  # of the normal matrix of columns of one length: beyond it they are not told apart
 LEAST_SPREAD_GREY = 1e-3
 """Standard deviation of residuals that is taken at least, grey: a drawn picture without noise leaves none."""
 
@@ -17,28 +19,23 @@ def fit_robustly(
     design: F64,
     difference: F64,
     usable: NDArray[np.bool_],
-    *,
-    outlying: float,
-    pixels_per_column: int,
-    most_condition: float,
 ) -> tuple[F64, F64] | None:
     """Amplitudes (p,) of the columns of ``design`` (p, n) in a difference of grey values (n,), and their covariance.
 
-    Residuals beyond ``outlying`` standard deviations, by their median, are left out. None with fewer usable pixels than
-    ``pixels_per_column`` for each column, or where the condition number of the normal matrix is above
-    ``most_condition``.
+    None with too few usable pixels, or where the columns are not told apart.
     """
-    kept = usable
+    scale = 1.0 / np.sqrt(np.maximum(np.sum(design**2, axis=1), 1e-300))
+    columns, kept = design * scale[:, None], usable
     for _ in range(ROUNDS):
-        if np.count_nonzero(kept) < pixels_per_column * len(design):
+        if np.count_nonzero(kept) < PIXELS_PER_COLUMN * len(design):
             return None
-        some = design[:, kept]
+        some = columns[:, kept]
         normal = some @ some.T
-        if np.linalg.cond(normal) > most_condition:
+        if np.linalg.cond(normal) > MOST_CONDITION:
             return None
         inverse = np.linalg.inv(normal)
         amplitude: F64 = inverse @ (some @ difference[kept])
-        rest = difference - amplitude @ design
+        rest = difference - amplitude @ columns
         spread = max(1.4826 * float(np.median(np.abs(rest[kept]))), LEAST_SPREAD_GREY)
-        kept = usable & (np.abs(rest) <= outlying * spread)
-    return np.asarray(amplitude, dtype=np.float64), np.asarray(inverse * spread**2, dtype=np.float64)
+        kept = usable & (np.abs(rest) <= OUTLYING * spread)
+    return np.asarray(amplitude * scale), np.asarray(inverse * spread**2 * scale[:, None] * scale)

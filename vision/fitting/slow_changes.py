@@ -30,23 +30,20 @@ GROUPS: dict[str, slice] = {
 """Places of each group's amplitudes: the light's factor along x and y, the scale, the factor along xx, xy and yy, and
 the stretch along x less that along y, and along the diagonals; places in units of the body's radius, scale and stretch
 as the share by which it has grown; variance of the Gaussian by which the body is blurred, px^2."""
-N_TERMS = 9
-ASKED_FOR = 25.0
-"""Chi-squared of a group from which it is believed: one fit in a hundred thousand by chance."""
-PERHAPS = 3.0
-"""Chi-squared with weights over that without, at most."""
+N_TERMS = 9  # light along x and y, scale, bend, stretch, shear, focus
+ASKED_FOR = 25.0  # chi-squared of a group from which it is believed: one fit in a hundred thousand by chance
+PERHAPS = 3.0  # chi-squared with weights over that without, at most
 MAX_VARIANCE_INFLATION = 2.0
 """Factor of the variance of the turn by which a group may be paid for, at most: what can hardly be told from the pose
 (a tilt about a diagonal, of a long body or one whose grain runs along it) would follow noise. It is left to the
 uncertainty."""
-MOST = np.array([0.6, 0.6, 0.05, 0.6, 0.6, 0.6, 0.05, 0.05, 4.0])
-"""Largest amplitudes that are followed."""
+MOST = np.array([0.6, 0.6, 0.05, 0.6, 0.6, 0.6, 0.05, 0.05, 4.0])  # largest amplitudes that are followed
 
 Changes = tuple[float, ...]
+REACH_PX = 12  # of the widest blur: six standard deviations
 UNCHANGED: Changes = (0.0,) * N_TERMS
 LIGHT, TILT, FOCUS = ("light", "bend"), ("stretch", "shear"), ("focus",)
-SHAPE = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
-"""Terms of the body's shape and focus, not of the light."""
+SHAPE = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0])  # terms of the body's shape and focus, not of the light
 BLURS = np.array([0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0])
 """Variances, px^2, for which a blurred template is made."""
 
@@ -139,9 +136,12 @@ class SlowChanges:
         blurred reference has less noise, so that frames seem the more blurred the noisier it is."""
         noise2 = self._template.noise_grey**2 / self._template.n_averaged
         now, more = (
-            cv2.getGaussianKernel(25, math.sqrt(v)).ravel() if v > 0.0 else np.eye(25)[12] for v in (variance, BLURS[1])
+            cv2.getGaussianKernel(2 * REACH_PX + 1, math.sqrt(v)).ravel()
+            if v > 0.0
+            else np.eye(2 * REACH_PX + 1)[REACH_PX]
+            for v in (variance, BLURS[1])
         )
-        return float(noise2 * (now[12] ** 2 - float(now @ more) ** 2) / BLURS[1])
+        return float(noise2 * (now[REACH_PX] ** 2 - float(now @ more) ** 2) / BLURS[1])
 
     def _terms_at(self, changes: Changes) -> NDArray[np.float64]:
         """Design columns of the smooth changes, that of the blur at the body's present blur."""
@@ -193,7 +193,7 @@ class SlowChanges:
         down = np.arange(corner[0], corner[0] + height) - (template.centre_px[1] + pose[2])
         x = (cosine * right)[None, :] + (sine * down)[:, None]
         y = (cosine * down)[:, None] - (sine * right)[None, :]
-        return np.asarray(coefficient / np.maximum(illumination_factor(changes, x, y), 0.4), dtype=np.float32)
+        return np.asarray(coefficient / np.maximum(illumination_factor(changes, x, y), 1.0 - MOST[0]), dtype=np.float32)
 
 
 def _next_blur(changes: Changes) -> int:

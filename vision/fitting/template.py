@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from vision.errors import BodyError
 from vision.fitting.bspline import gradient, slope_noise_gain
 
-PATCH_PX = 8
-"""Of the picture kept around a body: what a blur of a few pixels reaches."""
+PATCH_PX = 8  # of the picture kept around a body: what a blur of a few pixels reaches
 TILE_PX = 8
 """Side of the squares in which the pixels are kept together, so that loops over them find their neighbours near."""
 T = TypeVar("T")

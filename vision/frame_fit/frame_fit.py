@@ -30,8 +30,7 @@ from vision.frame_fit.compiled import (
 from vision.frame_fit.judgement import Standards
 from vision.frame_fit.motion import Motion, expect_bodies
 
-ALIGNED = 16
-"""Pixels of a body begin at a multiple of so many."""
+ALIGNED = 16  # pixels of a body begin at a multiple of so many
 
 
 class FrameFit:
@@ -205,9 +204,8 @@ def _empty_found(m: int) -> FitOutputs:
     )
 
 
-MOST_ROWS = 16
-"""Tracked by one compiled call, so that it is heard soon when a run is to end."""
-MOST_BYTES = 32 * 1024 * 1024
+MOST_ROWS = 16  # tracked by one compiled call, so that it is heard soon when a run is to end
+MOST_BYTES = 32 * 1024 * 1024  # of frames at once: as much as is mapped at a time
 NEVER = 2**62
 Watch = tuple[int, int, tuple[int, int, int]]
 """Which frames compiled code must not take for new ones, ``(n_still, first, (y, x0, x1))``: from frame ``first`` on

@@ -15,19 +15,17 @@ from vision.results.flags import FrameFlag
 
 MIN_ZNCC = 0.6
 """Least correlation on a film without noise; with noise, `EXPECTED_SHARE` of what it leaves of a perfect match."""
-EXPECTED_SHARE = 0.75
+EXPECTED_SHARE = 0.75  # of the correlation that noise alone leaves: choice; blur and light take a part too
 CHANCE = 12.0
 """A correlation may be chance whose Fisher transform is below this over the root of the number of pixels: neighbouring
 pixels are alike."""
-LEAST_COMMON = 0.01
-"""Where noise explains the reference altogether its contrast tells nothing of the gain."""
+LEAST_COMMON = 0.01  # where noise explains the reference altogether its contrast tells nothing of the gain
 MIN_INLIER = 0.3  # least share of the pixels that agree
 MAX_JUMP_RAD = math.radians(8.0)  # from the expected pose: beyond the capture range of the fit
 MAX_JUMP_PX = 12.0  # the same of a shift
-USUAL_SHARE = 0.85
-"""Least correlation as a share of the usual one; blur lowers it slowly, a wrong pose abruptly."""
-NOISE_ONLY = 1.15
-"""Residuals up to this many times the noise of the still frames are taken for noise."""
+USUAL_SHARE = 0.85  # least correlation as a share of the usual one; blur lowers it slowly, a wrong pose abruptly
+NEW_SHARE = 0.1  # of a new fit in the usual correlation and gain: they follow within ten rows
+NOISE_ONLY = 1.15  # residuals up to this many times the noise of the still frames are taken for noise
 MIN_GAIN = 0.6
 """Flicker changes the light by some per cent; where the contrast changes more than by this factor, up or down, another
 surface may hide the body."""
@@ -35,8 +33,7 @@ LEAST_LIGHT, SAME_LEVEL, SAME_INLIER = 0.25, 1.3, 0.9
 """Unless only the light has changed, by the first factor at most: then the mean grey value has changed with the
 contrast (out of focus it does not), up to the second, and at least this share of the pixels agrees, as well as before.
 """
-COVERED_SHARE = 0.1
-"""Share of visible pixels that do not agree; noise alone makes 0.003."""
+COVERED_SHARE = 0.1  # share of visible pixels that do not agree; noise alone makes 0.003
 LOW_CORRELATION, ODD_GAIN = int(FrameFlag.LOW_CORRELATION), int(FrameFlag.ODD_GAIN)
 FEW_INLIERS, JUMP = int(FrameFlag.FEW_INLIERS), int(FrameFlag.JUMP)
 NO_COVARIANCE, COVERED = int(FrameFlag.NO_COVARIANCE), int(FrameFlag.COVERED)
@@ -142,5 +139,5 @@ def judge_fit(standards: Standards, body: int, figures: Figures, pose: F64, expe
 def update_usual_quality(standards: Standards, body: int, figures: Figures) -> None:
     """Let a fit that is believed count for the usual correlation and gain; a lamp that was switched stays as it is."""
     usual, is_odd = standards.usual[body], has_odd_gain(standards, body, figures.gain)
-    usual[0] = figures.zncc if usual[0] == 0.0 or is_odd else 0.9 * usual[0] + 0.1 * figures.zncc
-    usual[1] = figures.gain if is_odd else usual[1] + 0.1 * (figures.gain - usual[1])
+    usual[0] = figures.zncc if usual[0] == 0.0 or is_odd else (1.0 - NEW_SHARE) * usual[0] + NEW_SHARE * figures.zncc
+    usual[1] = figures.gain if is_odd else usual[1] + NEW_SHARE * (figures.gain - usual[1])

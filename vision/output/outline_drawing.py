@@ -16,8 +16,7 @@ from vision.film.source import FrameSource
 
 MIN_WIDTH_PX = 800
 MARGIN_PX = 44
-SCALE_STEP_PX = 60
-"""Least distance of two numbers along a side."""
+SCALE_STEP_PX = 60  # least distance of two numbers along a side
 WHITE = (255, 255, 255)
 Colour = tuple[int, int, int]
 """Blue, green, red."""

@@ -31,20 +31,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.film.source import Corrected, FrameSource, saturated_grey
+from vision.fitting.base import ROUNDING_GREY
 from vision.fitting.template import Template
 from vision.reference.rectified_film import RectifiedFilm
 
-FAR = 2.5
-"""Difference from the median of three by three, over that which 98 of 100 pixels do not reach."""
-LEAST_GREY = 12.0
-"""Smallest such difference, of 255."""
-FRAMES, AGREE = 6, 5
-"""Frames that are looked at, and how many must show a defect."""
-MORE_FRAMES, CHANGED, OUT = 48, 4, 0.3
-"""Frames that are looked at again, those of them in which its neighbours have changed most, and the share of what a
-defect differs from them by in the first frame that it must differ by in most of these."""
-MOST_SHARE = 0.01
-"""Of all pixels; more are a texture, not defects."""
+USUAL_PERCENT = 98.0  # of pixels: defects are fewer than the rest
+FAR = 2.5  # difference from the median of three by three, over that which 98 of 100 pixels do not reach
+LEAST_GREY = 12.0  # smallest such difference, of 255
+FIRST_FRAMES, FRAMES = 6, 48  # that are looked at: of a film decoded in order, and spread over others
+CHANGED = 4  # of them, those in which a pixel's neighbours have changed most
+OUT = 0.3  # of its difference from them in the first frame, by which a defect still differs in most of these
+MOST_SHARE = 0.01  # of all pixels; more are a texture, not defects
 NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], dtype=np.uint8)
 """A defect stands alone: beyond every one of them by half as much as beyond their median."""
 AROUND = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
@@ -72,15 +69,12 @@ def _neighbours(grey: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.
 
 
 def correct_defects(film: FrameSource) -> FrameSource:
-    first = _classify_outliers(film.read(0), film.bit_depth)
-    count = np.count_nonzero(first)
-    if not 0 < count <= MOST_SHARE * first.size:
-        return film
     # of a film that must be decoded in order only the beginning is near
-    last = min(FRAMES if getattr(film, "in_order", True) else film.n_frames, film.n_frames) - 1
-    frames = np.unique(np.linspace(0, last, FRAMES).astype(int))
-    alike = sum((_classify_outliers(film.read(int(k)), film.bit_depth) == first).astype(int) for k in frames)
-    rows, columns = np.nonzero((first != 0) & (alike >= min(AGREE, frames.size)))
+    last = min(FIRST_FRAMES if getattr(film, "in_order", True) else film.n_frames, film.n_frames) - 1
+    first, late = (_classify_outliers(film.read(k), film.bit_depth) for k in (0, last))
+    if not 0 < np.count_nonzero(first) <= MOST_SHARE * first.size:
+        return film
+    rows, columns = np.nonzero((first != 0) & (first == late))
     stays = _is_fixed(film, rows, columns, last) if rows.size else np.zeros(0, dtype=bool)
     return DefectCorrectedFilm(film, rows[stays], columns[stays]) if stays.any() else film
 
@@ -89,7 +83,7 @@ def _is_fixed(film: FrameSource, rows: NDArray[np.intp], columns: NDArray[np.int
     """Which pixels still differ from their neighbours where these have changed: texture of a body that rests in most
     frames goes with them."""
     beside, off = [], []
-    for k in np.unique(np.linspace(0, last, MORE_FRAMES).astype(int)):
+    for k in np.unique(np.linspace(0, last, FRAMES).astype(int)):
         grey = film.read(int(k))
         light = float(np.median(grey[::8, ::8])) + 1.0
         beside.append(_neighbours(grey, rows, columns) / light)
@@ -109,20 +103,16 @@ def _classify_outliers(frame: NDArray[Any], bit_depth: int) -> NDArray[np.int8]:
         grey.astype(np.int32) - cv2.dilate(grey, NEIGHBOURS),
         cv2.erode(grey, NEIGHBOURS) - grey.astype(np.int32),
     )
-    limit = max(FAR * float(np.percentile(np.abs(off), 98.0)), LEAST_GREY * 2.0 ** (bit_depth - 8))
+    limit = max(FAR * float(np.percentile(np.abs(off), USUAL_PERCENT)), LEAST_GREY * 2.0 ** (bit_depth - 8))
     bright, dark = (off > limit) & (above > 0.5 * limit), (off < -limit) & (below > 0.5 * limit)
     return bright.astype(np.int8) - dark.astype(np.int8)
 
 
-FIRST = 8
-"""Frames at the start that are looked at."""
-SURE = 5.0
-"""Scatter of the amplitude over its standard uncertainty from which it is believed."""
-LEAST = 0.002
-"""Smallest scatter that matters: a quarter of a grey level in a hundred."""
-OUTLYING = 3.0
-"""Pixels that differ by more than this many times the usual difference are texture, not flicker."""
-ROUNDS = 3
+FIRST = 8  # frames at the start that are looked at, and rows of a body at least: a scatter needs some
+SURE = 5.0  # scatter of the amplitude over its standard uncertainty from which it is believed
+LEAST = 0.002  # smallest scatter that matters: a quarter of a grey level in a hundred
+OUTLYING = 3.0  # pixels that differ by more than this many times the usual difference are texture, not flicker
+ROUNDS = 3  # of the regression, each without what the one before left out: the share settles
 
 
 class FlickerCorrectedFilm(Corrected):
@@ -151,7 +141,7 @@ class FlickerCorrectedFilm(Corrected):
 
 def correct_row_flicker(film: FrameSource, box: tuple[int, int, int, int]) -> FrameSource:
     """The film itself, or with even light in its rows where that flickers inside a rectangle (y0, y1, x0, x1)."""
-    if film.n_frames < 3 or box[1] - box[0] < 8:
+    if film.n_frames < 3 or box[1] - box[0] < FIRST:
         return film
     top = saturated_grey(film)
     frames = range(min(FIRST, film.n_frames))
@@ -189,12 +179,9 @@ def row_flicker_share(grey: NDArray[Any], first_row: int, top: int) -> tuple[flo
     return share, float(np.sqrt(np.sum(left**2))) / power
 
 
-OF_TEXTURE = 0.25
-"""Step over the texture's standard deviation from which it is coarse."""
-OF_NOISE = 2.0
-"""Step over the noise from which it is not blurred."""
-LEAST_VALUES = 3
-"""Fewer grey values are no texture."""
+OF_TEXTURE = 0.25  # step over the texture's standard deviation from which it is coarse
+OF_NOISE = 2.0  # step over the noise from which it is not blurred
+LEAST_VALUES = 3  # fewer grey values are no texture
 
 
 def find_grey_step(film: FrameSource, box: tuple[int, int, int, int]) -> float:
@@ -214,14 +201,10 @@ def is_coarsely_quantised(template: Template, step: float) -> bool:
 
 BLOCK_PX = 16  # side of a codec's macroblock
 PAIRS = 8  # of neighbouring frames that are compared, spread over the film
-TEXTURE_GREY = 3.0
-"""Least standard deviation in a square that is looked at: flat ones may repeat."""
+TEXTURE_GREY = 3.0  # least standard deviation in a square that is looked at: flat ones may repeat
 LEAST_SKIPPED = 0.015
 """Share of repeated squares from which a codec is believed: MPEG-4 gave 0.02 to 0.2, JPEG of quality 50 and more 0."""
-NOISY_GREY = 0.3
-"""Below this noise pictures may repeat by themselves."""
-FIRST_PAIRS = 5
-"""Frames at rest of which none may then repeat as a whole."""
+FIRST_PAIRS = 5  # frames at rest of which none may then repeat as a whole
 
 
 def skips_blocks(film: FrameSource, box: tuple[int, int, int, int], noise_grey: float) -> bool:
@@ -234,7 +217,7 @@ def skips_blocks(film: FrameSource, box: tuple[int, int, int, int], noise_grey: 
     x1 = min(film.width // BLOCK_PX, -(-box[3] // BLOCK_PX) + 1) * BLOCK_PX
     if y1 <= y0 or x1 <= x0:
         return False
-    if noise_grey < NOISY_GREY:
+    if noise_grey < ROUNDING_GREY:  # pictures may repeat by themselves
         # a codec may leave most pixels at rest unchanged, but never all of them for long
         first = [film.read_region(k, y0, y1, x0, x1) for k in range(min(FIRST_PAIRS, film.n_frames))]
         if any(np.array_equal(one, other) for one, other in zip(first, first[1:], strict=False)):

@@ -23,18 +23,14 @@ from vision.errors import TrackingError
 from vision.film.source import FrameSource, saturated_areas, saturated_grey
 
 MAX_STILL = 64  # frames averaged: noise of the mean is an eighth of a frame's
-MOST_PIXELS = 5000
-"""Compared per frame: enough to know the noise to one per cent."""
-GROWTH = 1.25
-"""A still frame may differ this much more than the quietest pair of first frames."""
-FIRST_GROWTH = 3.0
-"""The second frame may differ from the first by this much more than the first's roughness."""
+MOST_PIXELS = 5000  # compared per frame: enough to know the noise to one per cent
+GROWTH = 1.25  # a still frame may differ this much more than the quietest pair of first frames
+FIRST_GROWTH = 3.0  # the second frame may differ from the first by this much more than the first's roughness
 TEXTURE_SHARE = 0.4
 """A still frame may also differ by this share of the texture's contrast; finer motion is left to the poses."""
-COMPARED = 9
-"""Frames compared of a film without still ones."""
-GREY_FLOOR = 0.4
-"""Allowance for rounding to whole grey values, grey of the stored depth."""
+COMPARED = 9  # frames compared of a film without still ones
+EXTREME_PERCENT = 5.0  # of the darkest and brightest pixels, that no body is told by
+GREY_FLOOR = 0.4  # allowance for rounding to whole grey values, grey of the stored depth
 
 
 @dataclass(frozen=True)
@@ -102,7 +98,7 @@ def _noise_at_rest(film: FrameSource, grey: NDArray[np.float64]) -> float:
     Neighbouring frames are compared where the picture is as bright as the bodies are, whose grey values are ``grey``;
     what moves there is left out as outlying. Infinite where frames do not differ: then they do not show their noise.
     """
-    low, high = np.percentile(grey, [5.0, 95.0])
+    low, high = np.percentile(grey, [EXTREME_PERCENT, 100.0 - EXTREME_PERCENT])
     before = film.read(0).astype(np.float32)
     bright = (before >= low) & (before <= high)
     found = []
@@ -137,21 +133,17 @@ def _matched_difference(
     design = np.column_stack([mean - mean.mean(), *light, np.ones_like(mean)])
     # the coordinates and the centred mean are of the order of one and of the contrast, so products do no harm
     normal = design.T @ design
-    if np.linalg.cond(normal) < 1e12:
-        solution = np.linalg.solve(normal, design.T @ frame)
-    else:
-        solution = np.linalg.lstsq(design, frame, rcond=None)[0]
+    solution = np.linalg.lstsq(normal, design.T @ frame, rcond=None)[0]
     # a gain far from one is a different picture, not flicker
     solution[0] = min(max(solution[0], 0.5), 2.0)
     return frame - design @ solution, float(solution[0])
 
 
-WINDOWS = (1, 2, 4, 8, 16)
+WINDOWS = (1, 2, 4, 8, 16)  # frames whose mean is compared: a motion four times slower is seen with each second one
 LIMIT = 5.0  # standard deviations of a pose at which motion begins
 GUARD = 2  # frames left out before a motion that is seen
 SCATTER_FRAMES = 12  # least static frames whose own scatter of poses is used
-FIRST, FIRST_LIMIT = 4, 8.0
-"""With fewer frames before it, only gross motion ends the run."""
+FIRST, FIRST_LIMIT = 4, 8.0  # with fewer frames before it, only gross motion ends the run
 
 
 def count_still_frames(pose: NDArray[np.float64], u_pose: NDArray[np.float64]) -> int:

@@ -26,30 +26,23 @@ from scipy.special import ndtri
 
 from vision.film.source import FrameSource, saturated_grey
 
-LEVEL = 1e-4
-"""Probability that a film of white noise is said to be filtered."""
-TILE_PX = 16
-"""Side of a tile; neighbouring tiles share few of the pixels that a second difference reaches."""
+LEVEL = 1e-4  # probability that a film of white noise is said to be filtered
+TILE_PX = 16  # side of a tile; neighbouring tiles share few of the pixels that a second difference reaches
 SHARED = 1.12
 """Standard error over that of independent tiles, whose second differences reach `STEP_PX` into their neighbours. With
 it 0.05 and 0.01 of 400 films of white noise are found at these levels."""
-LEAST_TILES = 30
-"""From which the sum over tiles is normal."""
-MOST_FRAMES = 16
-"""Still frames that are looked at."""
-LEAST_FRAMES = 4
-UNSETTLED_FRAMES = 4
-FLAT_SHARE = 0.5
-"""Share of the tiles that are used, those of least texture."""
-CLIPPED_SHARE = 0.5
-"""Of a tile's pixels that are white or black in a frame; they have no noise there."""
-OUTLYING = 3.0
-"""Tiles whose variance is more than this many times the median's hold something that moves."""
+LEAST_TILES = 30  # from which the sum over tiles is normal
+MOST_FRAMES = 16  # still frames that are looked at
+LEAST_FRAMES = 4  # that have settled: lags 1 and 2 are told apart
+UNSETTLED_FRAMES = 4  # of a filter that begins with the film: a share 0.4 has then fallen to 0.03
+FLAT_SHARE = 0.5  # share of the tiles that are used, those of least texture
+CLIPPED_SHARE = 0.5  # of a tile's pixels that are white or black in a frame; they have no noise there
+OUTLYING = 3.0  # tiles whose variance is more than this many times the median's hold something that moves
 STEP_PX = 4
 """Of the second difference: smooth noise, of cameras that also average over neighbouring pixels, is left in it. Even,
 so that light that alternates between rows, as a lamp's does in interlaced pictures, is not."""
 _LINE = np.zeros(2 * STEP_PX + 1, dtype=np.float32)
-_LINE[[0, STEP_PX, -1]] = 1.0, -2.0, 1.0
+_LINE[[0, STEP_PX, -1]] = 1.0, -2.0, 1.0  # a second difference
 SECOND_DIFFERENCE = np.outer(_LINE, _LINE) / np.float32(6.0)
 
 

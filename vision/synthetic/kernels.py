@@ -77,12 +77,12 @@ def composite(picture: NDArray[np.float32], table: TextureTable, shown: PlanePoi
             if blend <= 0.0:
                 continue
             gu, gv = one - fu, one - fv
-            sixth, four, six, three = np.float32(1.0 / 6.0), np.float32(4.0), np.float32(6.0), np.float32(3.0)
+            sixth, half, most = np.float32(1.0 / 6.0), np.float32(0.5), np.float32(2.0 / 3.0)
             u0, u3 = gu * gu * gu * sixth, fu * fu * fu * sixth
-            u1 = (four - fu * fu * (six - three * fu)) * sixth
+            u1 = most - fu * fu * (one - half * fu)
             u2 = one - u0 - u1 - u3
             v0, v3 = gv * gv * gv * sixth, fv * fv * fv * sixth
-            v1 = (four - fv * fv * (six - three * fv)) * sixth
+            v1 = most - fv * fv * (one - half * fv)
             v2 = one - v0 - v1 - v3
             r0, r1, r2, r3 = coefficient[iv - 1], coefficient[iv], coefficient[iv + 1], coefficient[iv + 2]
             grey = (

@@ -55,8 +55,11 @@ def thick_line(points: ArrayLike, thickness: float | ArrayLike) -> NDArray[np.fl
     at_points /= np.hypot(at_points[:, 0], at_points[:, 1])[:, None]
     # a mitre: the corner moves out so that both arms keep their width
     cosine = np.einsum("ij,ij->i", at_points, np.vstack([normal[:1], normal]))
-    offset = at_points * (half / np.maximum(cosine, 0.3))[:, None]
+    offset = at_points * (half / np.maximum(cosine, SHARPEST))[:, None]
     return np.vstack([line + offset, (line - offset)[::-1]])
+
+
+SHARPEST = 0.3  # cosine of half a corner, down to which a line's corner is mitred: its tip stays near
 
 
 def transform_points(points: ArrayLike, phi_rad: float, pivot: tuple[float, float]) -> NDArray[np.float64]:
@@ -64,8 +67,8 @@ def transform_points(points: ArrayLike, phi_rad: float, pivot: tuple[float, floa
     return np.asarray(points, dtype=float) @ turn_matrix(phi_rad).T + np.asarray(pivot, dtype=float)
 
 
-OVERSAMPLING = 4
-RIM_PX = 3.0
+OVERSAMPLING = 4  # points of a texture's table a pixel: the spline between them is exact to 1e-3 grey
+RIM_PX = 3.0  # of the table around an outline: what blending and the spline reach
 
 
 @dataclass(frozen=True)
@@ -85,7 +88,7 @@ class SyntheticBody:
     @cached_property
     def table(self) -> TextureTable:
         """Spline table of the texture with the opacity of the edge."""
-        margin = RIM_PX + 8.0 / OVERSAMPLING
+        margin = RIM_PX + 2.0
         x0, y0 = (float(v) for v in np.floor(self.polygon_px.min(axis=0) - margin))
         x1, y1 = np.ceil(self.polygon_px.max(axis=0) + margin)
         columns, rows = int((x1 - x0) * OVERSAMPLING) + 1, int((y1 - y0) * OVERSAMPLING) + 1
@@ -153,12 +156,20 @@ class Scene:
         return total if len(poses) == 1 else total / np.float32(len(poses))
 
 
+BACKGROUND_PX = 8.0  # blur of what stands behind the plane of focus: choice
+
+
 def background(
-    height: int, width: int, seed: int, *, mean_grey: float = 60.0, contrast_grey: float = 6.0
+    height: int,
+    width: int,
+    seed: int,
+    *,
+    mean_grey: float = 60.0,  # choice: darker than the bodies
+    contrast_grey: float = 6.0,  # choice: weaker than theirs
 ) -> NDArray[np.float32]:
     """Out-of-focus background of low contrast, shape (height, width)."""
     rng = np.random.default_rng(seed)
-    noise = cv2.GaussianBlur(rng.standard_normal((height, width)).astype(np.float32), (0, 0), 8.0)
+    noise = cv2.GaussianBlur(rng.standard_normal((height, width)).astype(np.float32), (0, 0), BACKGROUND_PX)
     return (mean_grey + contrast_grey * noise / max(float(noise.std()), 1e-6)).astype(np.float32)
 
 

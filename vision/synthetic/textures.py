@@ -11,8 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-REACH = 5.0
-"""A blob is taken as zero beyond this many of its widths (4e-6 of its height)."""
+DOT_HEIGHTS = (0.8, 1.2)  # of sprayed dots, over their mean: choice
+FIBRES, RINGS = (0.05, 1.5), (0.015, 1.0)  # scatter of the direction, rad, and crowding: choice
+LENGTHS, HEIGHTS, WIDTHS = (0.7, 1.3), (0.6, 1.4), (0.85, 1.3)  # of fibres and rings, over their mean: choice
+REACH = 5.0  # a blob is taken as zero beyond this many of its widths (4e-6 of its height)
 
 
 @dataclass(frozen=True)
@@ -64,9 +66,9 @@ def speckle(
     extent: tuple[float, float, float, float],
     seed: int,
     *,
-    sigma_px: float = 1.6,
-    contrast_grey: float = 38.0,
-    mean_grey: float = 128.0,
+    sigma_px: float = 1.6,  # choice: dots of four pixels
+    contrast_grey: float = 38.0,  # choice: not saturated
+    mean_grey: float = 128.0,  # the middle of 8 bit
 ) -> BlobTexture:
     """Sprayed dots of both signs.
 
@@ -85,7 +87,7 @@ def speckle(
     height = contrast_grey / np.sqrt(n / area * np.pi * sigma_px**2)
     width = np.full(n, sigma_px)
     return BlobTexture(
-        mean_grey, rng.uniform(x0, x1, n), rng.uniform(y0, y1, n), sign * height * rng.uniform(0.8, 1.2, n),
+        mean_grey, rng.uniform(x0, x1, n), rng.uniform(y0, y1, n), sign * height * rng.uniform(*DOT_HEIGHTS, n),
         width, width, np.zeros(n),
     )  # fmt: skip
 
@@ -95,10 +97,10 @@ def wood_grain(
     seed: int,
     *,
     direction_rad: float = 0.0,
-    fibre_px: tuple[float, float] = (9.0, 1.7),
-    ring_px: tuple[float, float] = (60.0, 4.5),
-    contrast_grey: float = 16.0,
-    mean_grey: float = 140.0,
+    fibre_px: tuple[float, float] = (9.0, 1.7),  # choice: maple at 3 px/mm
+    ring_px: tuple[float, float] = (60.0, 4.5),  # as above
+    contrast_grey: float = 16.0,  # choice: bare wood
+    mean_grey: float = 140.0,  # as above
 ) -> BlobTexture:
     """Bare wood: long thin fibres and broader growth rings along one direction, with little texture along the grain.
 
@@ -113,19 +115,19 @@ def wood_grain(
     x0, y0, x1, y1 = extent
     margin = 2.0 * ring_px[0]
     parts = []
-    for (along, across), spread, crowd in ((fibre_px, 0.05, 1.5), (ring_px, 0.015, 1.0)):
+    for (along, across), spread, crowd in ((fibre_px, *FIBRES), (ring_px, *RINGS)):
         left, right, top, bottom = x0 - margin, x1 + margin, y0 - margin, y1 + margin
         area = (right - left) * (bottom - top)
         n = max(1, round(crowd * area / (4.0 * np.pi * along * across)))
         height = contrast_grey * np.sqrt(0.5) / np.sqrt(n / area * np.pi * along * across)
-        length = along * rng.uniform(0.7, 1.3, n)
+        length = along * rng.uniform(*LENGTHS, n)
         parts.append(
             (
                 rng.uniform(left, right, n),
                 rng.uniform(top, bottom, n),
-                height * rng.choice([-1.0, 1.0], n) * rng.uniform(0.6, 1.4, n),
+                height * rng.choice([-1.0, 1.0], n) * rng.uniform(*HEIGHTS, n),
                 length,
-                across * rng.uniform(0.85, 1.3, n),
+                across * rng.uniform(*WIDTHS, n),
                 direction_rad + spread * rng.standard_normal(n),
             )
         )

@@ -30,8 +30,7 @@ MOST_PRECISE_U_RAD = np.radians(0.05) / 2.0
 USUAL_SHARE = 2.0
 """A u up to this many times what texture and noise allow, or what the body's best quarter of rows has, is the film's,
 not the row's."""
-LINEAR_PX = 0.5
-"""Beyond this u at the rim of a body neighbouring places of a texture fit alike, and u tells too little."""
+LINEAR_PX = 0.5  # beyond this u at the rim of a body neighbouring places of a texture fit alike, and u tells too little
 
 
 def widened_threshold(predicted_u_rad: NDArray[np.float64]) -> NDArray[np.float64]:

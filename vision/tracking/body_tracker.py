@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.film.source import FrameSource
-from vision.fitting.base import FAILED, Fit
+from vision.fitting.base import FAILED, LEAST_PX, Fit
 from vision.fitting.icgn import IcgnFitter
 from vision.fitting.template import Template
 from vision.frame_fit.judgement import Figures, Standards, judge_fit, update_usual_quality
@@ -30,10 +30,9 @@ SHIFT_RANGE_PX = 40  # of the search, to each side of the expected place
 N_CANDIDATES = 4  # best matches from which a lost body is fitted
 FAR_TURN_STEP_RAD = math.radians(6.0)
 """A texture of grain some pixels wide, a quarter as large, still looks like itself half a step away."""
-FAR_LEAST_PX = 6
-"""Smallest side of a template at a quarter of the resolution."""
+FAR_LEAST_PX = 6  # smallest side of a template at a quarter of the resolution
 FAR_PLACES = 2  # of the whole picture, from which a lost body is fitted
-FAR_APART_RAD, FAR_APART_PX = math.radians(10.0), 12.0
+FAR_APART_RAD, FAR_APART_PX = math.radians(10.0), 12.0  # by which two places differ: beyond the capture range of a fit
 
 
 def search_whole_picture(
@@ -69,7 +68,7 @@ def search_near_pose(
     centre_y = round(template.centre_px[1] + expected[2])
     x0, x1 = max(0, centre_x - reach), min(film.width, centre_x + reach + 1)
     y0, y1 = max(0, centre_y - reach), min(film.height, centre_y + reach + 1)
-    if x1 - x0 < 16 or y1 - y0 < 16:
+    if x1 - x0 < LEAST_PX or y1 - y0 < LEAST_PX:
         return []
     picture = np.zeros((2 * reach + 1, 2 * reach + 1), dtype=np.float32)
     view = film.read_region(index, y0, y1, x0, x1)
@@ -142,8 +141,7 @@ FAR_EVERY = 3
 """Of the lost frames in a row that are searched, the whole picture is in one out of this many, the first included."""
 FAR_SHARE = 0.95
 """Least correlation, as a share of the usual one, of a body found far from where it was: others may look like it."""
-MAX_SEARCHED_IN_A_ROW = 60
-"""Lost frames in a row after which the wide search runs on every fifth frame only."""
+MAX_SEARCHED_IN_A_ROW, SELDOM = 60, 5  # lost frames in a row, after which every fifth one only is searched
 
 
 @dataclass
@@ -253,7 +251,7 @@ class BodyTracker:
         fit, flag = self._fit_anew(film, index, newest, covered)
         if not flag & FAILURE:
             return fit, flag | (FrameFlag.REACQUIRED if self.lost_in_a_row else FrameFlag.GOOD)
-        if not search or (self.lost_in_a_row > MAX_SEARCHED_IN_A_ROW and self.lost_in_a_row % 5):
+        if not search or (self.lost_in_a_row > MAX_SEARCHED_IN_A_ROW and self.lost_in_a_row % SELDOM):
             return FAILED, first_flag
         self.searches += 1
         best, best_flag = FAILED, first_flag

@@ -26,20 +26,11 @@ from vision.reference.rectified_film import MARGIN_PX, sample_spline
 from vision.results.pose_table import PoseTable
 
 PIXELS = 4000  # of a body that are fitted
-MOST_MOVING, MOST_STILL = 24, 8
-"""Rows of each body that are looked at."""
-LEAST_ROWS = 3
-BETWEEN = 0.25
-"""Half way from rows of one time to fields half a frame apart."""
-SURE_U = 0.05
-"""Standard uncertainty of the lag up to which `BETWEEN` is five of them away."""
-LEAST_PX = 0.02
-"""Motion per frame, at the rim of a body, of the rows that tell."""
-PIXELS_PER_COLUMN = 20  # least pixels for each column of the fit
-MOST_CONDITION = 1e14
-"""Condition number of the normal matrix, its columns as they are: beyond it doubles do not invert it."""
-OUTLYING = 4.0
-"""Pixels whose residual is beyond this many times the usual one are covered or doubled by the other field."""
+MOST_MOVING, MOST_STILL = 24, 8  # rows of each body that are looked at
+LEAST_ROWS = 3  # their scatter must be known
+BETWEEN = 0.25  # half way from rows of one time to fields half a frame apart
+SURE_U = 0.05  # standard uncertainty of the lag up to which `BETWEEN` is five of them away
+LEAST_PX = 0.02  # motion per frame, at the rim of a body, of the rows that tell
 
 
 @dataclass(frozen=True)
@@ -142,14 +133,7 @@ def _difference(
         field = np.ascontiguousarray(picture[start::2])
         seen = np.empty((1, x.size), dtype=np.float32)
         sample_spline(coefficients(field), field, x[None] - left, (y[None] - top - start) / 2.0, white, seen)
-        found = fit_robustly(
-            design,
-            seen[0].astype(float) - expected,
-            seen[0] < white,
-            outlying=OUTLYING,
-            pixels_per_column=PIXELS_PER_COLUMN,
-            most_condition=MOST_CONDITION,
-        )
+        found = fit_robustly(design, seen[0].astype(float) - expected, seen[0] < white)
         if found is None:
             return None
         steps.append(-found[0][:3])  # what a picture is behind its template has moved on

@@ -22,8 +22,7 @@ from vision.results.flags import FAILURE, FrameFlag
 from vision.results.pose_table import PoseTable
 from vision.tracking.body_tracker import BodyTracker
 
-NOISE_SHOWN_BY = 5
-"""Still frames compared to see whether the film has noise."""
+NOISE_SHOWN_BY = 5  # still frames compared to see whether the film has noise
 
 
 class FilmTracker:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from vision.angles import turn_matrix
 from vision.fitting.assessment import template_blocks
-from vision.fitting.base import Fit, region_of
+from vision.fitting.base import ROUNDING_GREY, Fit, region_of
 from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.icgn import IcgnFitter
 from vision.fitting.kernels import Places, Region, Subset, place_pixels, sample_frame
@@ -39,26 +39,20 @@ TILE_PX = 24  # side of a tile
 LEAST_PIXELS = 150  # of a tile that is fitted by itself
 ROWS = 24  # of a body that are looked at, spread over its way
 ITERATIONS = 6  # of a tile's fit
-MOST_STEP_PX, MOST_TURN_RAD = 4.0, 0.15
-"""Further from its last place a tile is not looked for."""
-COHERENT = 2.0
-"""Median coherence of the residuals from which a body is looked at."""
+FITTED_PX = 0.02  # last step of a tile's fit, where it ends: a twenty-fifth of the least shift that counts
+MOST_LEFT, LEFT_CONTRAST = 2.5, 0.03  # of the noise's variance and of the texture's: a tile that fits leaves no more
+SEEN = 0.8  # share of a tile that lies in the picture
+MOST_GAIN = 2.5  # of the light: another surface has more, or less
+MOST_STEP_PX, MOST_TURN_RAD = 4.0, 0.15  # further from its last place a tile is not looked for
+COHERENT = 2.0  # median coherence of the residuals from which a body is looked at
 AGREES = 0.9
 """Median share of the pixels in agreement, over that of the quarter of the rows with most, below which it is."""
-LEAST_NOISE = 0.3  # grey; rounding alone has 0.29
-LEAST_PX, LEAST_U = 0.5, 6.0
-"""A tile has moved by more than this, and by more than this many standard uncertainties."""
-EXPLAINED = 0.5
-"""Share of the residuals beyond noise that a tile's shift may leave."""
-OFTEN = 0.25
-"""Share of the rows in which it has."""
-LEAST_TILES, COMMON, ALONE = 3, 0.4, 0.15
-"""Tiles that must have moved, share of them that must share a motion, and share of a tile's way it may be off that."""
-SHARE = 0.1
-"""Share of the tiles that must have moved."""
-SAG_PX, SAG_U, SAG_EXPLAINS = 0.5, 6.0, 0.6
-"""Least sag between middle and ends, over its standard uncertainty too, and share of the tiles' shifts across the
-body, beyond a rigid motion, that it must explain."""
+LEAST_PX, LEAST_U = 0.5, 6.0  # a tile has moved, a body sags, by more, and by more standard uncertainties
+EXPLAINED = 0.5  # share of what is left, beyond noise or a rigid motion, that a shift or a sag must explain
+OFTEN = 0.25  # share of the rows in which it has
+LEAST_TILES = 3  # that must have moved: a motion has three unknowns
+COMMON, ALONE = 0.4, 0.15  # share of them that share a motion, and of a tile's way that it may be off that: choice
+SHARE = 0.1  # share of the tiles that must have moved
 F64 = NDArray[np.float64]
 
 
@@ -91,13 +85,15 @@ def find_moving_parts(ready: PreparedFilm, table: PoseTable) -> dict[str, Moving
 def _needs_test(table: PoseTable, i: int) -> bool:
     """Whether the residuals of the i-th body are coherent enough to test its outline for moving parts."""
     good = ~table.is_lost[:, i]
-    if np.count_nonzero(good) < 8:
+    if np.count_nonzero(good) < ROWS // 3:
         return False
     inlier = table.inlier[good, i]
     coherence = table.ratio[good, i, -1].max(axis=1)
     coherence = coherence[np.isfinite(coherence)]
     ratio = float(np.median(coherence)) if coherence.size else 0.0
-    return bool(ratio > COHERENT or np.median(inlier) < AGREES * np.quantile(inlier, 0.75) or inlier.max() < AGREES)
+    return bool(
+        ratio > COHERENT or np.median(inlier) < AGREES * np.quantile(inlier, 1.0 - OFTEN) or inlier.max() < AGREES
+    )
 
 
 def _sample_poses(table: PoseTable, i: int, radius_px: float) -> tuple[NDArray[np.int64], F64]:
@@ -122,7 +118,7 @@ def _find_moving_tiles(
     u = np.full((len(frame), len(tiles)), np.nan)
     better = np.zeros(u.shape, dtype=bool)
     for row, index in enumerate(frame.tolist()):
-        box = region_of(template, pose[row], film.height, film.width, 24)
+        box = region_of(template, pose[row], film.height, film.width, TILE_PX)
         if box is None:
             continue
         part = frames.filtered_part(index, box)
@@ -139,7 +135,7 @@ def _find_moving_tiles(
     size = np.where(np.isfinite(u), np.hypot(*np.moveaxis(shift, 2, 0)), 0.0)
     moved = better & (size > np.maximum(LEAST_PX, LEAST_U * np.nan_to_num(u, nan=np.inf)))
     known = np.isfinite(u).sum(axis=0)
-    judged = known >= len(frame) / 4
+    judged = known >= OFTEN * len(frame)
     often = judged & (moved.sum(axis=0) >= np.maximum(OFTEN * known, 3))
     moved &= often
     enough = np.count_nonzero(often) >= max(LEAST_TILES, SHARE * np.count_nonzero(judged))
@@ -171,7 +167,7 @@ def _largest_sag(shift: F64, u: F64, middle: F64) -> tuple[float, int] | None:
     sags, certain = np.zeros(len(shift)), np.zeros(len(shift), dtype=bool)
     for row in range(len(shift)):
         known = np.flatnonzero(np.isfinite(u[row]))
-        if known.size < 6 or np.ptp(way[known]) < 1.5:
+        if known.size < 2 * LEAST_TILES or np.ptp(way[known]) < 1.5:
             continue
         weight = 1.0 / u[row, known]
         there, off = design[known] * weight[:, None], (shift[row, known] @ across) * weight
@@ -181,7 +177,7 @@ def _largest_sag(shift: F64, u: F64, middle: F64) -> tuple[float, int] | None:
         sags[row] = inverse[2] @ (there.T @ off)
         u_sag = np.sqrt(inverse[2, 2] * max(float(left @ left) / (known.size - 3), 1.0))
         explains = 1.0 - float(left @ left) / max(float(straight @ straight), 1e-9)
-        certain[row] = explains > SAG_EXPLAINS and abs(sags[row]) > max(SAG_PX, SAG_U * u_sag)
+        certain[row] = explains > EXPLAINED and abs(sags[row]) > max(LEAST_PX, LEAST_U * u_sag)
     if np.count_nonzero(certain) < max(OFTEN * len(shift), 3) or abs(np.sign(sags[certain]).sum()) < certain.sum():
         return None
     worst = int(np.argmax(np.where(certain, np.abs(sags), 0.0)))
@@ -229,7 +225,7 @@ class _Tile:
         inverse = np.linalg.pinv(self._design @ self._design.T, rcond=1e-12)
         self._solved = inverse @ self._design
         # a film without noise, or with saturated still frames, is rounded to whole grey values all the same
-        self._noise = max(template.noise_grey, LEAST_NOISE)
+        self._noise = max(template.noise_grey, ROUNDING_GREY)
         self.u_px = self._noise * float(np.sqrt(max(inverse[0, 0], inverse[1, 1])))
 
     def fit_shift(self, region: Region, pose: F64, start: F64) -> tuple[F64, float, bool]:
@@ -245,13 +241,13 @@ class _Tile:
             place = place - found[0]
             if not (np.hypot(*(place - start)[:2]) < MOST_STEP_PX and abs(place[2] - start[2]) < MOST_TURN_RAD):
                 return start, np.nan, False
-            if np.hypot(*found[0][:2]) < 0.02:
+            if np.hypot(*found[0][:2]) < FITTED_PX:
                 break
-        if found is None or found[1] > 2.5 * noise2 + 0.03 * self.contrast:
+        if found is None or found[1] > MOST_LEFT * noise2 + LEFT_CONTRAST * self.contrast:
             return start, np.nan, False
         before = self.contrast if at_rest is None else max(at_rest[1] - noise2, 0.0)
         u = self.u_px * float(np.sqrt(max(found[1] / noise2, 1.0)))
-        return place, u, found[1] - noise2 < EXPLAINED * before
+        return place, u, found[1] - noise2 < (1.0 - EXPLAINED) * before
 
     def _fit(self, region: Region, pose: F64, place: F64) -> tuple[F64, float] | None:
         """Step from a place towards a better one, and mean square of what is left; None where the tile fits nowhere."""
@@ -262,13 +258,13 @@ class _Tile:
         place_pixels(region, subset, pose, places, visible)
         sample_frame(region, places, value, visible)
         n_seen = np.count_nonzero(visible)
-        if n_seen < 0.8 * visible.size:
+        if n_seen < SEEN * visible.size:
             return None
         if n_seen == visible.size:
             q = self._solved @ value
         else:
             q = np.linalg.lstsq((self._design * visible).T, value * visible, rcond=None)[0]
-        if not 0.4 < q[3] < 2.5:
+        if not 1.0 / MOST_GAIN < q[3] < MOST_GAIN:
             return None
         left = (value - q @ self._design) * visible
         return q[:3] / q[3], float(left @ left) / n_seen
@@ -277,22 +273,17 @@ class _Tile:
 def _tiles(template: Template) -> list[_Tile]:
     """Squares of the outline with enough pixels and texture to find their place."""
     x, y = np.floor((template.offset_px - template.offset_px.min(axis=1, keepdims=True)) / TILE_PX).astype(int)
-    number = y * 4096 + x
+    number = y * (1 << 12) + x
     tiles = [_Tile(template, np.flatnonzero(number == k)) for k in np.unique(number)]
     return [tile for tile in tiles if tile._nothing.size >= LEAST_PIXELS and LEAST_U * tile.u_px < 2.0]
 
 
-LEVEL = 1
-"""Squares of 16 px."""
-DOUBTED = 0.3
-"""A pixel of less weight does not agree; of normal noise 4 % have less."""
-MANY = 0.15
-"""Share of such pixels in a square that is left out."""
+LEVEL = 1  # squares of 16 px
+DOUBTED = 0.3  # a pixel of less weight does not agree; of normal noise 4 % have less
+MANY = 0.15  # share of such pixels in a square that is left out
 AGREE_SIGMA = 2.5  # standard deviations up to which a pixel agrees
-LEAST_SEEN = 0.35
-"""Share of the template that must be left."""
-STILL_COVERED = 0.05
-"""Share of the template that may disagree once the squares are left out; noise alone makes 0.003."""
+LEAST_SEEN = 0.35  # share of the template that must be left
+STILL_COVERED = 0.05  # share of the template that may disagree once the squares are left out; noise alone makes 0.003
 
 
 def confirm_hidden(ready: PreparedFilm, table: PoseTable, doubted: NDArray[np.bool_]) -> int:

@@ -15,11 +15,10 @@ from vision.reference.rectified_film import ASPECTS
 from vision.uncertainty.budget import ErrorBudget
 
 CONFIRM = ("doubtful", "all", "none")
-MOST_THREADS = 64
+MOST_THREADS = 64  # that may be asked for: a typing error is larger
 FIRST_FIELDS = ("even", "odd", "none")
 """Rows that interlaced frames begin with; none where all rows of a frame are of one time."""
-MAX_PIXELS = 12_000
-"""Pixels fitted per body; beyond this the ones that tell least about the angle are left out."""
+MAX_PIXELS = 12_000  # pixels fitted per body; beyond this the ones that tell least about the angle are left out
 
 
 class FitOptions(TypedDict, total=False):

@@ -47,12 +47,10 @@ from vision.tracking.segments import (
 from vision.tracking.workers import wait_for_result, workers
 from vision.uncertainty.coherence import inflate_covariance, variance_factor
 
-BEFORE, AFTER = 12, 4
-"""Rows before and after a doubtful row that are confirmed with it."""
+BEFORE, AFTER = 12, 4  # rows before and after a doubtful row that are confirmed with it
 INLIER_CHANGE = 0.12
 """Share of the pixels that may stop agreeing from one row to the next; more means that something covers the body."""
-SAME_PX = 0.5
-"""Furthest that two fits of the same pixels are apart at the rim of a body."""
+SAME_PX = 0.5  # furthest that two fits of the same pixels are apart at the rim of a body
 
 
 def track_forward(
@@ -227,12 +225,9 @@ def _reconcile(table: PoseTable, back: PoseTable, row: int, body: int, radius_px
         table.covariance[row, body] += np.outer(off, off)
 
 
-LEAST_ROWS = 3
-"""Fewer lost rows are a flash or a passing hand, not a change of appearance."""
-WHOLE = 0.9
-"""Share of the usual agreeing pixels that a frame needs to become a reference."""
-MOST = 12
-"""Templates one after the other."""
+LEAST_ROWS = 3  # fewer lost rows are a flash or a passing hand, not a change of appearance
+WHOLE = 0.9  # share of the usual agreeing pixels that a frame needs to become a reference
+MOST = 12  # templates one after the other
 KEEPS = FrameFlag.IMPRECISE | FrameFlag.WIDENED | FrameFlag.REACQUIRED | FrameFlag.RENEWED
 """Flags that a frame may have to become a reference."""
 OTHERWISE = np.uint16(int(FrameFlag.REPEATED))

@@ -24,43 +24,32 @@ from scipy.special import ndtri
 
 from vision.film.source import FrameSource, saturated_grey
 from vision.fitting.base import region_of
-from vision.fitting.bspline import coefficients
-from vision.fitting.robust_fit import fit_robustly
+from vision.fitting.bspline import HALF_TAPS, coefficients
+from vision.fitting.robust_fit import MOST_CONDITION, fit_robustly
 from vision.fitting.template import Template, thin_template
 from vision.reference.prepared_film import PreparedFilm
 from vision.reference.rectified_film import sample_spline
 from vision.results.pose_table import PoseTable
 from vision.tracking.options import FitSettings
 
-LEVEL = 1e-5
-"""Probability that pixels are said not to be square of a film where they are."""
+LEVEL = 1e-5  # probability that pixels are said not to be square of a film where they are
 U_NOT_STATED = 0.004
 """Of the pixel aspect of a file that does not state one. Nearly all cameras have square pixels; a picture that was
 resized is found by this test, and where texture and turn cannot tell, 2 % are within 5 u."""
-U_STATED = 0.0005
-"""Of a stated one, or of a sensor's own pixels: what a lens and its mount add."""
-MOST_ROWS = 96
-"""Of each body."""
-LEAST_ROWS = 4
+U_STATED = 0.0005  # of a stated one, or of a sensor's own pixels: what a lens and its mount add
+MOST_ROWS = 96  # of each body
+LEAST_ROWS = 4  # of a body: its own strain and that of its speed are fitted too
 LEAST_INLIER = 0.97
 """Share of a row's pixels that agree with the fit; 0.997 of white noise do. In others something else changes it:
 a cover, a second body under the outline, one that bends."""
 PIXELS = 6000  # of a body that are fitted
-REFINEMENTS = 4
-LINEAR_STRETCH = 0.002
-"""Up to this one a body of 60 px changes its shape by a tenth of a pixel."""
-PIXELS_PER_COLUMN = 10  # least pixels for each column of the fit
-MOST_CONDITION = 1e10
-"""Condition number of the normal matrix, its columns of one length, up to which stretch and shear are told apart."""
-STEPS = 4
-"""Of Gauss and Newton from the tracked pose to that in the stretched picture."""
+REFINEMENTS = 4  # at most: choice
+LINEAR_STRETCH = 0.002  # up to this one a body of 60 px changes its shape by a tenth of a pixel
+STEPS = 4  # of Gauss and Newton from the tracked pose to that in the stretched picture
 SMALL_TURN = 2e-4
 """Turn, rad, below which no further step is needed: it changes the sine of twice a turn of 1 degree by 1 %."""
-COLUMNS = 10
-"""Turn, two shifts, gain, offset, two gradients of the light, scale, stretch, shear."""
-OUTLYING = 3.5
-"""Residuals beyond this many standard deviations are left out."""
-BLUR_PX = 0.5
+COLUMNS = 10  # turn, two shifts, gain, offset, two gradients of the light, scale, stretch, shear
+BLUR_PX = 0.5  # standard deviation: a little blur, to first order
 FIELD_FACTOR = 3.0
 """Of u where one field is tracked: interpolated rows bend a texture alike in neighbouring frames, which their scatter
 does not show. Stretch over u had a standard deviation of 2.9 in 15 films of square pixels."""
@@ -165,13 +154,10 @@ def _strains(
     blur = _blur_column(template)
     if blur is not None:
         design = np.vstack([blur, design])
-    scale = 1.0 / np.sqrt(np.sum(design**2, axis=1))
     turns, speeds, strains, weights = [], [], [], []
     speed = np.gradient(table.pose[:, body, 0]) / max(float(np.nanmax(np.abs(table.pose[:, body, 0]))), 1e-9)
     for row in rows:
-        found = _fit_strain(
-            ready, int(table.frame[row]), table.pose[row, body], template, design * scale[:, None], scale, value
-        )
+        found = _fit_strain(ready, int(table.frame[row]), table.pose[row, body], template, design, value)
         if found is None:
             continue
         amplitude, covariance, turn = found
@@ -206,16 +192,15 @@ def _fit_strain(
     pose: NDArray[np.float64],
     template: Template,
     design: NDArray[np.float64],
-    scale: NDArray[np.float64],
     value: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float] | None:
-    """Amplitudes of the unscaled columns of ``design`` (p, n) in the residuals of a frame in a picture stretched by
+    """Amplitudes of the columns of ``design`` (p, n) in the residuals of a frame in a picture stretched by
     ``value``, their covariance, and the turn of the body at which they are taken.
 
     The tracked pose is that of the picture without stretch: its turn may be off by ``value sin(2 turn)``.
     """
     film = ready.film
-    box = region_of(template, pose, film.height, film.width, margin_px=6)
+    box = region_of(template, pose, film.height, film.width, margin_px=HALF_TAPS)
     if box is None:
         return None
     picture = np.ascontiguousarray(film.read_region(frame, *box), dtype=np.float32)
@@ -232,17 +217,10 @@ def _fit_strain(
         x, y = at[0] + c * dx - s * ratio * dy, at[1] + s / ratio * dx + c * dy
         sample_spline(spline, picture, x[None], y[None], top, seen)
         target = seen[0].astype(float) - template.mean_grey
-        fitted = fit_robustly(
-            design,
-            target - expected,
-            seen[0] < top,
-            outlying=OUTLYING,
-            pixels_per_column=PIXELS_PER_COLUMN,
-            most_condition=MOST_CONDITION,
-        )
+        fitted = fit_robustly(design, target - expected, seen[0] < top)
         if fitted is None:
             return None
-        amplitude, covariance = fitted[0] * scale, fitted[1] * scale[:, None] * scale
+        amplitude, covariance = fitted
         back, along, across = amplitude[-COLUMNS : 3 - COLUMNS]
         if step == steps - 1 or abs(back) < SMALL_TURN:
             break

@@ -40,8 +40,7 @@ from vision.tracking.sensor_pattern import PatternCorrectedFilm
 WANTED_STILL = 10  # static frames that a reference should average
 U_FIELD_ORDER = 0.5 / math.sqrt(2.0)
 """Frames: the even rows of interlaced frames are exposed at their time or half a frame later."""
-FIRST_AVERAGED = 4
-"""Frames averaged for the first templates, with which the still frames are counted."""
+FIRST_AVERAGED = 4  # frames averaged for the first templates, with which the still frames are counted
 
 
 def prepare(

@@ -18,10 +18,8 @@ from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable
 
-LEVEL = 1e-3
-"""Probability that a film of smooth motion loses a row by this test."""
-NEAR = 4
-"""Rows to each side."""
+LEVEL = 1e-3  # probability that a film of smooth motion loses a row by this test
+NEAR = 4  # rows to each side
 LESS_CHANGED = 0.7
 """Change of the picture in a repeated frame over the median of those around it, at most; with it the test is stricter
 than its level."""

@@ -112,7 +112,7 @@ def retrack_frames(
 def preview(
     path_or_source: str | os.PathLike[str] | FrameSource,
     bodies: BodiesLike,
-    count: int = 3,
+    count: int = 3,  # first, middle, last
     frame_time_s: ArrayLike | None = None,
     **options: Unpack[FitOptions],
 ) -> TrackResult:

@@ -26,8 +26,7 @@ from vision.tracking.workers import Workers
 
 PIXELS = 1500  # of a body in the quick pass that finds the starts of segments
 MOST_ROWS = 16  # longest step of that pass
-NEAR_PX, FAR_PX = 1.0, 4.0
-"""Distance from the expected place below which the steps grow, and above which they shrink."""
+NEAR_PX, FAR_PX = 1.0, 4.0  # distance from the expected place below which the steps grow, and above which they shrink
 
 Poses = NDArray[np.float64]
 """Of all bodies, (m, 3)."""
@@ -89,13 +88,10 @@ class _ForwardPass:
         return np.array([body.fit.pose for body in tracker.trackers])
 
 
-STRETCH_ROWS = 150
-"""A film of fewer than twice as many rows is one stretch."""
-SHARED_ROWS = 6
-"""Rows that a stretch has in common with the one before; the weights have settled after the first few."""
-COMPARED_ROWS = 3
-AGREE_SIGMA = 2.0
-"""Two trackings fit the same pixels, so they differ by how far each has converged, not by noise."""
+STRETCH_ROWS = 150  # a film of fewer than twice as many rows is one stretch
+SHARED_ROWS = 6  # rows that a stretch has in common with the one before; the weights have settled after the first few
+COMPARED_ROWS = 3  # of the shared ones, the last
+AGREE_SIGMA = 2.0  # two trackings fit the same pixels, so they differ by how far each has converged, not by noise
 AGREE_PX = 0.02  # difference of two segments' poses that counts as the same place
 
 

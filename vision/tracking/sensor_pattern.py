@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from vision.bodies.masks import build_masks
 from vision.film.source import Corrected, FrameSource, saturated_grey
-from vision.fitting.base import region_of
-from vision.fitting.bspline import noise_gain
+from vision.fitting.base import ROUNDING_GREY, region_of
+from vision.fitting.bspline import HALF_TAPS, noise_gain
 from vision.fitting.pose_covariance import PATTERN_EXCESS
 from vision.fitting.template import Template, noise_normal_matrix
 from vision.reference.camera_faults import is_coarsely_quantised
@@ -29,30 +29,18 @@ from vision.reference.prepared_film import PreparedFilm
 from vision.results.pose_table import PoseTable
 from vision.tracking.film_tracker import FilmTracker
 
-MOVED_PX = 1.5
-LEAST_ROWS = 8
-MOST_ROWS = 120
-"""Of each body; a quarter of them is looked at first."""
-SCATTER = 1.6
-"""Scatter of a pixel's differences, over what noise and the pattern in the template explain, from which they are not
-believed."""
-APART_PX, COMMON = 3.0, 0.7
-"""Way between the least and the most moved third of the rows, and share of the pattern's power that both must show."""
-POWER = 0.1
-"""Least power of the pattern over that of the noise."""
-AT_FIRST = (0.5 * POWER, 0.6 * COMMON)
-"""The same at the first look, which is less sure."""
-REACH_PX = 4
-SOON = 3.0
-"""Rows that have moved by up to this many times `MOVED_PX` have only just begun to move."""
-LEAST_NOISE = 0.3
-"""What rounding to whole grey values leaves."""
-HELD_PX = 0.5
-"""How far a picture of pure noise that stands still can hold a body back."""
-LEFT_OVER = 1.25
-"""Measured on disturbed films of wood, felt and speckle: their shares are 0.5, 0.25 and 0.05."""
-BETTER = 0.85
-"""Residual variance of the second tracking over the first below which the pattern is taken."""
+MOVED_PX = 1.5  # in the middle or half way to the rim, from which a body has moved: a grain of texture and more
+LEAST_ROWS = 8  # of a body that has moved: their median variance is known to a fifth
+MOST_ROWS = 120  # of each body that are looked at: the pattern is then known to a tenth of the noise
+SCATTER = 1.6  # of a pixel's differences over what noise and pattern explain: more, and something else moves there
+APART_PX = 3.0  # between the least and the most moved third of the rows: other texture lies there then
+COMMON = 0.7  # of the pattern's power, that both of these thirds show: what comes from the body, they do not
+POWER = 0.1  # least, of the pattern over the noise: it costs a twentieth of the standard uncertainty
+LEAST_COMMON_PIXELS = 500  # that both thirds know: the common power is then known to a twentieth
+SOON = 3.0  # rows that have moved by up to this many times `MOVED_PX` have only just begun to move
+HELD_PX = 0.5  # how far a picture of pure noise that stands still can hold a body back
+LEFT_OVER = 1.25  # measured on disturbed films of wood, felt and speckle: their shares are 0.5, 0.25 and 0.05
+BETTER = 0.85  # residual variance of the second tracking over the first below which the pattern is taken
 
 
 class PatternCorrectedFilm(Corrected):
@@ -81,7 +69,7 @@ def find_moved_rows(ready: PreparedFilm, table: PoseTable) -> NDArray[np.bool_]:
 def residual_variance(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64]:
     """Median variance of the noise in the rows that have moved, over that of the still frames, per body."""
     moved = find_moved_rows(ready, table)
-    still = max(ready.reference.noise_grey, LEAST_NOISE) ** 2 * (
+    still = max(ready.reference.noise_grey, ROUNDING_GREY) ** 2 * (
         float(noise_gain().mean()) ** 2 + 1.0 / ready.reference.n_averaged
     )
     counts = moved.sum(axis=0)
@@ -126,7 +114,7 @@ def pattern_bias_variance(ready: PreparedFilm, table: PoseTable) -> NDArray[np.f
         return added  # the budget's term for the codec has it
     for i, template in enumerate(ready.templates):
         if excess[i] > PATTERN_EXCESS:
-            share = _noise_share(template, 0.5 * (excess[i] - 1.0) * max(template.noise_grey, LEAST_NOISE) ** 2)
+            share = _noise_share(template, 0.5 * (excess[i] - 1.0) * max(template.noise_grey, ROUNDING_GREY) ** 2)
             reach = HELD_PX * np.array([2.0 / template.radius_px, 1.0, 1.0])
             added[:, i] = np.where(near[:, i, None], (np.minimum(share, 1.0) * reach) ** 2, 0.0)
     return added
@@ -149,23 +137,18 @@ def estimate_pattern(film: FrameSource, ready: PreparedFilm, table: PoseTable) -
 
     ``ready`` may be the film less an earlier estimate of its pattern.
     """
-    noise2 = max(ready.reference.noise_grey, LEAST_NOISE) ** 2
-    few = _difference_sums(film, ready, table, MOST_ROWS // 4)
-    if few is None or _significant_pattern(few, noise2, AT_FIRST) is None:
-        return None
-    many = _difference_sums(film, ready, table, MOST_ROWS)
-    return None if many is None else _significant_pattern(many, noise2)
+    sums = _difference_sums(film, ready, table)
+    noise2 = max(ready.reference.noise_grey, ROUNDING_GREY) ** 2
+    return None if sums is None else _significant_pattern(sums, noise2)
 
 
-def sampled_rows(ready: PreparedFilm, table: PoseTable, most_rows: int = MOST_ROWS) -> NDArray[np.intp]:
+def sampled_rows(ready: PreparedFilm, table: PoseTable) -> NDArray[np.intp]:
     """The rows, in order, in which differences from the reference are looked at."""
-    chosen = _select_rows(ready, table, most_rows)
+    chosen = _select_rows(ready, table)
     return np.unique(np.concatenate([rows for rows, _ in chosen.values()])) if chosen else np.zeros(0, dtype=np.intp)
 
 
-def _select_rows(
-    ready: PreparedFilm, table: PoseTable, most_rows: int
-) -> dict[int, tuple[NDArray[np.intp], NDArray[np.intp]]]:
+def _select_rows(ready: PreparedFilm, table: PoseTable) -> dict[int, tuple[NDArray[np.intp], NDArray[np.intp]]]:
     """Of each body the rows looked at, spread over its way, and the third of the way in which each lies; none where no
     body has moved far enough."""
     way, moved = travel_px(ready, table), find_moved_rows(ready, table)
@@ -176,20 +159,18 @@ def _select_rows(
         if rows.size < LEAST_ROWS:
             continue
         rows = rows[np.argsort(way[rows, i], kind="stable")]
-        rows = rows[np.unique(np.linspace(0, rows.size - 1, most_rows).astype(int))]
+        rows = rows[np.unique(np.linspace(0, rows.size - 1, MOST_ROWS).astype(int))]
         third = np.minimum(3 * np.arange(rows.size) // rows.size, 2)
         apart = max(apart, float(np.median(way[rows[third == 2], i]) - np.median(way[rows[third == 0], i])))
         chosen[i] = rows, third
     return chosen if apart >= APART_PX else {}
 
 
-def _difference_sums(
-    film: FrameSource, ready: PreparedFilm, table: PoseTable, most_rows: int
-) -> NDArray[np.float64] | None:
+def _difference_sums(film: FrameSource, ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64] | None:
     """Count, sum and squares of the differences, (3, 3, height, width), of the least moved third of the rows, the
     middle and the furthest; None where bodies have not moved far enough."""
     shape = (film.height, film.width)
-    chosen = _select_rows(ready, table, most_rows)
+    chosen = _select_rows(ready, table)
     if not chosen:
         return None
     sums = np.zeros((3, 3, *shape))
@@ -197,7 +178,7 @@ def _difference_sums(
     for i, (rows, third) in chosen.items():
         for row, part in zip(rows, third, strict=True):
             pose = table.pose[row, i]
-            box = region_of(ready.templates[i], pose, *shape, margin_px=REACH_PX)
+            box = region_of(ready.templates[i], pose, *shape, margin_px=HALF_TAPS)
             if box is None:
                 continue
             frame = film.read_region(int(table.frame[row]), *box)
@@ -211,11 +192,9 @@ def _difference_sums(
     return sums
 
 
-def _significant_pattern(
-    sums: NDArray[np.float64], noise2: float, share: tuple[float, float] = (POWER, COMMON)
-) -> NDArray[np.float32] | None:
+def _significant_pattern(sums: NDArray[np.float64], noise2: float) -> NDArray[np.float32] | None:
     """The pattern from counts, sums and squares of the differences in each third of the way; None where the first
-    and the last third do not show the same: ``share`` are `POWER` and `COMMON`."""
+    and the last third do not show the same."""
     count, total, squares = sums.sum(axis=1)
     enough = count >= LEAST_ROWS / 2
     if not enough.any():
@@ -227,13 +206,13 @@ def _significant_pattern(
     typical = float(np.median(scatter[enough]))
     usable = enough & (scatter < SCATTER**2 * max(min(typical, 4.0 * noise2), noise2))
     both = usable & (sums[0, 0] >= 3.0) & (sums[0, 2] >= 3.0)
-    if np.count_nonzero(both) < 500:
+    if np.count_nonzero(both) < LEAST_COMMON_PIXELS:
         return None
     power = float(np.mean(mean[both] ** 2 - scatter[both] / number[both]))
     # what comes from the body (defocus, blur, another scale) is not at the same pixels when other texture lies there
     near, far = (sums[1, part][both] / sums[0, part][both] for part in (0, 2))
     common = float(np.mean(near * far))
-    if power < share[0] * noise2 or common < share[1] * power:
+    if power < POWER * noise2 or common < COMMON * power:
         return None
     pattern = mean * power / (power + scatter / number)
     return np.where(usable, pattern, 0.0).astype(np.float32)
@@ -256,7 +235,7 @@ def _difference(
     matrix[:, 2] = np.array(centre) + pose[1:] - matrix[:, :2] @ centre - origin
     size = (width, height)
     there = cv2.warpAffine(ready.reference.picture, matrix, size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
-    inside = cv2.warpAffine(mask.astype(np.float32), matrix, size, flags=cv2.INTER_LINEAR) > 0.99
+    inside = cv2.warpAffine(mask.astype(np.float32), matrix, size, flags=cv2.INTER_LINEAR) >= 1.0 - 1e-3
     y, x = np.nonzero(inside)
     place = np.stack([x, y]) + origin[:, None]
     way = matrix[:, :2] @ place + matrix[:, 2:] + origin[:, None] - place
@@ -271,11 +250,9 @@ def _difference(
     return (frame - light).astype(np.float32), inside
 
 
-ROUNDS = 8
-WORTH = 0.995
-"""Residual variance of a round over that of the one before from which no further one is tried."""
-TRACKED_AGAIN = 2
-"""Times that the whole film is tracked again at most."""
+ROUNDS = 8  # at most, of estimating and fitting the sampled rows again: most films need three
+WORTH = 0.995  # residual variance of a round over that of the one before from which no further one is tried
+TRACKED_AGAIN = 2  # times that the whole film is tracked again at most
 
 Prepare = Callable[[PatternCorrectedFilm], PreparedFilm]
 Pattern = NDArray[np.float32]

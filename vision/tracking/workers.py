@@ -11,7 +11,7 @@ from typing import ParamSpec, TypeVar
 
 from vision.item_map import serial_map
 
-MOST_THREADS = 8
+MOST_THREADS = 8  # choice: more wait for the memory bus
 A = TypeVar("A")
 B = TypeVar("B")
 P = ParamSpec("P")

@@ -34,7 +34,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.camera.model import CameraModel, Projection, project_posed_points, transform_points
+from vision.camera.model import EXPECTED_TURN_RAD, CameraModel, Projection, project_posed_points, transform_points
 from vision.film.source import Compression, FrameSource
 from vision.fitting.pose_covariance import predicted_u_angle
 from vision.fitting.template import Template
@@ -42,11 +42,9 @@ from vision.item_map import ItemMap, serial_map
 from vision.reference.prepared_film import PreparedFilm
 from vision.uncertainty.budget import ErrorBudget, rms, shutter_text
 
-CELL_PX = 12
-"""Error of the sums: at most 1 % of a tilt's effect, as with 8 px."""
-CORRECTION_ROUNDS = 3
-ROWS_AT_ONCE = 256
-"""Poses worked on together: bounds the memory on a long film and stays in the processor's cache."""
+CELL_PX = 12  # error of the sums: at most 1 % of a tilt's effect, as with 8 px
+CORRECTION_ROUNDS = 3  # of inverting a view: choice
+ROWS_AT_ONCE = 256  # poses worked on together: bounds the memory on a long film and stays in the processor's cache
 Both = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Along x and along y."""
 
@@ -150,6 +148,7 @@ def _distortion_displacement(
 
 INTERFRAME_FACTOR = 6.0
 """Error over the noise term with H.264: 3.8 at crf 10, 4.7 at crf 18, 8 at crf 23, textured jack on grey film."""
+MIDDLE_GREY = np.float32(128.0)  # that JPEG takes off
 UNDECLARED_FACTOR = 8.0
 """The same where the film does not say how it was compressed: MPEG-4 of unknown quality gave 4 to 10."""
 
@@ -175,7 +174,9 @@ def compression_u_turn(
             block = weight[top : top + 8, left : left + 8]
             if not block.any():
                 continue
-            content = cv2.dct(picture[top : top + 8, left : left + 8].astype(np.float32) - np.float32(128.0))
+            content = cv2.dct(
+                picture[top : top + 8, left : left + 8].astype(np.float32) - np.float32(128.0)
+            )  # JPEG's middle grey
             error = np.minimum(compression.steps**2 / 12.0, content.astype(float) ** 2)
             variance += float(np.sum(cv2.dct(block).astype(float) ** 2 * error))
     # frame and reference are both rounded; averaging helps the reference only where noise dithers it
@@ -186,9 +187,9 @@ def compression_u_turn(
 class ExpectedMotion:
     """Motion for which the terms are stated before a film is tracked."""
 
-    turn_rad: float = math.radians(15.0)
-    speed_rad_per_s: float = 10.0
-    acceleration_rad_per_s2: float = 2000.0
+    turn_rad: float = EXPECTED_TURN_RAD
+    speed_rad_per_s: float = 10.0  # above the 8 of a forte's whippen
+    acceleration_rad_per_s2: float = 2000.0  # choice: that speed in 5 ms
 
 
 @dataclass(frozen=True)
@@ -343,8 +344,7 @@ def _row_interpolation(ready: PreparedFilm) -> NDArray[np.float64]:
     return found
 
 
-FIELD_BLOCK_PX = 8
-"""Side of the squares over which an interpolation error keeps together: some grains of a texture."""
+FIELD_BLOCK_PX = 8  # side of the squares over which an interpolation error keeps together: some grains of a texture
 
 
 def _newest_speed(speed: NDArray[np.float64], tracked: TrackedAngles, delay_frames: float) -> NDArray[np.float64]:
@@ -372,7 +372,7 @@ def _row_terms(
 def _shutter_factor(film: FrameSource, apart_s: Any) -> Any:
     """Standard uncertainty per acceleration, s^2, of rows so far apart: ``T T_e sqrt(T_e / (320 T))``."""
     exposure_s = np.minimum(film.exposure_s or 0.0, apart_s)
-    return exposure_s * np.sqrt(exposure_s * apart_s / 320.0)
+    return exposure_s * np.sqrt(exposure_s * apart_s / 320.0)  # as above
 
 
 def _speed_and_acceleration(
@@ -386,6 +386,7 @@ def _speed_and_acceleration(
         before, after = np.diff(time_s)[:-1, None], np.diff(time_s)[1:, None]
         first, second = np.diff(angle, axis=0)[:-1] / before, np.diff(angle, axis=0)[1:] / after
         mean2 = (0.5 * (first + second)) ** 2 - 0.5 * (u[1:-1] / before) ** 2
+        # 6: sum of squares of a second difference's weights
         bend2 = ((second - first) / (0.5 * (before + after))) ** 2 - 6.0 * (u[1:-1] / (before * after)) ** 2
         speed[1:-1] = np.sqrt(np.maximum(np.nan_to_num(mean2), 0.0))
         acceleration[1:-1] = np.sqrt(np.maximum(np.nan_to_num(bend2), 0.0))

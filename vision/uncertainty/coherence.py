@@ -21,7 +21,7 @@ WHITE = np.array([0.66, 0.72, 1.12])
 """Ratio on white noise per size of block: spline samples are correlated across the edges of blocks. Measured
 on clean films of speckle, wood and felt (0.61 to 0.66, 0.65 to 0.72, 1.08 to 1.20; 46 rows each)."""
 HALF_WINDOW = 8  # rows to each side over which coherence is averaged
-SIGNIFICANT_SCORE, ALONE = 4.0, 7.0
+SIGNIFICANT_SCORE, ALONE = 4.0, 7.0  # standard deviations, of a mean over rows and of one: chi-squared has long tails
 
 
 def variance_factor(ratio: NDArray[np.float64], blocks: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -53,7 +53,7 @@ def _window_sum(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(total[np.minimum(rows + HALF_WINDOW + 1, n)] - total[np.maximum(rows - HALF_WINDOW, 0)])
 
 
-MOST_ROWS = 60
+MOST_ROWS = 60  # for which it is computed; others lie between them
 
 
 def expected_ratio(
