@@ -81,16 +81,6 @@ def test_imports_inside_functions_give_their_reason() -> None:
     assert silent == []
 
 
-def test_nothing_but_a_typer_command_takes_more_than_eight_parameters() -> None:
-    """A command declares one parameter an option; ruff holds everything outside of ``pianorig/commands`` to eight."""
-    many = []
-    for path, node in functions():
-        given = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
-        is_command = node.name == "command" and path.is_relative_to(ROOT / "pianorig" / "commands")
-        many += [f"{path.name}: {node.name}"] if len(given) > 8 and not is_command else []
-    assert many == []
-
-
 def script_imports(texts: dict[str, str]) -> dict[str, list[tuple[str, str]]]:
     """Module and name of each import of each JavaScript module, of texts by module name; one form is allowed."""
     found: dict[str, list[tuple[str, str]]] = {}

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import model
 
@@ -59,30 +58,6 @@ def test_joint_friction_holds_then_slides_as_coulomb_says(friction: Any) -> None
     assert np.ptp(turned.solution.angle_rad[:, 0]) < 1e-9
 
 
-def test_sticking_pairs_stop_and_impulses_stay_in_their_bounds(friction: Any) -> None:
-    rng = np.random.default_rng(11)
-    for _ in range(100):
-        n, count = 4, 7  # more pairs than coordinates
-        root = rng.normal(size=(n, n))
-        along = rng.normal(size=(count, n))
-        given = np.ascontiguousarray(np.linalg.solve(root @ root.T + 0.1 * np.eye(n), along.T).T)
-        bound = rng.uniform(0.0, 2.0, count) * (rng.uniform(size=count) > 0.2)
-        own = np.einsum("ij,ij->i", along, given)
-        pairs = friction.Pairs(along, given, own, bound, np.zeros(count), np.ones(count, dtype=np.int64))
-        start = rng.normal(size=n)
-        change = start.copy()
-        for sweep in range(300):
-            if sweep % 6 == 5:
-                friction._solve_active_set(pairs, change)
-            if friction._sweep(pairs, change) < 1e-11:
-                break
-        assert change == pytest.approx(start + pairs.impulse @ given, abs=1e-9)
-        w = along @ change
-        assert np.all(np.abs(pairs.impulse) <= bound)
-        for j in np.flatnonzero(bound > 0.0):  # sticks inside the bound, else the impulse opposes the sliding
-            assert abs(w[j]) < 1e-8 or pairs.impulse[j] == pytest.approx(-np.sign(w[j]) * bound[j])
-
-
 def test_the_smoothed_law_comes_nearer_as_its_threshold_falls(friction: Any) -> None:
     t, f = (column[model.force_table("forte")[0] <= 0.14] for column in model.force_table("forte"))
     _, numbers = friction.run(model.load_action(), t, f, 1e-5)
@@ -98,22 +73,6 @@ def test_a_linear_bar_is_half_a_swing(string: Any) -> None:
     assert blow.contact_s == pytest.approx(math.pi * math.sqrt(mass / stiffness), rel=2e-3)
     assert blow.force_n.max() == pytest.approx(2.0 * math.sqrt(mass * stiffness), rel=1e-3)
     assert blow.rebound == pytest.approx(1.0, rel=1e-6)
-
-
-def test_before_the_first_echo_the_string_is_endless(string: Any) -> None:
-    long = string.String(2.0, 0.02, 600.0, 0.0, 0.0, 0.0, 0.5)
-    impedance = math.sqrt(600.0 * 0.02 / 2.0)
-    until = 2.0 / math.sqrt(600.0 * 2.0 / 0.02)  # there and back
-
-    def rate(_: float, y: Any) -> list[float]:
-        force = 3e4 * max(y[0] - y[2], 0.0)
-        return [y[1], -force / 0.008, force / (2.0 * impedance)]
-
-    blow = string.strike(long, string.Hammer(0.008, c=3e4), 1.5, modes=200, seconds=0.03)
-    early = blow.time_s < 0.98 * until
-    seen = solve_ivp(rate, (0.0, until), [0.0, 1.5, 0.0], t_eval=blow.time_s[early], rtol=1e-9, atol=1e-13).y
-    force = 3e4 * np.maximum(seen[0] - seen[2], 0.0)
-    assert np.abs(blow.force_n[early] - force).max() <= 0.01 * force.max()
 
 
 def test_what_the_hammer_loses_rings_and_a_choir_in_tune_is_one_heavy_string(string: Any) -> None:
@@ -166,14 +125,6 @@ def test_observations_follow_their_numbers() -> None:
     assert by["no tangential friction: the hammer fails to check"]
     with pytest.raises(SystemExit, match="never meets the string"):
         seen.check_all(model.load_action(), np.array([0.0, 0.1, 0.5, 0.7]), np.array([0.0, 0.3, 0.3, 0.0]))
-
-
-def test_a_variant_that_never_strikes_counts_as_farthest() -> None:
-    seen = part("observations")
-    lead = [model.study.Variant("lead", {"hammer.mass": 0.05})]
-    study = model.study.compare(model.load_action(), *model.force_table("piano"), lead)
-    (changed,) = (o for o in seen.check_strike(study, 1.0, 1.0) if o.statement.endswith("its time"))
-    assert not changed.holds and "lead" in changed.judged_by
 
 
 def test_the_command_prints_a_part_and_writes_its_numbers(tmp_path: Path) -> None:

@@ -59,10 +59,6 @@ def test_the_monotone_cubic_is_the_one_of_scipy() -> None:
     assert profile.force_at([-0.1, 0.5]) == pytest.approx([0, 0])
 
 
-def test_two_points_make_a_cubic_too() -> None:
-    assert parse_profile(profile_text([(0, 0), (1, 0)], "pchip")).force_at([0.5]) == pytest.approx([0])
-
-
 ordered = st.lists(st.integers(1, 50_000), min_size=2, max_size=20, unique=True).map(sorted)
 
 

@@ -214,14 +214,6 @@ def test_a_tdms_scale_or_axis_that_is_not_known_is_refused(bench: Bench) -> None
     assert bench.load(milli, time="")[0].sample_rate_hz == pytest.approx(RATE_HZ)
 
 
-def test_tdms_time_stamps_are_held_against_the_stated_interval(bench: Bench) -> None:
-    stamps = np.datetime64("2026-03-01T12:00:00.000000") + (200 * np.arange(N)).astype("timedelta64[us]")
-    same(bench.load(bench.tdms((slice(0, N), {"wf_increment": 2e-4}), stamps=stamps), time="")[0])
-    stamps[310:] += np.timedelta64(60, "s")
-    path = bench.tdms((slice(0, N), {"wf_increment": 2e-4}), stamps=stamps)
-    bench.refuse(path, "time_s row 311", time="")
-
-
 def test_a_tdms_file_that_was_not_finalised_is_an_incomplete_trial(bench: Bench) -> None:
     path = bench.tdms((slice(0, 400), {"wf_increment": 2e-4}), (slice(400, N), {"wf_increment": 2e-4}))
     data = bytearray(path.read_bytes())
@@ -532,24 +524,6 @@ def test_a_virtual_dataset_without_its_file_is_not_read_as_zeros(bench: Bench) -
 
 
 @pytest.mark.parametrize(
-    ("stated", "words"),
-    [
-        ({"force:unit": "kN", "force:unit_string": ""}, "force_n is in 'kN' by the file itself"),
-        ({"force:NI_UnitDescription": "lbf"}, "units that the file states contradict each other"),
-        ({"force:gain": 100.0}, "property gain = 100.0 may be a scale"),
-        ({"Sampling Rate": 2500.0}, "0.0004 s by the file itself"),
-        ({"force:wf_increment": 2e-4, "force:NI_ChannelName": "load cell 2"}, ""),
-    ],
-)
-def test_what_tdms_properties_state_is_compared(bench: Bench, stored=None, *, stated, words: str) -> None:
-    path = bench.tdms((slice(None), stated))
-    if words:
-        bench.refuse(path, words, time=STATED)
-    else:
-        same(bench.load(path, time=STATED)[0])
-
-
-@pytest.mark.parametrize(
     ("name", "form"),
     [
         *itertools.product(("Force (kN)", "F / kN", "Kraft in kN", "force_kN", "F/kN", "load [kN]"), ("csv", "tdms")),
@@ -612,16 +586,6 @@ def test_clock_times_of_any_form_are_compared_with_a_stated_rate(bench: Bench, w
     bench.refuse(
         bench.folder / "a.csv", "time_s row 101: 0.034 s comes after 0.0198 s, samples are missing: 70", time=STATED
     )
-
-
-def test_a_date_of_unknown_order_must_not_change(bench: Bench) -> None:
-    at = np.datetime64("2026-11-29T23:59:59.96") + np.round(TIME_S * 1e6).astype("m8[us]")
-    lines = [f"{at[k].item():%d.%m.%Y %H:%M:%S.%f},{FORCE_N[k]:.10g},{KEY[k]:.0f},{HAMMER[k]:.0f}" for k in range(N)]
-    path = bench.folder / "a.csv"
-    path.write_text("time_s,force_n,key,hammer\n" + "\n".join(lines) + "\n")
-    bench.refuse(path, "time_s row 201: found '30.11.2026 00:00:00.000000', allowed a time like the first")
-    bench.refuse(path, "times that cannot be compared with the rate are named in time.ignore", time=STATED)
-    same(bench.load(path, time=STATED + 'ignore = ["time_s"]\n')[0])
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import gzip
 import numpy as np
 import pytest
 
-from rig import ChannelInfo, InputError, RigInputError, Session, import_session, load_mapping
+from rig import ChannelInfo, InputError, Session, import_session, load_mapping
 from rig.configuration.rig_file import ChannelConfig
 from rig.foreign.mapping import parse_mapping
 from rig.foreign.session_import import cut_strokes
@@ -294,12 +294,6 @@ def test_a_rig_files_channel_may_be_a_position_sensor() -> None:
     assert ChannelInfo.from_plain(plain) == info
     with pytest.raises(ValueError, match="displacement_m falls"):
         ChannelConfig(**{**config.model_dump(), "ruler": {**ruler, "displacement_m": tuple(RULER_M[::-1])}})
-
-
-def test_a_position_that_is_not_there_is_named(recording, tmp_path) -> None:
-    data = import_text(tmp_path, mapping(), recording[0]).trial(1).read()
-    with pytest.raises(RigInputError, match="no position sensor 'jack'; found \\('key', 'hammer'\\)"):
-        data.position("jack")
 
 
 def test_drift_of_the_zero_is_taken_off_the_reading(recording, tmp_path) -> None:

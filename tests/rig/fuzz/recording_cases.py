@@ -78,27 +78,6 @@ def logger_csv_case(folder: Path) -> Case:
     return whole.encode(), read, right
 
 
-def unequal_lvm_case(folder: Path) -> Case:
-    """Channels with 30, 12 and no samples, times of three digits."""
-    head = (
-        "LabVIEW Measurement\nSeparator\tTab\nDecimal_Separator\t.\nX_Columns\tOne\n***End_of_Header***\n"
-        "Channels\t3\nSamples\t30\t12\t0\nY_Unit_Label\tN\tdeg\tV\nX0\t0\t0\t0\nDelta_X\t0.0002\t0.0002\t0.0002\n"
-        "***End_of_Header***\nX_Value\tForce\tKey\tSpare\tComment\n"
-    )
-    rows = "\n".join(f"{k * 2e-4:.3f}\t{np.sin(k):.5f}" + (f"\t{k * 3}" if k < 12 else "") for k in range(30))
-
-    def right(data: bytes, found: Any) -> None:
-        for table in found:
-            assert all(np.all(np.isfinite(values)) for values in table.channels.values())
-            assert all(clock.interval_s > 0 for clock in table.clocks.values())
-        lines = data.decode("utf-8-sig", "replace").replace("\r", "").split("\n")
-        last = next(line for line in reversed(lines) if line.strip()).split("\t")
-        longest = max((v for name, v in found[-1].channels.items() if name != "X_Value"), key=len)
-        assert longest[-1] in [float(cell.replace(",", ".")) for cell in last[1:] if cell.strip()]
-
-    return (head + rows + "\n").encode(), _lvm, right
-
-
 def _lvm_right(data: bytes, found: Any) -> None:
     assert all(clock.interval_s > 0 for table in found for clock in table.clocks.values())
     for table in found:
@@ -114,16 +93,6 @@ def _lvm_right(data: bytes, found: Any) -> None:
 
 def _lvm(data: bytes) -> Any:
     return parse_lvm(data.decode("utf-8-sig", "replace"), "a.lvm")
-
-
-def lvm_case(folder: Path) -> Case:
-    head = (
-        "LabVIEW Measurement\nSeparator\tTab\nDecimal_Separator\t.\nX_Columns\tOne\n***End_of_Header***\n"
-        "Channels\t2\nSamples\t30\t30\nY_Unit_Label\tN\tdeg\nX0\t0\t0\nDelta_X\t0.0002\t0.0002\n***End_of_Header***\n"
-        "X_Value\tForce\tKey\tComment\n"
-    )
-    rows = "\n".join(f"{k * 2e-4:.4f}\t{np.sin(k):.5f}\t{k * 3}" for k in range(30))
-    return (head + rows + "\n").encode(), _lvm, _lvm_right
 
 
 def segments_case(folder: Path) -> Case:

@@ -21,9 +21,7 @@ TEXTS = {
     "camera": settings_cases.camera_case,
     "csv": recording_cases.csv_case,
     "european csv": recording_cases.european_csv_case,
-    "lvm": recording_cases.lvm_case,
     "lvm segments": recording_cases.segments_case,
-    "unequal lvm": recording_cases.unequal_lvm_case,
     "csv of a logger": recording_cases.logger_csv_case,
 }
 BINARY = {

@@ -6,7 +6,6 @@ Rest: still encoders and force back, for a whole window.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,12 +15,10 @@ from rig import Block, Progress, Rig, Session, load_rig, parse_profile, parse_ri
 from rig import record as record_session
 from rig.recording.rest_detector import RestDetector
 from rig.session.live_view import SessionFollower
-from rig.session.sealed_trial import read_trial, write_trial, write_trial_parts
 from tests.rig.fake_backend import RATE_HZ as RATE
 from tests.rig.fake_backend import FakeBackend
 from tests.rig.lab_channels import READBACK
 from tests.rig.recording.memory_growth import Growth
-from tests.rig.session.test_sealed_trial import trial
 
 
 def samples(first: int, n: int) -> Block:
@@ -64,24 +61,6 @@ def test_memory_does_not_grow_during_a_trial_nor_when_it_is_sealed(tmp_path, lon
     samples_mb = 35 * RATE * 8 * 10 / 1e6  # force, its reading, time, three counts, four voltages
     assert growth.mb < 4.0 < samples_mb / 3  # the part that is being sealed
     checked(session, 35.0)
-
-
-def test_a_trial_written_in_parts_is_the_same_trial(tmp_path) -> None:
-    whole = trial(200)
-    write_trial(tmp_path / "whole.h5", whole)
-    for size in (1, 37, 200):
-        arrays = ("time_s", "raw_force_n", "force_raw", "motor_command_v", "encoder_count")
-        parts = [
-            replace(whole, **{name: getattr(whole, name)[first : first + size] for name in arrays})
-            for first in range(0, 200, size)
-        ]
-        write_trial_parts(tmp_path / f"{size}.h5", whole, 200, parts)
-        assert read_trial(tmp_path / f"{size}.h5").sha256 == read_trial(tmp_path / "whole.h5").sha256
-    with pytest.raises(ValueError, match="199 rows, expected 200"):
-        write_trial_parts(
-            tmp_path / "less.h5", whole, 200, [replace(whole, **{name: getattr(whole, name)[:199] for name in arrays})]
-        )
-    assert not (tmp_path / "less.h5").exists()
 
 
 def test_a_live_view_keeps_the_last_half_minute_and_the_angles_from_the_start(tmp_path, long_rig) -> None:

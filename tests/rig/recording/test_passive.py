@@ -310,13 +310,6 @@ def test_every_stroke_is_found_once_and_whole(seed) -> None:
     assert all(s.first >= end - 0.21 * RATE for s, end in zip(strokes, ends, strict=False))
 
 
-def test_the_division_into_blocks_does_not_move_a_beginning() -> None:
-    force, count = played(6.0, [(1.2, 0.1, 9.0), (3.0, 0.2, 30.0)])
-    begun = [[(s.first, s.trigger) for s in found(force, count, block)] for block in (10, 100, 250)]
-    triggers = [[trigger for _, trigger in one] for one in begun]
-    assert triggers[0] == triggers[1] == triggers[2]
-
-
 def test_spikes_drift_and_a_finger_laid_on_the_key_are_no_strokes() -> None:
     def spikes(t: np.ndarray, force: np.ndarray, key: np.ndarray) -> None:
         force[10_000:10_008] += 40.0  # 1.6 ms: a relay

@@ -99,13 +99,6 @@ def test_the_drivers_own_count_must_be_what_is_stored(record) -> None:
     assert seen[:4] == [trials[0].read().n_valid] * 4
 
 
-def test_after_each_trial_its_bench_can_be_looked_at(record) -> None:
-    _, backend, call = record
-    looked = []
-    call(after_trial=lambda trial: looked.append((trial.number, backend.next_sample == trial.read().n_valid)))
-    assert looked == [(1, True), (2, True)]
-
-
 def test_before_each_trial_the_recorder_waits_with_the_outputs_safe(record) -> None:
     folder, backend, call = record
     began = []

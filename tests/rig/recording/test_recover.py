@@ -78,16 +78,6 @@ def test_damage_in_the_middle_keeps_the_journal_and_says_so(cut_off) -> None:
     assert recover_session(folder) == []
 
 
-def test_a_journal_without_samples_goes_and_one_that_begins_with_damage_stays(cut_off) -> None:
-    folder, session = cut_off
-    for number in (1, 2):
-        session.trial_path(number).unlink()
-    session.journal_path(1).write_bytes(bytes(5000))
-    session.journal_path(2).write_bytes(b"\1" + session.journal_path(2).read_bytes()[1:])
-    assert [entry.status for entry in recover_session(folder)] == ["empty", "unreadable"]
-    assert list(session.journals) == [2] and session.trials == ()
-
-
 def test_a_journal_cut_off_before_its_first_block_was_whole_goes(cut_off) -> None:
     folder, session = cut_off
     for number in (1, 2):

@@ -136,13 +136,6 @@ def test_what_was_interrupted_or_rejected_is_played_again_under_new_numbers(
         resume_session(session.path, backend)
 
 
-def test_a_plain_session_is_continued_to_its_number_of_trials(tmp_path, rig, record_steps) -> None:
-    with pytest.raises(KeyboardInterrupt):
-        record_steps(rig, trials=3, progress=stop_at(2, 0.1, KeyboardInterrupt()))
-    session = resume_session(tmp_path / "s", FakeBackend())
-    assert [t.status for t in session.trials] == ["complete", "interrupted", "complete", "complete"]
-
-
 def test_a_changed_copy_is_refused(rig, make_plan, record_steps) -> None:
     session = record_steps(rig, plan=make_plan("listed"))
     session.annotate(4, "reject", "noise")

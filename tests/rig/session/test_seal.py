@@ -68,21 +68,6 @@ def test_the_digest_of_a_shipped_trial_is_found_again_in_its_file(path: Path) ->
             assert content_sha256(file) == file.attrs["sha256"]
 
 
-def test_a_trial_closed_unchanged_is_read_with_one_warning_and_sealed_again_as_it_was(sealed: Any) -> None:
-    path, data = sealed
-    whole = path.read_bytes()
-    open_and_close(path)
-    assert path.read_bytes() == whole[: whole.rindex(MARK)] and not has_seal(path)
-    with pytest.warns(UserWarning) as seen:
-        assert_same(read_trial(path), data)
-        assert read_status(path)[0] == "complete" and trial_problem(path) == ""
-    (line,) = [str(one.message) for one in seen]
-    assert str(path) in line and f"pianorig recover {path.parent}" in line and "\n" not in line
-    seal_again(path)
-    assert path.read_bytes() == whole
-    assert_same(read_trial(path), data)
-
-
 @pytest.mark.parametrize("left", [1, len(MARK) + 64])
 def test_a_seal_of_which_a_part_is_left_is_written_anew(sealed: Any, left: int) -> None:
     path, _ = sealed
@@ -130,12 +115,6 @@ def test_a_bit_flipped_after_the_seal_was_lost_is_found_and_crashes_nothing(seal
                 assert_same(read_trial(path), data)  # a place that holds nothing
             except InputError as refusal:
                 assert "not what was sealed" in str(refusal)
-
-
-def test_a_sealed_trial_that_another_program_reads_is_read(sealed: Any) -> None:
-    path, data = sealed
-    with held(path, "r"):
-        assert_same(read_trial(path), data)
 
 
 def test_a_sealed_trial_that_is_locked_but_whole_is_read(sealed: Any) -> None:

@@ -85,13 +85,6 @@ def test_forte_spikes_as_in_the_thesis(forte: PlantTruth) -> None:
     assert len(strikes(forte)) == 1
 
 
-def test_piano_spikes_near_3_n(plant: ActionPlant) -> None:
-    truth = play(plant, "piano")
-    before_release = truth.time_s < 0.5
-    assert 2.7 <= truth.force_n[before_release].max() <= 3.3
-    assert len(strikes(truth)) == 1
-
-
 def test_double_strikes_twice_an_onset_apart(plant: ActionPlant) -> None:
     times = strikes(play(plant, "double"))
     assert len(times) == 2
@@ -140,16 +133,6 @@ def test_same_seed_same_trial_other_trial_differs_as_declared(plant: ActionPlant
     assert gain.std(ddof=1) == pytest.approx(plant.scatter["motor_gain"], rel=0.12)
     assert friction.std(ddof=1) == pytest.approx(plant.scatter["key.joint_friction.A"], rel=0.12)
     assert abs(np.corrcoef(gain, friction)[0, 1]) < 0.2
-
-
-def test_interpolated_truth_follows_the_motion(forte: PlantTruth) -> None:
-    np.testing.assert_allclose(forte.angles_at(forte.time_s[::37]), forte.angle_rad[::37], atol=1e-15)
-    every_other = PlantTruth(
-        forte.time_s[::2], forte.angle_rad[::2], forte.speed_rad_per_s[::2], forte.force_n[::2], forte.action, 1.2
-    )
-    error = np.abs(every_other.angles_at(forte.time_s[1:-1:2]) - forte.angle_rad[1:-1:2])
-    # twice the interval makes a fourth-order error 16 times larger, and it still is far below a film's resolution
-    assert error[:, 1:4].max() < 5e-4
 
 
 def test_command_can_change_while_under_way(plant: ActionPlant) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +11,8 @@ from numpy.typing import NDArray
 
 import vision.tracking.track_film
 from tests.vision.known_films import film_of, smooth_step
-from vision import ArrayFilm, Body, FrameFlag, open_film, track, write_mraw
-from vision.frame_fit.frame_fit import FrameFit, build_repeat_watch, read_frames_around
+from vision import ArrayFilm, Body, FrameFlag, track
+from vision.frame_fit.frame_fit import FrameFit, build_repeat_watch
 from vision.results.pose_table import PoseTable
 from vision.synthetic import Scene, SyntheticBody, background, box, speckle
 from vision.tracking.film_tracker import FilmTracker, build_repeat_detector
@@ -105,32 +104,6 @@ def test_compiled_frames_have_the_bits_of_fits_in_python(
         np.testing.assert_array_equal(other.angle_rad, compiled.angle_rad)
         np.testing.assert_array_equal(other.u_angle_rad, compiled.u_angle_rad)
         assert other.info["wide_searches"] == compiled.info["wide_searches"]
-
-
-def test_frames_are_taken_as_they_lie_where_they_do(tmp_path: Path) -> None:
-    frames = np.random.default_rng(1).integers(0, 250, (20, 30, 40)).astype(np.uint8)
-    film = ArrayFilm(frames, frame_rate_hz=2000.0)
-    first, found, n = read_frames_around(film, np.arange(3, 20, 2))
-    assert (first, n) == (2, 9) and not found.flags.writeable and frames.flags.writeable
-    np.testing.assert_array_equal(found, frames[2:20])
-    assert read_frames_around(film, np.arange(0, 20))[2] == 16, "a call ends soon"
-    assert read_frames_around(ArrayFilm(frames[:, :, ::2]), np.arange(5)) is None
-    assert read_frames_around(film, np.arange(0)) is None
-
-    class Other(ArrayFilm):
-        """May read as it likes."""
-
-    assert read_frames_around(Other(frames), np.arange(5)) is None
-    for bits, scale, lies in ((8, 1, True), (16, 200, True), (12, 10, False)):
-        path = tmp_path / f"film{bits}.mraw"
-        values = frames.astype(np.uint16) * scale if bits > 8 else frames
-        write_mraw(path, values, 2000.0, bit_depth=bits)
-        with open_film(path) as stored:
-            around = read_frames_around(stored, np.arange(4, 9))
-            assert (around is not None) == lies
-            if around is not None:
-                np.testing.assert_array_equal(around[1], values[3:9])
-                assert not around[1].flags.writeable
 
 
 def test_a_body_that_was_never_placed_is_left_to_python(lever_scene: Scene) -> None:

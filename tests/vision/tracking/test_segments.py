@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -89,23 +87,6 @@ def test_a_stretch_begins_where_a_third_of_the_body_is_hidden(monkeypatch: pytes
     result = track(known.film, known.bodies)
     assert not result.is_lost.any() and not searches
     assert joined == [True] * 3
-
-
-def test_each_wide_search_is_counted_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    hidden = (*range(26, 29), *range(73, 76))  # the quick walk steps over them
-    known = film_of(bar_scene("speckle"), bar_motion(N, PIVOT, 0.2), cover=dark(hidden))
-    parts = track(known.film, known.bodies, confirm="none")
-    assert parts.info["wide_searches"] == len(hidden)
-    monkeypatch.setattr(vision.tracking.passes, "EVERY_ROWS", 16)
-
-    def stop(done: int, _: int) -> None:
-        if done == 90:
-            raise InputError("stopped")
-
-    with pytest.raises(InputError, match="stopped"):
-        track(known.film, known.bodies, checkpoint=tmp_path / "kept.npz", progress=stop)
-    resumed = track(known.film, known.bodies, checkpoint=tmp_path / "kept.npz", confirm="none")
-    assert resumed.info["rows_resumed"] == 90 and resumed.info["wide_searches"] == len(hidden)
 
 
 def test_an_error_in_a_thread_ends_the_run() -> None:

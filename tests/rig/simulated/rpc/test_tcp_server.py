@@ -71,15 +71,6 @@ def test_a_finite_acquisition_of_several_channels(card) -> None:
     stub.ClearTask(messages.ClearTaskRequest(task=task))
 
 
-def test_refusals_carry_the_driver_status(card) -> None:
-    stub, _ = card
-    task = new_task(stub)
-    for code, channels, changes in ((-200170, "Dev1/ai99", {}), (-200077, "Dev1/ai1", {"max_val": 11.0})):
-        with pytest.raises(grpc.RpcError) as refusal:
-            add_voltage_inputs(stub, task, channels, **changes)
-        assert ("ni-error", str(code)) in [tuple(entry) for entry in refusal.value.trailing_metadata()]
-
-
 @pytest.mark.parametrize("call", ["CreateAIThrmcplChan", "RegisterDoneEvent"])
 def test_what_is_not_answered_is_refused_by_its_name_also_where_events_would_come(card, call: str) -> None:
     stub, _ = card
