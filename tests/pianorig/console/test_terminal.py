@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 import time
@@ -13,27 +14,31 @@ import pytest
 if sys.platform == "win32":
     pytest.skip("pseudo-terminals are POSIX only", allow_module_level=True)
 
+import termios
+
 from pianorig.commands.watch import curve
 from pianorig.console import progress
 from pianorig.console.output import print_json
 from pianorig.console.progress import ONCE
 from rig import Progress
-from tests.terminal_screen import OnTerminal
+from tests.command_line import run
 
 
-def test_a_recording_is_one_line_of_a_narrow_terminal(tmp_path: Path) -> None:
-    columns = 40
-    terminal = OnTerminal("record", "--trials", "2", "--out", "s", columns=columns, cwd=tmp_path, env={"NO_COLOR": "1"})
-    text = terminal.run()
-    assert terminal.process.returncode == 0, text
-    # what stays is the one sentence said at the beginning (it may take two lines of forty characters)
-    shown = " ".join(terminal.screen.shown()).replace(" ", "")
-    compiled = ONCE.replace(" ", "")  # where no test before has compiled the kernels
-    assert shown.removeprefix(compiled) == "recordingforteonsim://intos"
-    drawn = re.findall(r"trial ([12])/2", text)
-    assert {"1", "2"} <= set(drawn) and terminal.screen.returns > len(drawn)
-    assert "filming" not in text  # nothing was filmed
-    assert max(len(part) for part in re.split(r"[\r\n]", text) if "t" in part and "/2" in part) < columns
+def test_a_recording_is_one_line_of_a_narrow_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    screen, stderr = os.openpty()
+    termios.tcsetwinsize(stderr, (24, 40))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("pianorig.console.terminal.REFRESH_S", 0.0)
+    with open(stderr, "w", encoding="utf-8") as terminal:
+        with monkeypatch.context() as patch:
+            patch.setattr(sys, "stderr", terminal)
+            assert run("record", "--trials", "1", "--out", "s") == 0
+        text = os.read(screen, 100_000).decode()
+    os.close(screen)
+    assert text.replace(ONCE, "").lstrip().startswith("recording forte on sim:// into s\r\n")
+    drawn = [part for part in re.split(r"[\r\n]+", text) if part.startswith("trial 1/1")]
+    assert len(drawn) > 10 and max(map(len, drawn)) < 40 and text.count("\r\n") == text.count("\n") <= 2
+    assert "filming" not in text and text.endswith("\r")  # nothing was filmed, and the line is cleared
 
 
 def test_long_work_in_a_pipe_says_what_it_does_in_plain_lines(
