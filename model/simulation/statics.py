@@ -192,8 +192,8 @@ def rest_state(
     force_n : N, positive downwards on the key (with a motor arm, its drive or a finger in
         ``scene``: torque, N m; command, V; way of the hand, m)
     scene : what takes part; by default what the action says, with its effects
-    near : rest of a similar action, where the search begins if it has the same bodies; by default an action set up by
-        hand
+    near : rest of a similar action with the same bodies, where the search begins; what is found is kept if the same
+        contacts touch. Else the search begins as a hand sets up the action, as it does by default
 
     Returns
     -------
@@ -214,8 +214,14 @@ def rest_state(
     """
     action = as_action(action)
     scene = build_scene(action) if scene is None else scene
-    start = near.angle_rad if near is not None and near.bodies == scene.bodies else None
-    found = solve_rest(scene, force_n, start, with_joints=True)
+    if near is not None and near.bodies == scene.bodies and near.contacts == scene.contacts:
+        found = _describe_rest(scene, force_n, solve_rest(scene, force_n, near.angle_rad, with_joints=True))
+        if np.array_equal(found.penetration_m > 0.0, near.penetration_m > 0.0):
+            return found
+    return _describe_rest(scene, force_n, solve_rest(scene, force_n, with_joints=True))
+
+
+def _describe_rest(scene: Scene, force_n: float, found: NDArray[np.float64]) -> RestState:
     q, give = found[: scene.size], found[scene.size :]
     scene.check_whole(q, "rest state")
     forces, _, _ = balance(scene, found, force_n)

@@ -27,7 +27,7 @@ from validation.infer.channels import (
     FORCE_LEVEL,
     ChannelError,
 )
-from validation.infer.noise import SCATTER
+from validation.infer.noise import NULL_SCATTER
 from validation.infer.observations import ObservedTrial
 from validation.infer.unknowns import LAW_U, NORMAL, THRESHOLDS, lead_of, single_names
 from validation.prediction.posterior import posterior_of, principal_axes
@@ -170,7 +170,7 @@ def sources(action: model.Action, trial: ObservedTrial) -> tuple[Source, ...]:
         if law or name.endswith(MASSES):
             wrong = LAW_U if law else MASS_WRONG
             profiles = (ALL, TREND, STEP) if law else (ALL,)
-            scatter = SCATTER if law else 0.0
+            scatter = NULL_SCATTER if law else 0.0
             found.append(Source(name, "1", paths, wrong, relative / wrong, law, scatter=scatter, profiles=profiles))
         elif name in THRESHOLDS:
             found.append(Source(name, "1", paths, LAW_U, relative / LAW_U, named=False))

@@ -34,6 +34,7 @@ FLOOR = 2e-3  # of the response: no model is taken to be closer, and no linear m
 # prior of a size: median, standard deviation of its natural logarithm; learning starts there but for the scatter
 SCATTER_PRIOR, SCATTER_SD = 0.05, 1.1  # 1.5 % of a law whose prior is 30 %, to a factor of three
 SCATTER = 0.07  # where learning starts
+NULL_SCATTER = 0.1  # 3 % of a law, where causes are tested: by the prior, laws scatter less on three benches of four
 OWN, OWN_SD = 0.01, 2.0
 COMMON, COMMON_SD = 0.05, 2.5
 LIKE_LAWS = 0.5  # standard deviation of the logarithm: the part that is like laws, beside the smooth ones
@@ -83,7 +84,7 @@ class Sizes:
     def null(families: NDArray[np.intp], own: float) -> Sizes:
         """Sizes of a model that lacks nothing, the encoders measured; each trial deviates by ``own``."""
         seen = np.isin(range(len(CHANNEL_NAMES)), ENCODERS).astype(float)[None]
-        return Sizes._fill(families, seen, SCATTER, own, FLOOR)
+        return Sizes._fill(families, seen, NULL_SCATTER, own, FLOOR)
 
     @staticmethod
     def tight(families: NDArray[np.intp], seen: Array) -> Sizes:

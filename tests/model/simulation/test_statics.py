@@ -51,6 +51,13 @@ def test_rest_searched_from_one_near_by_is_the_same(action: model.Action) -> Non
     )
 
 
+def test_a_rest_where_other_contacts_touch_is_not_kept(action: model.Action) -> None:
+    pressed = model.rest_state(action, 0.45)  # has left the rest that a hand sets up under less
+    cold = model.rest_state(action, 0.05)
+    assert not np.array_equal(pressed.penetration_m > 0, cold.penetration_m > 0)
+    np.testing.assert_array_equal(model.rest_state(action, 0.05, near=pressed).angle_rad, cold.angle_rad)
+
+
 def test_rest_of_other_actions(action: model.Action) -> None:
     random = np.random.default_rng(7)
     lengths = [p for p, q in action.quantities.items() if q.unit == "m" and not p.endswith("radius")]

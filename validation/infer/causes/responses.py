@@ -126,19 +126,22 @@ class Responses:
         """Trials of a group that are run: what trials differ by is a matter of each."""
         return group[:MOST_RUN] if len(groups) == 1 else group
 
-    def columns(self, asked: Sequence[tuple[Point, int, int]], here: Sequence[Array]) -> list[Array]:
+    def columns(
+        self, asked: Sequence[tuple[Point, int, int]], here: Sequence[Array], longest: Sequence[float] = ()
+    ) -> list[Array]:
         """Derivative (3 m,) of one trial's prediction with respect to one source; zeros where none is found.
 
         Parameters
         ----------
         asked : point, index of the trial, index of the source
         here : differences (trials, 3 m) at each of the points
+        longest : longest step of each difference; by default that of the source
         """
         places, steps = [], []
-        for point, t, j in asked:
+        for n, (point, t, j) in enumerate(asked):
             at, source = self._place(point, t), self.listed[j]
             there = source.added and dict(at.amounts).get(j, 0.0) > LEAST_ADDED
-            steps.append(LEAST_ADDED if there else source.step)
+            steps.append(min([LEAST_ADDED if there else source.step, *longest[n : n + 1]]))
             places.append((_add_amount(at, j, steps[-1]), t))
         out = []
         for (_, t, _), step, turn, differences in zip(asked, steps, self._read_all(places), here, strict=True):
@@ -276,7 +279,7 @@ class Responses:
     def _find_rest(
         self, changed: dict[str, float], added: Sequence[tuple[Source, float]], preload_n: float, declared_n: float
     ) -> tuple[model.Action, model.RestState] | None:
-        """The action with all changes, and its rest, searched from that of the action under the declared preload."""
+        """The action with all changes, and its rest, searched near the rest without them if the preload is declared."""
         try:
             action = self.tested.action.with_values(changed) if changed else self.tested.action
             for source, z in added:
@@ -284,7 +287,8 @@ class Responses:
                 if scene is None:
                     return None
                 action = scene.apply_to(action)
-            return action, self.tested.rest_of(action, preload_n, self.tested.load(declared_n).rest)
+            near = self.tested.load(declared_n).rest if preload_n == declared_n else None
+            return action, self.tested.rest_of(action, preload_n, near)
         except ModelError:
             return None
 

@@ -69,6 +69,10 @@ class BalancedNoise:
         sizes = [Sizes.null(families, own) for own in DEVIATIONS]
         found = [(share, _covariances(block, sizes, scatter, known)) for share, block in blocks]
         own, laws, shared = (np.sum([share * parts[k] for share, parts in found], axis=0) for k in range(3))
+        common = [_shared_columns(block, known) for _, block in blocks]
+        middle = np.sum([share * columns for (share, _), columns in zip(blocks, common, strict=True)], axis=0)
+        for (share, _), columns in zip(blocks, common, strict=True):  # what all share reads otherwise where a cause is
+            laws = laws + share * (columns - middle) @ (columns - middle).T
         total = [each + laws + curved.T @ curved / len(curved) for each in own]
         self._inverse: dict[int, list[Array]] = {}
         self._own = [cholesky(c, lower=True) for c in own]
@@ -112,6 +116,11 @@ def _covariances(block: Block, sizes: Sequence[Sizes], scatter: Array, known: Ar
     scattered, declared = block.moved * scatter, block.moved @ known
     own = np.array([each for each, _, _ in found])
     return own, laws + scattered @ scattered.T, shared + declared @ declared.T
+
+
+def _shared_columns(block: Block, known: Array) -> Array:
+    """Declared uncertainties (n, k) that all trials share, as a trial's curves answer them."""
+    return np.hstack([block.moved @ known, block.instrument])
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from validation.infer.blocks import make_blocks
 from validation.infer.causes.responses import Point, Responses
 from validation.infer.causes.score_test import ODDS, PAIRED, BalancedNoise, ScoreTest, Threshold, helmert, pair_gains
 from validation.infer.fit import BACKTRACK, CLOSE
-from validation.infer.hypotheses import ALL, LEAST_ADDED, TREND, Source, known_root
+from validation.infer.hypotheses import ALL, LEAST_ADDED, SMALL_STEP, TREND, Source, known_root
 from validation.infer.noise import law_family
 from validation.infer.observations import ENCODERS
 
@@ -28,6 +28,7 @@ RUNS = 256  # draws of the scatter between trials that are run: half for the cur
 ROUNDS = 12  # of Gauss–Newton, at most
 FELTS = 4  # whose hereditary laws are tried, those whose damping shows most: each compiles a scene of its own
 AMOUNTS = (0.5, 1.0, 2.0)  # of what their files state, at which effects are first run
+DIFFERENCE, LEAST_STEP = 3.0, 0.02  # standard uncertainties, and amount, over which a fit takes its derivatives
 DAMPING = ".normal.D"
 
 
@@ -67,7 +68,8 @@ class Search:
         blocks, tangents = [], []
         for t, share in self._conditions():
             columns = np.zeros((at.each.shape[1], len(listed)))
-            found = responses.columns([(at.point, t, j) for j in wanted], len(wanted) * [at.each])
+            longest = len(wanted) * [SMALL_STEP] if at.members else []
+            found = responses.columns([(at.point, t, j) for j in wanted], len(wanted) * [at.each], longest)
             columns[:, wanted] = np.column_stack(found)
             shaped = np.moveaxis(columns.reshape(len(ENCODERS), -1, len(listed)), 0, 1)
             (block,) = make_blocks([trials[t]], [shaped], [responses.force_columns(at.point, t, at.each)], laws)
@@ -206,15 +208,20 @@ class Search:
         return sorted(shown, key=lambda f: -f.log_posterior)
 
     def columns_at(self, fits: Sequence[Fit]) -> list[Array]:
-        """Derivatives (trials, n, k) of each fit: of a trend in every trial, else in one that has the cause."""
-        asked, here, trials = [], [], range(self.noise.trials)
+        """Derivatives (trials, n, k) of each fit: of a trend in every trial, else in one that has the cause.
+
+        Differences are taken over `DIFFERENCE` standard uncertainties: a longer step leaves the bend of an impact in.
+        """
+        asked, here, longest, trials = [], [], [], range(self.noise.trials)
         for fit in fits:
-            for j in fit.members:
+            steps = np.maximum(DIFFERENCE * np.sqrt(np.diag(self.covariance(fit))), LEAST_STEP)
+            for j, step in zip(fit.members, steps, strict=True):
                 c = self.responses.candidates[j]
                 seen = [t for t in trials if c.weights[t]] if c.profile == TREND else [c.seen_in]
                 asked += [(fit.point, t, c.source) for t in seen]
                 here += len(seen) * [fit.each]
-        found = dict(zip(asked, self.responses.columns(asked, here), strict=True))
+                longest += len(seen) * [float(step)]
+        found = dict(zip(asked, self.responses.columns(asked, here, longest), strict=True))
         out = []
         for fit in fits:
             of = [self.responses.candidates[j] for j in fit.members]

@@ -87,7 +87,9 @@ class Curved:
     def differences(self, points: Sequence[Point]) -> list[Array | None]:
         return [self.exact(point) for point in points]
 
-    def columns(self, asked: Sequence[tuple[Point, int, int]], here: Sequence[Array]) -> list[Array]:
+    def columns(
+        self, asked: Sequence[tuple[Point, int, int]], here: Sequence[Array], longest: Sequence[float] = ()
+    ) -> list[Array]:
         return [shapes()[:, j] * (1.0 + 6.0 * (shapes() @ self.amounts(p, t))) for p, t, j in asked]
 
     def force_columns(self, at: Point, t: int, here: Array) -> Array:
