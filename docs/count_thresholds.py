@@ -38,7 +38,8 @@ PHYSICAL = {9.81, 9.80665, 9.80665e-3, 4.448222, 4.4482216152605}
 FILES = {
     "tableaux and series": r"methods\.py|elementary|banded|force_library",
     "published standards": r"scores/iso18571\.py",
-    "sizes of plots": r"figure|plots|drawing|colours|report/.*layout|contact_sheet|console/(terminal|output)",
+    "sizes of plots": r"figure|plots|drawing|colours|report/(.*layout|overview|view)|curves/(style|plot)"
+    r"|contact_sheet|console/(terminal|output)",
     "formats and codes": r"layout|workspace|signatures|mraw|cine_|avi_|tiff_|video_index|machine_code|orientation"
     r"|daqmx\.py|status|/rpc/|product|journal_records|tdms|lvm|messages|/flags|/quantity\.py|/native\.py|daq/faults",
 }
@@ -63,7 +64,7 @@ ARGUMENTS = {
     r"|height_ratios|shrink|borderaxespad",
 }
 CALLS = {
-    "indices and shapes": r"range|slice|round|np\.(zeros|empty|ones|full|eye|diff)|.*\.reshape",
+    "indices and shapes": r"range|slice|round|np\.(zeros|empty|ones|full|eye|diff)|.*\.reshape|s\.number|_table",
     "units and physical constants": r"Number|_pair|Screw",
     "declared physical data": r"RegulationTarget",
     "formats and codes": r"ir\.IntType|KINDS|check_numbers|chr|OSError|IsADirectoryError|(self\.)?refuse|Refused"

@@ -29,6 +29,7 @@ from model.simulation.string_motion import count_modes, string_motion
 
 Array = NDArray[np.float64]
 
+HIGHEST_RATE_HZ = 1e7  # of outputs: beyond, a blow of a second does not fit into memory
 COMPANION = 0.1  # tolerance of the run that an error is estimated with, of the requested one
 SECOND_COMPANION = 0.01  # of another one, where the first leaves doubt
 
@@ -56,8 +57,8 @@ def output_times(start: float, end: float, rate_hz: float) -> Array:
     >>> model.output_times(0.0, 0.5, 4.0)
     array([0.  , 0.25, 0.5 ])
     """
-    if not np.isfinite(rate_hz) or not 0 < rate_hz <= 1e7:
-        raise InputError(f"output rate: found {rate_hz:g} Hz, allowed above 0 to 1e7")
+    if not np.isfinite(rate_hz) or not 0 < rate_hz <= HIGHEST_RATE_HZ:
+        raise InputError(f"output rate: found {rate_hz:g} Hz, allowed above 0 to {HIGHEST_RATE_HZ:g}")
     count = int(np.floor((end - start) * rate_hz + 1e-9)) + 1
     return np.minimum(start + np.arange(count) / rate_hz, end)
 

@@ -163,6 +163,7 @@ def head_approach_m_per_s(
         head_height_m(action, coordinates, at - s * way) - head_height_m(action, coordinates, at + s * way)
         for s in (1.0, 2.0)
     )
+    # central difference of the fourth order
     return np.asarray((8.0 * near - far) / (12.0 * APPROACH_S))
 
 

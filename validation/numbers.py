@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 DASH = "–"
+MOST_DECIMALS = 9  # those of `SMALLEST`
 SMALLEST = 1e-9  # in the unit shown: below it a number is rounding, and shown as 0
 
 
@@ -15,7 +16,7 @@ def number(value: object, digits: int = 3) -> str:
     if abs(value) < SMALLEST:
         return "0"
     decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
-    return f"{value:.{min(decimals, 9)}f}".replace("-", "−")
+    return f"{value:.{min(decimals, MOST_DECIMALS)}f}".replace("-", "−")
 
 
 def with_named_u(value: float, u: float, unit: str = "") -> str:
@@ -31,7 +32,7 @@ def with_u(value: float, u: float) -> str:
         return DASH
     if not (math.isfinite(u) and u > 0):
         return number(value, 4)
-    decimals = min(max(0, 1 - math.floor(math.log10(u))), 9)
+    decimals = min(max(0, 1 - math.floor(math.log10(u))), MOST_DECIMALS)
     rounded = round(value, decimals) + 0.0  # no minus before zero
     return f"{rounded:.{decimals}f} ± {u:.{decimals}f}".replace("-", "−")
 

@@ -130,7 +130,7 @@ def _differentiate(t: Array, q: Array) -> Array:
     step = float(np.median(np.diff(t)))
     if np.ptp(np.diff(t)) > UNEVEN * step:
         raise InputError("motion: times are not evenly spaced; give the speeds (columns …_rad_per_s) too")
-    window = max(5, 2 * round(0.5 * SMOOTHING_S / step) + 1)
+    window = max(FEWEST_ROWS // 2 + 1, 2 * round(0.5 * SMOOTHING_S / step) + 1)
     if window > len(t):
         raise InputError(f"motion: {len(t)} rows found, allowed at least {window} at this rate")
     return np.asarray(savgol_filter(q, window, 2, deriv=1, delta=step, axis=0), dtype=float)

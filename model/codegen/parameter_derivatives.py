@@ -172,7 +172,7 @@ class ParameterDerivatives:
                 holds.append(pushes & (contact.relative_speeds[0] > 0.0))
         holds += [(tip.depth > 0.0) & tip.felt[0] for tip in e.tips]
         holds += [intern("differs", s.body(i, L.JF_A), ZERO) & (e.state.v[i] > 0.0) for i in s.bodies]
-        assert len(holds) <= 64
+        assert len(holds) <= 64  # bits
         for c in s.place:
             if s.law(c).added:  # of what it decides by as much as there are bits for
                 holds += [e.contacts[c].touches & one for one in e.contacts[c].branch_conditions()]

@@ -47,6 +47,7 @@ ARM_PRIOR_WIDTH = 10.0  # of the arm, SI units: far beyond any, so that what doe
 UNEXPLAINED = 0.2  # share of the tip's torque that may be left: choice, wrong clocks or signs leave most of it
 DETERMINED = 0.3  # relative standard uncertainty up to which a number is given: choice, one digit
 SEEN = 3.0  # standard deviations of the residuals that a number must change: at less, the log is silent about it
+SMALLEST_INERTIA = 1e-5  # kg m^2, far below any arm: a start above 0
 CURRENT_LOOP, WINDING = (3e-4, 5.0, 0.1), (2e-3, 50.0, 1.0)  # delay, s, firmness, share of usual drives, to start from
 
 
@@ -205,7 +206,7 @@ def _set_residual_scale(problem: _Problem, x: Array) -> None:
 def _initial_guesses(problem: _Problem) -> list[Array]:
     """Where the search begins: from a straight line through small commands, with limits met and not."""
     log, mode = problem.log, problem.options.mode
-    # small commands, at which no limit is met yet, and a torque that only a spike exceeds
+    # small commands, at which no limit is met yet
     small = np.abs(problem.asked) <= 0.4 * np.abs(log.command_v).max()
     rows = np.concatenate([problem.asked[None], problem.arm, -problem.turning[None]])
     line = np.linalg.lstsq(rows[:, small].T, problem.tip[small], rcond=None)[0]
@@ -216,6 +217,7 @@ def _initial_guesses(problem: _Problem) -> list[Array]:
             "arm_rad and command_v rising where it goes down, all on one clock"
         )
     asked = gain * float(np.abs(log.command_v).max())
+    # torque that only a spike exceeds
     made = float(np.quantile(np.abs(problem.tip + max(line[1], 0.0) * -problem.arm[0]), 0.98))
     delay, firmness, share = CURRENT_LOOP if mode == "torque" else WINDING
     per_ampere = []
@@ -226,7 +228,8 @@ def _initial_guesses(problem: _Problem) -> list[Array]:
     for ceiling in (UNREACHED_LIMIT * asked, min(made, asked)):
         for supply in (UNREACHED_LIMIT * asked, 1.2 * asked, 0.5 * asked):  # not met, just met, met for most of it
             lumps = [gain, delay, max(float(line[-1]), 1e-3), ceiling, supply, share, firmness, *per_ampere]
-            out.append(np.concatenate([np.log(lumps), [max(line[1], 1e-5), max(line[2], 0.0), line[3], line[4]]]))
+            arm = [max(line[1], SMALLEST_INERTIA), max(line[2], 0.0), line[3], line[4]]
+            out.append(np.concatenate([np.log(lumps), arm]))
     return out
 
 

@@ -23,7 +23,7 @@ from model.errors import InputError
 from model.felt.felt_response import LONGEST_REACH, FeltLaw, HuntCrossley, Hysteresis, NamedLaw, Stulov
 from model.felt.pressing import Pressing
 
-FEWEST_PRESSES = 2
+FEWEST_PRESSES = 2  # one is left out at a time
 MOST_EVALUATIONS = 400  # of the residuals, per start
 STARTS = 4  # of a search, spread over its box: choice; eight find the same minima of 18 fits
 LARGEST_SHARE = 20.0  # of the largest force, of one term at the deepest point: choice, far beyond any felt

@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 LARGEST_FORCE_N = 1000.0  # ten times the loudest stroke: beyond, a table is in another unit
 
 # What a finger or a motor does to a key. A table beyond these limits is most often in another unit.
+RISE = (0.1, 0.9)  # shares of the peak between which a rise time is taken, as usual
 LONGEST_BLOW_S = 10.0  # pressed without a pause; a held bass note is damped or gone by then
 LONGEST_RISE_S = 2.0  # from a tenth to nine tenths of the peak; the slowest audible stroke takes some 0.2 s
 SHORTEST_BLOW_S = 2e-3  # a key needs 10 ms at 50 N to go down; in less no force of a hand moves it
@@ -113,10 +114,10 @@ def _blow_seconds(times: Array, forces: Array) -> tuple[float, float]:
     """How long the key is pressed without a pause, and how long the force takes to rise to its peak, s."""
     peak = int(np.argmax(forces))
     most, until = float(forces[peak]), slice(0, peak + 1)
-    low = np.flatnonzero(forces[until] <= 0.1 * most)
+    low = np.flatnonzero(forces[until] <= RISE[0] * most)
     rising = slice(int(low[-1]) if len(low) else 0, peak + 1)
-    reached = [_first_crossing(times[rising], forces[rising], share * most) for share in (0.1, 0.9)]
-    return _longest_stretch(times, forces, 0.1 * most), reached[1] - reached[0]
+    reached = [_first_crossing(times[rising], forces[rising], share * most) for share in RISE]
+    return _longest_stretch(times, forces, RISE[0] * most), reached[1] - reached[0]
 
 
 def blow_implausibility(time_s: ArrayLike, force_n: ArrayLike, where: str = "force table") -> str:

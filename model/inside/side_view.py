@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 
 WHOLE_CIRCLE_M = 0.008  # circles up to this radius are drawn whole
 MARGIN_RAD, MARGIN_M = 0.25, 0.004  # drawn beyond what the motion meets
+CORNERS = 33  # of a drawn circle or arc: off by half a per cent of the radius
 NEAR_M = 0.006  # a surface counts as met while its gap is below this
 GROUND = "ground"
 
@@ -107,10 +108,10 @@ class _Surface:
                 self.base + np.array([[ways.min() - MARGIN_M], [ways.mean()], [ways.max() + MARGIN_M]]) * along
             )
             return line
-        angle = np.linspace(0.0, 2.0 * np.pi, 33)
+        angle = np.linspace(0.0, 2.0 * np.pi, CORNERS)
         if not self.is_closed:
             direction = np.unwrap(np.arctan2(met[:, 1] - self.base[1], met[:, 0] - self.base[0]))
-            angle = np.linspace(direction.min() - MARGIN_RAD, direction.max() + MARGIN_RAD, 25)
+            angle = np.linspace(direction.min() - MARGIN_RAD, direction.max() + MARGIN_RAD, CORNERS)
         within = angle if self.ends is None else np.clip(angle, *self.ends)  # tangents beyond an arc's ends
         over = self.radius * np.tan(np.clip(angle - within, -1.0, 1.0))
         out = np.stack([np.cos(within), np.sin(within)], axis=1)

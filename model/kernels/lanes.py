@@ -39,7 +39,7 @@ def allocate_aligned(*shape: int) -> NDArray[np.float64]:
     """Zeros of a shape that start at a cache line of 64 bytes: a row of lanes across two takes twice the time."""
     count = int(np.prod(shape))
     whole = np.zeros(count + 8)
-    start = (-whole.ctypes.data % 64) // 8
+    start = (-whole.ctypes.data % 64) // 8  # bytes of a line and of a number
     return whole[start : start + count].reshape(shape)
 
 

@@ -43,6 +43,9 @@ class MotionDrivenKeywords(SimulationKeywords, total=False):
     share: Callable[..., Iterable[PrescribedRun]]
 
 
+UPPER = 0.975  # of Student's t: both ends of an interval of 95 %
+
+
 @dataclass(frozen=True)
 class MotionDrivenOptions(SimulationOptions):
     """How to simulate under a motion of the key, and what is known of its angles; see `simulate_motion`."""
@@ -218,7 +221,7 @@ def simulate_motion(
         time_s=outputs,
         force_n=mean.force_n,
         u_force_n=u_force,
-        coverage_factor=float(stdtrit(options.members, 0.975)) if options.members else float("nan"),
+        coverage_factor=float(stdtrit(options.members, UPPER)) if options.members else float("nan"),
         angle_rad=mean.angle_rad,
         speed_rad_per_s=mean.speed_rad_per_s,
         u_angle_rad=u_angle,

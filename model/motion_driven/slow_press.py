@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from model.arrays import as_numbers
 from model.codegen.evaluate_observables import contacts_at
 from model.codegen.observable_columns import NORMAL
+from model.elements.prescribed import ORDER
 from model.errors import InputError
 from model.motion_driven.prescribed_key import key_load
 from model.observables import head_height_m, key_dip_m
@@ -81,7 +82,7 @@ def _motion(
 
     def go_on(time: float, *row: float) -> None:
         at.append(at[-1] + time)
-        rows.append([*[0.0] * (6 - len(row)), *row])
+        rows.append([*[0.0] * (ORDER - len(row)), *row])
 
     for stop in stops:
         way = abs(stop - here)

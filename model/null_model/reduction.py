@@ -138,7 +138,7 @@ def _catch_angle(scene: Scene, angle_rad: Array, rest: float, up: float, string:
 
     # an open place above and a touching one below, per position of the key
     high, low = np.full(len(angle_rad), np.nan), np.full(len(angle_rad), np.nan)
-    steps = np.linspace(string, 0.0, 41)
+    steps = np.linspace(string, 0.0, 41)  # each is refined: choice, a contact opens once
     for above, below in zip(steps[:-1], steps[1:], strict=True):
         new = np.isnan(low) & touches(np.full(len(angle_rad), below))
         high[new], low[new] = above, below
@@ -151,7 +151,7 @@ def _catch_angle(scene: Scene, angle_rad: Array, rest: float, up: float, string:
 
 def _string(action: Action, rest: float) -> tuple[float, float]:
     """Sense of the hammer's angle towards the string, and how far (rad) it turns from rest to the string."""
-    turn = np.linspace(0.0, 1.0, 20001)
+    turn = np.linspace(0.0, 1.0, 20001)  # rad, in steps of 0.05 mrad
     up = 1.0 if hammer_height_from_angle(action, rest + 1e-6) < hammer_height_from_angle(action, rest) else -1.0
     height = hammer_height_from_angle(action, rest + up * turn)
     beyond = np.flatnonzero(height <= 0.0)

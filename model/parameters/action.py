@@ -44,6 +44,7 @@ LEVER_KNUCKLE, DROP_SCREW, STRING = "contact10", "contact11", "contact12"
 
 LAW = "law"  # last part of the path that names a contact's law of felt
 
+UNIT_ERROR = 0.1  # of a unit vector's length: directions are printed to two digits
 MOST_CHANGED = 4  # shown by `repr`
 
 _STRUCTURE_KEYS = {"parent", "body", "shape", "description", "name"}
@@ -248,8 +249,9 @@ def _check_shapes(quantities: Mapping[str, Quantity], where: str) -> None:
     for key in quantities:
         if key.endswith(".normal.x"):
             length = math.hypot(quantities[key].value, quantities[key[:-1] + "y"].value)
-            if not 0.9 < length < 1.1:
-                raise InputError(f"{where}: {key[:-2]}: length found {length:g}, allowed 0.9 to 1.1 (a unit vector)")
+            if not abs(length - 1.0) < UNIT_ERROR:
+                allowed = f"allowed {1.0 - UNIT_ERROR:g} to {1.0 + UNIT_ERROR:g} (a unit vector)"
+                raise InputError(f"{where}: {key[:-2]}: length found {length:g}, {allowed}")
     for key in quantities:
         if (
             key.endswith(".arc_start")

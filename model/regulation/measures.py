@@ -273,7 +273,7 @@ def measure_press(action: Action, rest_rad: Array, dip_m: float) -> tuple[dict[s
 
 
 def medium_blow() -> tuple[Array, Array]:
-    rise = np.linspace(0.0, BLOW_RISE, 61)
+    rise = np.linspace(0.0, BLOW_RISE, 61)  # straight pieces of 2.5 ms
     return np.append(rise, BLOW_READ), np.append(BLOW_N * (rise / BLOW_RISE) ** 2, BLOW_N)
 
 

@@ -29,6 +29,7 @@ from model.regulation.turn_screw import WIDER, set_rest, turn_screw
 
 ROUNDS = 6  # of all seven targets, at most
 IN_MOTION = ("let_off", "drop", "check")
+# nearly half of the tolerance, so that the targets are still met
 AIM_OFFSETS = tuple(
     {name: sign * 0.45 * TOLERANCE} for name in ("jack", "hammer_height", "repetition", "dip") for sign in (1.0, -1.0)
 )

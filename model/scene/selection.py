@@ -159,7 +159,7 @@ SCENES = {
             ("motor_drive.voltage_gain", 2.0),
         ),
     ),
-    "compliant-tip": SceneChoice(effects=("motor_arm",), values=(("motor_arm.contact_c", 4.0e3),)),
+    "compliant-tip": SceneChoice(effects=("motor_arm",), values=(("motor_arm.contact_c", 4.0e3),)),  # choice, N/m
     "finger": SceneChoice(effects=("finger",)),
     "string": SceneChoice(effects=("string",)),
     "lifting-key-flexible-shank": SceneChoice(effects=("balance_rail", "shank")),

@@ -118,7 +118,7 @@ def local_table(found: Sensitivities) -> LocalTable:
         tuple(units),
         value,
         percent[order],
-        0.01 * whole[order],
+        whole[order] / 100,
         (slope * found.uncertainties[:, None])[order],
     )
 
@@ -164,7 +164,7 @@ def draw_local(table: LocalTable, path: str | Path, name: str = "") -> None:
             value = float(shown[i, q])
             axes.text(
                 q, i, f"{value:.2g}" if abs(value) >= LEAST else "0",
-                ha="center", va="center", fontsize=6, color="white" if abs(value) > 0.6 * limit else "black",
+                ha="center", va="center", fontsize=6, color="white" if abs(value) > limit / 2 else "black",
             )  # fmt: skip
         axes.set_xticks(
             range(len(table.quantities)), [TITLES.get(n, n) for n in table.quantities], rotation=50, ha="right"

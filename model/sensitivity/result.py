@@ -100,7 +100,7 @@ class Sensitivities(Tabular, ArrayRecord):
         for body in bodies or ("hammer" if "hammer" in self.angle_names else self.angle_names[-1],):
             if body not in self.angle_names:
                 raise InputError(f"Sensitivities: no body {body!r}; there are {', '.join(self.angle_names)}")
-            moved = 0.01 * self.d_angles[:, self.angle_names.index(body)] * self.values
+            moved = self.d_angles[:, self.angle_names.index(body)] * self.values / 100
             for k, name in enumerate(self.parameters):
                 drawn.plot(self.time_s, np.degrees(moved[:, k]), **{"label": f"{body}: 1 % of {name}", **style})
         drawn.set(xlabel="time, s", ylabel="change of the angle, °")

@@ -16,7 +16,7 @@ import pandas as pd
 from validation.conventions import Array
 from validation.events.definitions import EVENTS
 
-RELEASED = 0.02
+RELEASED = 0.02  # of the peak above rest: choice, above noise of the channel
 BOUNCE = 0.02  # of the largest rotation: by so much the key comes up again after C
 DOWN = 0.2  # of the largest rotation: a key that stops higher than that on its way is not back
 AT_REST = 25  # samples that give the force at rest, from the window's start

@@ -27,9 +27,9 @@ FEWEST_COUNTS = 6.0  # steps are rounded to counts: each of five is off by one a
 NOISE = 8.0  # standard deviations of the steps at rest
 FROM_REST = 3e3  # rad/s²: largest step from or to rest over (time between samples)²; a fortissimo has a sixth of it
 FEWEST_FROM_REST = 4.0  # counts; of 9,600 standstills of sound encoders none is left or entered by more than 2 at 5 kHz
-LEAST_S = 4e-3
-MOVES_RAD = 2e-3
-EDGE_S = 1e-3
+LEAST_S = 4e-3  # 20 samples at 5 kHz: a slow key stays on one count for less
+MOVES_RAD = 2e-3  # least turn that tells a motion: felts and play make the smaller ones
+EDGE_S = 1e-3  # before and after a standstill: choice, a contact's time
 EDGE_RAD = 3e-3  # in `EDGE_S`: a back check stops the hammer within five times that
 MATCHES = 0.5  # of a leap: so nearly has its body moved, in the model, while the count stood still before it
 APART_S = 0.06  # a leap forth and one back within this belong together
@@ -56,7 +56,7 @@ def measure_step_excess(
     """By how much each step lies outside of its neighbours, rad, signed, (n − 1,), and the limit of what is one."""
     steps = np.diff(change_rad)
     out = np.zeros(steps.size)
-    if steps.size < 5:
+    if steps.size < 5:  # one step and its four neighbours
         return out, float("inf")
     beside = np.stack([steps[:-4], steps[1:-3], steps[3:-1], steps[4:]])
     inner = steps[2:-2]

@@ -36,14 +36,13 @@ from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession
 
-EXCESS_M = 0.2e-3
-EDGE_M = 0.05e-3
-LONGEST_EDGE_S = 0.01
+EXCESS_M = 0.2e-3  # of the gap, as a lift by 0.04 mm makes: choice
+EDGE_M = 0.05e-3  # of the gap, at an interval's ends: some ten counts of the key's scale
+NEAR_EDGE_S = 0.01  # to which an interval reaches at most to its ends, and a pull of the rail may lie away: choice
 NEAR_S = (1.5e-3, 3e-3, 10e-3)  # how early or late the model may be: before the impact, until release, after it
-CARRIED_SHARE = 0.1
+CARRIED_SHARE = 0.1  # of an interval: choice
 FREE_SHARE = 0.7  # of the free fall of the whippen: faster is falling, slower is carried
-FALL_WINDOW_S = 2e-3
-RAIL_NEAR_S = 0.01
+FALL_WINDOW_S = 2e-3  # of the whippen's acceleration, and gap in an interval that is none: choice
 # 8192 lines of 20 µm; only turns a gap into a lift for the reader
 SCALE_RADIUS_M = 0.02608
 
@@ -136,19 +135,19 @@ def find_lifts(
     pulls = rail() if rail is not None else None
     carried = _is_carried(measured_rad[:, WHIPPEN], step, capstan.free_fall_rad_per_s2)
     found = []
-    for run in np.split(over, np.flatnonzero(np.diff(over) > round(2e-3 / step)) + 1):
+    for run in np.split(over, np.flatnonzero(np.diff(over) > round(FALL_WINDOW_S / step)) + 1):
         begin, end = float(time_s[run[0]]), float(time_s[run[-1]])
         loaded = carried[run[0] : run[-1] + 1].mean() >= CARRIED_SHARE
         pressed = bool(np.median(model_gap[run]) < 0.0)
         if not (loaded or (pressed and _select_near(pulls, begin, end))):
             continue
-        first, last = _find_edges(gap - model_gap, run, round(LONGEST_EDGE_S / step))
+        first, last = _find_edges(gap - model_gap, run, round(NEAR_EDGE_S / step))
         found.append(_make_lift(capstan, time_s, excess, first, last, pulls))
     return _join_lifts(found)
 
 
 def _select_near(pulls: list[RailPull] | None, start_s: float, end_s: float) -> list[RailPull]:
-    return [t for t in pulls or [] if t.start_s - RAIL_NEAR_S <= end_s and t.end_s + RAIL_NEAR_S >= start_s]
+    return [t for t in pulls or [] if t.start_s - NEAR_EDGE_S <= end_s and t.end_s + NEAR_EDGE_S >= start_s]
 
 
 def _widen_gap(time: Array, gap: Array, impact_s: float, release_s: float) -> Array:
@@ -166,7 +165,7 @@ def _is_carried(whippen_rad: Array, step: float, free_fall: float) -> NDArray[np
     # start-up: scipy.signal costs 0.3 to 0.6 s, only doubtful trials need it
     from scipy.signal import savgol_filter
 
-    window = max(2 * round(FALL_WINDOW_S / step / 2) + 1, 5)
+    window = max(2 * round(FALL_WINDOW_S / step / 2) + 1, 5)  # samples, of a parabola
     acceleration = savgol_filter(whippen_rad, window, 2, deriv=2, delta=step)
     return np.asarray(acceleration > FREE_SHARE * free_fall)
 

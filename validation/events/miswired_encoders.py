@@ -17,9 +17,9 @@ from validation.conventions import ENCODER_CHANNELS, Array, rms
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.predict_session import PredictedAngles
 
-BETTER_WIRED = 0.25  # the other wiring must leave a quarter of the error
-WRONG_WIRED = 0.3  # of the predicted motion: below this error the wiring is right
-STILL = 0.02
+BETTER_WIRED = 0.25  # of the error, that the other wiring must leave at most: choice
+MISSED = 0.3  # of the motion: choice; below this error the wiring, and the force, is right
+STILL = 0.02  # of a body's largest step: below, it stands
 
 
 @dataclass(frozen=True)
@@ -60,10 +60,10 @@ def find_best_wiring(measured: Array, expected: Array) -> list[Rewired]:
         declared = [float(error[0, j, j]) for j in cycle]
         rewired = [float(best[order[j], j]) for j in cycle]
         changed = len(cycle) > 1 or bool(sign[order[cycle[0]], cycle[0]])
-        if not changed or rms(declared) < WRONG_WIRED or rms(rewired) > BETTER_WIRED * rms(declared):
+        if not changed or rms(declared) < MISSED or rms(rewired) > BETTER_WIRED * rms(declared):
             continue
         turned = [(order[j], j, 1.0 - 2.0 * sign[order[j], j]) for j in cycle]
-        if any(rms((turn * measured[known, i] - expected[known, j])[part]) > WRONG_WIRED * size[j]
+        if any(rms((turn * measured[known, i] - expected[known, j])[part]) > MISSED * size[j]
                for i, j, turn in turned for part in (apart, ~apart) if part.any()):  # fmt: skip
             continue
         for j, before, after in zip(cycle, declared, rewired, strict=True):

@@ -25,8 +25,7 @@ from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedAngles, PredictedSession
 
 KEY_EVENTS = ("key_bottom", "key_release")
-LEAD_S = 0.02
-TAIL_S = 0.05
+LEAD_S, TAIL_S = 0.02, 0.05  # of the window before the first onset and after the last rest: choice, to see both
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from validation.conventions import ENCODER_CHANNELS, Array, rms
 from validation.events.definitions import Event
+from validation.events.encoder_readings import MOVES_RAD
 from validation.events.key_lift import EXCESS_M, KeyLift
-from validation.events.miswired_encoders import WRONG_WIRED, find_miswired_channels
+from validation.events.miswired_encoders import MISSED, find_miswired_channels
 from validation.findings.finding import (
     CHANNEL,
     CURVES,
@@ -27,13 +28,13 @@ from validation.findings.finding import (
     register_kinds,
     uncertainty_of_mean,
 )
+from validation.findings.limits import END_S, FAR, GROSS, SCALES_MAY
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.trial import MeasuredTrial
 from validation.numbers import with_named_u
 from validation.prediction.predict_session import PredictedAngles
 
-STANDS_STILL = 0.01  # of the predicted range
-MOVES_AS_PREDICTED = 0.5  # of the predicted range, at least
+MOVES_AS_PREDICTED = 0.5  # of the predicted range, at least: choice, half is neither still nor wrong
 
 
 @register_kinds(
@@ -59,7 +60,7 @@ def find_miswired_encoders(m: MeasuredTrial, p: PredictedAngles) -> list[Session
             f"predicted motion, {100 * found.error_rewired:.0f} % the other way, in motion and at rest"
         )
         kind = "swapped channels" if is_swapped else "sign flip"
-        out.append(SessionFinding(kind, m.number, name, found.error, WRONG_WIRED, text))
+        out.append(SessionFinding(kind, m.number, name, found.error, MISSED, text))
     return out
 
 
@@ -72,25 +73,22 @@ def find_motionless_encoders(m: MeasuredTrial, p: PredictedAngles) -> list[Sessi
     out = []
     for i, name in enumerate(ENCODER_CHANNELS):
         others = np.delete(moved > MOVES_AS_PREDICTED * expected, i)
-        if moved[i] < STANDS_STILL * expected[i] and others.any():
+        if moved[i] < FAR * expected[i] and others.any():
             text = (
                 f"trial {m.number}: encoder {name}: it moves by {1e3 * moved[i]:.2f} mrad where "
-                f"{1e3 * expected[i]:.0f} mrad are predicted (limit {100 * STANDS_STILL:g} %), while another "
+                f"{1e3 * expected[i]:.0f} mrad are predicted (limit {100 * FAR:g} %), while another "
                 "one moves as predicted"
             )
-            limit = float(STANDS_STILL * expected[i])
+            limit = float(FAR * expected[i])
             out.append(SessionFinding("no motion", m.number, name, float(moved[i]), limit, text))
     return out
 
 
-STOPS_MAY = 0.05
-SCALE_ONLY = 0.2
-MOVES_RAD = 2e-3
-FEWEST_RISING = 5  # samples
-PRESSED = 0.25  # of the key's dip, in the prediction
-ON_FELT_S = 0.01
-SHARP_M_PER_S = 0.15  # beyond what gravity turns round within SHARP_S
-SHARP_S = (1e-3, 4e-3)
+FEWEST_RISING = 5  # samples of which a slope is taken
+PRESSED = 0.25  # of the key's dip, in the prediction: less is play and felt
+ON_FELT_S = 0.01  # for which a key rests on its felt: a touch in passing is shorter
+SHARP_S = (1e-3, 4e-3)  # before and after a turn round: beyond the contact with a string, within the flight
+SHARP_M_PER_S = 0.15  # of each speed there: gravity makes 0.02
 
 
 @dataclass(frozen=True)
@@ -139,7 +137,7 @@ def measure_travel(
     return Travel(out, lever, on_felt >= ON_FELT_S, hammer_lever, rms(key - share * whippen) / max(rms(key), 1e-300))
 
 
-RISES = (0.1, 0.5)  # of the hammer's largest angle: from there to there the jack carries it
+RISES = (0.1, 0.5)  # choice, of the hammer's largest angle: from there to there the jack carries it
 
 
 def _fit_lever_before_flight(change_rad: Array) -> float:
@@ -190,38 +188,38 @@ def find_travel_differences(
     told = Counter(
         _name_wrong_encoder(t)
         for t in lower.values()
-        if abs(t.lever - 1) > STOPS_MAY and np.isfinite(t.ratio[:2]).all()
+        if abs(t.lever - 1) > SCALES_MAY and np.isfinite(t.ratio[:2]).all()
     )
     for number, t in lower.items():
         reached = bool(np.isfinite(t.ratio[:2]).all())
-        if abs(t.lever - 1) > STOPS_MAY and (reached or told):
+        if abs(t.lever - 1) > SCALES_MAY and (reached or told):
             # a trial that reached the stops tells of which encoder; the others have the same encoders
             name = _name_wrong_encoder(t) if reached else told.most_common(1)[0][0]
             ratios[name][number] = t.lever if name == "whippen" else 1 / t.lever
-            if reached and min(np.abs(t.ratio[:2] - 1)) > STOPS_MAY:  # neither goes as far as in the model
+            if reached and min(np.abs(t.ratio[:2] - 1)) > SCALES_MAY:  # neither goes as far as in the model
                 ratios["key"][number], ratios["whippen"][number] = t.ratio[:2].tolist()
-        elif abs(t.lever - 1) > STOPS_MAY:
+        elif abs(t.lever - 1) > SCALES_MAY:
             levers[number] = t.lever
-        elif reached and (t.held or abs(t.ratio[0] - 1) > SCALE_ONLY):
+        elif reached and (t.held or abs(t.ratio[0] - 1) > GROSS):
             ratios["key and whippen"][number] = float(t.ratio[0])
     hammer_goes = {n for n, t in travels.items() if abs(t.hammer_lever - t.ratio[2]) < abs(t.hammer_lever - 1)}
-    key_goes = {n for n, t in travels.items() if t.apart < SCALE_ONLY and not _has_another_key_stop(t)}
+    key_goes = {n for n, t in travels.items() if t.apart < GROSS and not _has_another_key_stop(t)}
     out = []
     for name, found in ratios.items():
         out += _describe_travel(name, found, travels, hammer_goes if name == "hammer" else key_goes)
     if levers:
         text = (
             f"encoders key and whippen: {name_trials(levers, travels)} the whippen turns {_format_mean(levers)} times "
-            f"as far for the key's turn as in the model (limit {100 * STOPS_MAY:g} %)"
+            f"as far for the key's turn as in the model (limit {100 * SCALES_MAY:g} %)"
         )
-        out.append(make_finding("travel difference", "key", levers, STOPS_MAY, text))
+        out.append(make_finding("travel difference", "key", levers, SCALES_MAY, text))
     return out
 
 
 def _has_another_key_stop(t: Travel) -> bool:
     """Whether neither key nor whippen goes by far as far as in the model, or both go further: it is their motion."""
     away = t.ratio[:2] - 1
-    return bool(np.all(np.abs(away) > SCALE_ONLY)) and away[0] * away[1] > 0
+    return bool(np.all(np.abs(away) > GROSS)) and away[0] * away[1] > 0
 
 
 def _name_wrong_encoder(t: Travel) -> str:
@@ -239,12 +237,12 @@ def _describe_travel(
     """
     both = " and " in name
     head, verb = (f"encoders {name}", "they travel") if both else (f"encoder {name}", "it travels")
-    away = {n: r for n, r in ratios.items() if abs(r - 1) > STOPS_MAY}
-    gross = {n: r for n, r in away.items() if abs(r - 1) > SCALE_ONLY and not both and n in by_scale}
+    away = {n: r for n, r in ratios.items() if abs(r - 1) > SCALES_MAY}
+    gross = {n: r for n, r in away.items() if abs(r - 1) > GROSS and not both and n in by_scale}
     out = []
     for kind, part, limit in (
-        ("gross travel difference", gross, SCALE_ONLY),
-        ("travel difference", {n: r for n, r in away.items() if n not in gross}, STOPS_MAY),
+        ("gross travel difference", gross, GROSS),
+        ("travel difference", {n: r for n, r in away.items() if n not in gross}, SCALES_MAY),
     ):
         if part:
             text = (
@@ -260,9 +258,8 @@ def _format_mean(values: Mapping[int, float]) -> str:
     return with_named_u(mean, u) if np.isfinite(u) else f"{mean:.3f}"
 
 
-END_S = 0.05
-STILL_RAD = 0.3e-3
-DRIFTS = 0.5  # of the rate that leads from the first reading to the last
+STILL_RAD = 0.3e-3  # within `END_S`, some eight counts of a scale on the key
+DRIFTS = 0.5  # choice, of the rate that leads from the first reading to the last
 MOVED_BY = (1, 0, 1)  # the encoder whose body moves with each: where both end elsewhere, it is the motion that does
 RETURNS_RAD = (3e-3, 5e-3, 1.5e-3)  # key, whippen, hammer: friction lets a soft stroke rest up to half of it away
 
@@ -322,11 +319,11 @@ def find_encoder_returns(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFi
     return out
 
 
-SECTORS = 16
-FILLED = 10  # sectors, at most, with a stuck bit
-FEWEST_COUNTS = 200
+SECTORS = 16  # into which twice a bit's weight is divided: choice
+FILLED = 10  # sectors, at most, with a stuck bit, which leaves eight and their neighbours
+FEWEST_COUNTS = 200  # so that a turning encoder leaves none of 16 sectors empty (chance below 1e-4)
 LOWEST = 6  # below, a sector is so narrow that wrong decoding leaves it empty
-PASSES = 4
+PASSES = 4  # of the bit, so that one that stands still by chance is none
 
 
 @register_kinds({"stuck bit": "Check cable and counter of the encoder, then record again."}, spoils=CURVES)

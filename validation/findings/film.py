@@ -8,12 +8,13 @@ from rig.session.force_correction import correlation_inflation
 from validation.conventions import FILM_CHANNELS, WHIPPEN, Array
 from validation.events.miswired_encoders import find_best_wiring
 from validation.findings.finding import CURVES, SessionFinding, register_kinds
+from validation.findings.limits import SCALES_MAY, SIGMAS
 from validation.measurement.trial import FilmAngles, MeasuredTrial
 from validation.prediction.predict_session import PredictedAngles
 
-CLOCK_S = 1e-4
-RUNS_AWAY_S = 3e-4  # between the first and the last motion
-SIGMAS = 5.0
+CLOCK_S = 1e-4  # choice: a tenth of a frame at 1000/s
+RUNS_AWAY_S = 3e-4  # choice, between the first and the last motion
+FEWEST_FRAMES = 10  # that a delay, a zero and a scale are fitted to
 MOVES = 0.02  # of the largest speed: a frame in which the whippen moves tells the clock
 
 
@@ -55,7 +56,7 @@ def find_clock_drift(m: MeasuredTrial, film: FilmAngles, whippen_rad: Array) -> 
     speed = np.abs(np.interp(film.time_s, m.time_s, np.gradient(encoder, m.time_s)))
     moving = speed > MOVES * float(speed.max(initial=0.0))
     moves, weight = film.time_s[moving], speed[moving] ** 2
-    if moves.size < 10:
+    if moves.size < FEWEST_FRAMES:
         return []
     # the rate is told by where most of the motion is, not by the film's whole length
     middle = 0.5 * float(moves[0] + moves[-1])
@@ -90,10 +91,10 @@ def estimate_clock_offset(film_s: Array, film_rad: Array, time_s: Array, angle_r
     """
     speed = np.gradient(angle_rad, time_s)
     delay, u = 0.0, float("nan")
-    for _ in range(20):
+    for _ in range(20):  # at most
         at = film_s - delay
         known = np.isfinite(film_rad) & (at > time_s[0]) & (at < time_s[-1])
-        if known.sum() < 10:
+        if known.sum() < FEWEST_FRAMES:
             return 0.0, float("nan")
         difference = film_rad[known] - np.interp(at[known], time_s, angle_rad)
         moved = np.interp(at[known], time_s, angle_rad)
@@ -102,15 +103,13 @@ def estimate_clock_offset(film_s: Array, film_rad: Array, time_s: Array, angle_r
         residual = difference - design @ value
         variance = float(residual @ residual) / max(known.sum() - 3, 1) * correlation_inflation(residual)
         u = float(np.sqrt(variance * np.linalg.pinv(design.T @ design)[1, 1]))
-        delay += float(np.clip(value[1], -5e-3, 5e-3))
+        delay += float(np.clip(value[1], -5e-3, 5e-3))  # s: some frames, within which the motion is straight
         if abs(value[1]) < 1e-9:
             break
     return delay, u
 
 
 MIRRORED = -0.5  # regression of the film's whippen on the encoder's, −1 in a mirrored film
-FEWEST_FRAMES = 20
-SCALES_MAY = 0.05  # also what a late film does to the regression
 
 
 @register_kinds(

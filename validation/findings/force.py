@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from model.errors import ModelError
 from rig.session.force_correction import correlation_inflation
 from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, KEY, Array
+from validation.events.miswired_encoders import MISSED
 from validation.findings.encoders import is_at_rest_again, select_last_samples
 from validation.findings.finding import (
     OF_TRIAL,
@@ -21,12 +22,13 @@ from validation.findings.finding import (
     register_kinds,
     uncertainty_of_mean,
 )
-from validation.findings.readings import is_followed_by_jump
+from validation.findings.limits import GROSS, SIGMAS
+from validation.findings.readings import COARSE, is_followed_by_jump
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedAngles
 
-HUM_N = 0.1
+MATTERS_N = 0.1  # choice: half of an up weight
 
 
 @register_kinds({"hum": "Check shield and ground of the load cell."}, among=OF_TRIAL)
@@ -34,18 +36,17 @@ def find_mains_hum(m: MeasuredTrial) -> list[SessionFinding]:
     """Mains hum that was subtracted and is large enough to look for its cause."""
     fit = m.force.hum
     amplitude = max(fit.amplitude_n)
-    if not fit.accepted or amplitude <= HUM_N:
+    if not fit.accepted or amplitude <= MATTERS_N:
         return []
     text = (
         f"trial {m.number}: force: hum of {amplitude:.2f} N at {fit.frequency_hz:.2f} Hz was subtracted "
-        f"(limit {HUM_N:g} N)"
+        f"(limit {MATTERS_N:g} N)"
     )
-    return [SessionFinding("hum", m.number, "force", amplitude, HUM_N, text)]
+    return [SessionFinding("hum", m.number, "force", amplitude, MATTERS_N, text)]
 
 
 FLAT = 0.2  # of the noise
-FEWEST_FLAT, FEWEST_EQUAL = 5, 3
-COARSE = 0.05
+FEWEST_FLAT, FEWEST_EQUAL = 5, 3  # readings in a row: choice
 
 
 @register_kinds(
@@ -94,13 +95,11 @@ def _find_longest_run(flat: NDArray[np.bool_]) -> tuple[int, int]:
     return int(edges[::2][longest]), int(runs[longest])
 
 
-MISSED = 0.3  # of the motion
-LEAVES = 0.4  # of the error
+LEAVES = 0.4  # of the error: choice, what a factor that explains it may leave
 STILL_MISSES = 0.7  # of the motion: more is no explanation
 LARGEST_N = 500.0  # beyond any stroke
-HARDLY = 0.25  # of the trial's turn of the key, the way the trial goes
-GROSS = 4.0  # smallest factor that a key which hardly moves is told by: friction cannot do that
-TRAVEL = 0.2  # largest difference of travels that are alike
+HARDLY = 0.25  # of the trial's turn of the key, the way the trial goes: choice
+LARGE_FACTOR = 4.0  # smallest one that a key which hardly moves is told by: friction cannot do that
 # what the recorded force would have to be multiplied by, and the mistake that makes it so
 FACTORS = {
     -1.0: "reversed",
@@ -191,8 +190,8 @@ def _search_factors(
         change = change[:, ENCODER_BODIES]
         by_body = _compute_errors(change, trial, size)
         explains = bool(np.all(by_body < np.minimum(LEAVES * errors, STILL_MISSES)))
-        if still and (factor < 0 or factor >= GROSS):
-            explains |= bool(np.all(np.abs(_find_furthest(change) / far - 1)[:2] < TRAVEL) and np.all(by_body < errors))
+        if still and (factor < 0 or factor >= LARGE_FACTOR):
+            explains |= bool(np.all(np.abs(_find_furthest(change) / far - 1)[:2] < GROSS) and np.all(by_body < errors))
         if explains:
             left[factor] = float(np.sqrt(np.mean(by_body**2)))
     order = sorted(left, key=lambda factor: left[factor])
@@ -210,11 +209,12 @@ def _search_factors(
     return [SessionFinding(kind, m.number, "force", best, MISSED, text)]
 
 
-BAND_HZ = (30.0, 400.0)
-SMOOTH_S = 2.2e-3
-LONGEST_S = 8e-3
+BAND_HZ = (30.0, 400.0)  # choice: above a slow press, below the noise of a second derivative
+SMOOTH_S = 2.2e-3  # of that derivative: about a period of the band's upper end
+LONGEST_S = 8e-3  # lag that is looked for: longer ones show in every event
+# correlation, and lag from which it is then stated: choice
 CLEAR, CLEAR_S = 0.85, 0.5e-3
-VISIBLE, VISIBLE_S = 0.5, 1.2e-3
+VISIBLE, VISIBLE_S = 0.5, 1.2e-3  # and where the stroke is softer
 
 
 def estimate_force_lag(m: MeasuredTrial, p: PredictedAngles) -> tuple[float, float]:
@@ -317,10 +317,6 @@ def _format_ms(lag: float) -> str:
     return f"{1e3 * abs(lag):.1f} ms {'more' if lag > 0 else 'less'}"
 
 
-RETURNS_N = 0.1
-SIGMAS = 5.0
-
-
 @register_kinds(
     {"force return": "Let the load cell warm up, check its cable and mounting; loosen nothing in the action for this."},
     spoils=PREDICTION,
@@ -338,7 +334,7 @@ def find_force_drift(m: MeasuredTrial) -> list[SessionFinding]:
     u = float(reading.std(ddof=1) * np.sqrt(correlation_inflation(reading) / reading.size))
     u = float(np.hypot(u, m.force.hum.u_offset_n))
     away = float(reading.mean()) - m.force.preload_n
-    limit = max(RETURNS_N, SIGMAS * u)
+    limit = max(MATTERS_N, SIGMAS * u)
     if abs(away) <= limit:
         return []
     quiet = slice(0, m.quiet.stop)

@@ -19,16 +19,17 @@ from model.errors import ModelError
 from validation.conventions import BODIES, Array, rms
 from validation.events.encoder_readings import measure_step_excess
 from validation.findings.finding import PREDICTION, SessionFinding, register_kinds
+from validation.findings.limits import NOISE_SIGMAS
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedAngles
 
-MEDIAN_S = 6e-3
-LONGEST_S, LONGEST_UNLIKE_S = 3e-3, 0.06
+MEDIAN_S = 6e-3  # window of the running median: twice the longest spike
+LONGEST_S, LONGEST_UNLIKE_S = MEDIAN_S / 2, 0.06
 """Of a spike: half of the running median's window, which does not follow anything shorter; of one that no other trial
 of the stroke has, far less than a stroke."""
-SIGMAS, LEAST_N = 8.0, 0.3
-"""A spike leaves the running median by so many standard deviations of the channel's noise, and by so much."""
+LEAST_N = 0.3
+"""A spike leaves the running median by so much, and by `NOISE_SIGMAS`: choice, smaller ones hardly turn a key."""
 AFTER_S = 8e-3
 """Over which the answer is compared; a key that is pushed freely turns by most of it in that time."""
 BEFORE_S = 4e-3
@@ -80,7 +81,7 @@ def find_candidate_spikes(m: MeasuredTrial) -> list[Spike]:
     force, step_s = m.force.force_n, _step_s(m)
     most = max(round(LONGEST_S / step_s), 1)
     excess = np.asarray(force - median_filter(force, 2 * max(round(0.5 * MEDIAN_S / step_s), 1) + 1, mode="nearest"))
-    least = max(SIGMAS * m.force.noise_n, LEAST_N)
+    least = max(NOISE_SIGMAS * m.force.noise_n, LEAST_N)
     found = _find_stretches(excess, least, most)
     jump, _ = measure_step_excess(force, m.force.time_s, 0.0, m.quiet.stop)
     at = np.flatnonzero(np.abs(jump) > least)
@@ -158,7 +159,7 @@ def _list_suspects(m: MeasuredTrial, off: Array, like: LikeTrials | None) -> Ite
         return
     usual_n, usual = np.median(like.force_n, axis=0), np.median(like.off, axis=0)
     scatter_n = np.abs(like.force_n - usual_n).max(axis=0)
-    least = np.maximum(FEWEST_SCATTERS * scatter_n, max(SIGMAS * m.force.noise_n, LEAST_N))
+    least = np.maximum(FEWEST_SCATTERS * scatter_n, max(NOISE_SIGMAS * m.force.noise_n, LEAST_N))
     for spike in _find_stretches(m.force.force_n - usual_n, least, round(LONGEST_UNLIKE_S / _step_s(m))):
         part = _select_window(m, spike, -BEFORE_S, AFTER_S)
         if part.size >= FEWEST:

@@ -15,17 +15,18 @@ from collections.abc import Mapping
 import numpy as np
 
 from validation.events.definitions import Event
+from validation.events.flight import LONGEST_S
 from validation.findings.finding import SessionFinding, make_finding, name_trials, register_kinds, uncertainty_of_mean
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.trial import MeasuredTrial
 from validation.numbers import with_named_u
 from validation.prediction.predict_session import PredictedAngles
 
-LET_OFF_M = 0.6e-3
+LET_OFF_M = 0.6e-3  # strokes without faults differ by less than 0.4 mm
 LET_OFF_SPEED = 1.0  # softer blows follow friction as well
-CHECK_M = 2e-3
+CHECK_M = 2e-3  # choice: an eighth of a usual height of check
 COVERAGE = 2.0  # standard uncertainties of a trial's difference that it must exceed as well
-CHECK_SPEED = 1.5
+CHECK_SPEED = 1.5  # softer blows come back too slowly to be caught the same way
 CHECKED_WITHIN_M = 0.025  # a hammer held lower was not caught by the back check
 
 
@@ -57,7 +58,7 @@ def compare_let_off(
 def _measure_ways(time: np.ndarray, height: np.ndarray, events: Mapping[str, Event]) -> tuple[float, float]:
     """From let-off to where the hammer turns, and to where it meets the string, m."""
     at, impact = events["let_off"].value, events["string_impact"].value
-    near = np.abs(time - impact) < 5e-3
+    near = np.abs(time - impact) < LONGEST_S
     start, contact = np.interp([at, impact], time, height)
     return float(start - height[near].min()), float(start - contact)
 

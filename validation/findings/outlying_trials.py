@@ -17,6 +17,7 @@ from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, Array
 from validation.events.definitions import EVENTS, Event
 from validation.events.session_events import SessionEvents
 from validation.findings.finding import BLOW, PREDICTION, SessionFinding, register_kinds
+from validation.findings.limits import FAR, SIGMAS
 from validation.findings.stroke_kinds import onset_u_s, sustained_force_n
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
@@ -107,11 +108,8 @@ def estimate_force_effect(tested: ModelUnderTest, m: MeasuredTrial, start_s: flo
     return float(tested.store.value("force reach", inputs, run))
 
 
-ODD = 5.0  # times the usual departure from the median
-FAR = 0.01  # of the channel's range, root mean square
 SMALL_FORCE = 0.02  # of the force held for 20 ms, below which a difference explains nothing
-SMALL_TIME_S = 0.5e-3
-ONSET_SIGMA = 5.0
+SMALL_TIME_S = 0.5e-3  # choice: the shortest lag of the force that is stated
 SCALE_EXPLAINS = 0.9  # of the squared distance
 
 
@@ -223,7 +221,7 @@ def _find_reasons(number: int, measured: Sequence[MeasuredTrial], scale: float) 
     usual = float(np.median(list(held.values())))
     if _is_unusual(held, number) and abs(held[number] - usual) > SMALL_FORCE * usual:
         reasons.append(f"its peak force is {peak[number]:.1f} N, usual are {middle:.1f} N")
-    small_s = max(SMALL_TIME_S, ONSET_SIGMA * max(onset_u_s(m) for m in measured))
+    small_s = max(SMALL_TIME_S, SIGMAS * max(onset_u_s(m) for m in measured))
     if _is_unusual(onset, number) and abs(onset[number] - np.median(list(onset.values()))) > small_s:
         late = 1e3 * (onset[number] - float(np.median(list(onset.values()))))
         reasons.append(f"its blow begins {abs(late):.1f} ms {'later' if late > 0 else 'earlier'} than usual")
@@ -234,10 +232,10 @@ def _is_unusual(values: dict[int, float], number: int) -> bool:
     others = np.array([v for n, v in values.items() if n != number])
     middle = float(np.median(others))
     usual = float(np.median(np.abs(others - middle)))
-    return abs(values[number] - middle) > ODD * usual
+    return abs(values[number] - middle) > SIGMAS * usual
 
 
-LARGER = 5.0
+LARGER = 5.0  # times the others' usual residual: choice
 
 
 @register_kinds(

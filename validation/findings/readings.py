@@ -6,6 +6,7 @@ import numpy as np
 
 from validation.events.encoder_readings import are_simultaneous, find_reading_faults, measure_step_excess
 from validation.findings.finding import BLOW, CURVES, SessionFinding, register_kinds
+from validation.findings.limits import END_S, NOISE_SIGMAS
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.predict_session import PredictedAngles
@@ -50,18 +51,15 @@ def find_encoder_faults(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFin
     return out
 
 
-FEWEST_EQUAL = 5
+FEWEST_EQUAL = 5  # by chance 20^-4 of a reading
 COARSE = 0.05  # of the neighbours at rest: a converter that coarse repeats its reading of itself
-
-
-JUMP_SIGMAS = 8.0
 
 
 def is_followed_by_jump(m: MeasuredTrial, last: int) -> bool:
     """Whether the force jumps from this sample to the next: outside of the steps before and after, and of its noise."""
     steps = np.diff(m.raw_force_n[: m.quiet.stop])
     jump, _ = measure_step_excess(m.raw_force_n, m.time_s, 0.0, m.quiet.stop)
-    return last < jump.size and abs(float(jump[last])) > JUMP_SIGMAS * float(steps.std())
+    return last < jump.size and abs(float(jump[last])) > NOISE_SIGMAS * float(steps.std())
 
 
 def find_force_standstill(m: MeasuredTrial) -> list[SessionFinding]:
@@ -96,9 +94,7 @@ def find_force_standstill(m: MeasuredTrial) -> list[SessionFinding]:
 
 
 NO_REST = "no rest at the start"
-RISES_M = 1e-3
-FALLS_N = 0.5
-END_S = 0.05
+RISES_M, FALLS_N = 1e-3, 0.5  # of key front and force: choice, a tenth of the dip, the down weight
 
 
 @register_kinds({NO_REST: "Start the record before the stroke, with the key at rest, and record again."},

@@ -11,7 +11,8 @@ from validation.conventions import Array
 from validation.findings.finding import BLOW, SessionFinding, register_kinds
 from validation.measurement.trial import MeasuredTrial, trials_in_words
 
-HELD_S = 0.02
+HELD_S = 0.02  # longer than the spike at the key's bed, which scatters
+ONSET = (0.1, 0.5)  # of that force, between which the slope of its onset is taken: choice
 
 
 def sustained_force_n(m: MeasuredTrial) -> float:
@@ -25,9 +26,9 @@ def onset_u_s(m: MeasuredTrial) -> float:
     """Standard uncertainty of when the force began to act, s: the channel's noise over the slope of the rise."""
     above = m.force.force_n - m.force.preload_n
     held = sustained_force_n(m)
-    low, high = (int(np.argmax(above > share * held)) for share in (0.1, 0.5))
+    low, high = (int(np.argmax(above > share * held)) for share in ONSET)
     rise = float(m.force.time_s[high] - m.force.time_s[low])
-    return m.force.noise_n * rise / (0.4 * held) if held > 0 else float("inf")
+    return m.force.noise_n * rise / ((ONSET[1] - ONSET[0]) * held) if held > 0 else float("inf")
 
 
 def impulse_n_s(m: MeasuredTrial) -> float:
@@ -36,11 +37,10 @@ def impulse_n_s(m: MeasuredTrial) -> float:
     return float(np.sum(step * np.maximum(m.force.force_n - m.force.preload_n, 0.0)))
 
 
-SMOOTH_S = 0.02  # within which the spike at the key's bed scatters
 APART = 0.22  # of the force's size: a stroke that is a quarter louder
 ALIKE = 0.07  # strokes of one plan lie that close together at most
-OVER_ALIKE = 3.0
-STEP_S = 1e-3
+OVER_ALIKE = 3.0  # times the longest join of one kind: choice
+STEP_S = 1e-3  # of the averaged curves
 
 
 def group_strokes(trials: Sequence[MeasuredTrial]) -> tuple[tuple[int, ...], ...]:
@@ -70,15 +70,15 @@ def group_strokes(trials: Sequence[MeasuredTrial]) -> tuple[tuple[int, ...], ...
 
 
 def _align_force(m: MeasuredTrial) -> Array:
-    """Force above the preload since its onset, averaged over `SMOOTH_S`."""
-    at = np.arange(-SMOOTH_S, float(m.force.time_s[-1]) - m.quiet.onset_s, STEP_S)
-    weights = np.full(round(SMOOTH_S / STEP_S), STEP_S / SMOOTH_S)
+    """Force above the preload since its onset, averaged over `HELD_S`."""
+    at = np.arange(-HELD_S, float(m.force.time_s[-1]) - m.quiet.onset_s, STEP_S)
+    weights = np.full(round(HELD_S / STEP_S), STEP_S / HELD_S)
     return np.convolve(np.interp(at + m.quiet.onset_s, m.force.time_s, m.force.force_n - m.force.preload_n), weights)
 
 
 def _force_distance(one: Array, other: Array) -> float:
     """Root mean square difference over the root mean square of the larger one, as far as both were recorded."""
-    n = max(min(one.size, other.size) - round(SMOOTH_S / STEP_S), 1)
+    n = max(min(one.size, other.size) - round(HELD_S / STEP_S), 1)
     size = max(float(np.sqrt(np.mean(curve[:n] ** 2))) for curve in (one, other))
     return float(np.sqrt(np.mean((one[:n] - other[:n]) ** 2))) / max(size, 1e-12)
 

@@ -11,9 +11,8 @@ from validation.findings.finding import BLOW, OF_TRIALS, SessionFinding, registe
 from validation.measurement.measure_session import NOT_PREDICTED, OTHER_CONDITION, REJECTED
 from validation.measurement.trial import MeasuredTrial
 
-RATE_RELATIVE = 1e-4
-SHORT_S = 0.02
-SHORT_SHARE = 0.1
+RATE_RELATIVE = 1e-4  # twice the worst clock of a card: another setting, not another clock
+SHORT_S, SHORT_SHARE = 0.02, 0.1  # by which a record ends early: choice, seconds and of the shortest usual one
 
 
 @register_kinds({"sample rate": "Record all trials at one rate."}, among=OF_TRIALS)

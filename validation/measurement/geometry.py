@@ -43,7 +43,7 @@ class ActionGeometry:
     @cached_property
     def string_angle_rad(self) -> float:
         """Hammer angle at which the head touches the string, the first one on the way up from rest."""
-        turn = np.linspace(0.0, -0.8, 1601)
+        turn = np.linspace(0.0, -0.8, 1601)  # rad: twice the way to the string, half a milliradian a step
         height = self.hammer_height_m(self.absolute({HAMMER: turn}))
         above = np.flatnonzero(height <= 0)
         if above.size == 0 or above[0] == 0:
@@ -82,7 +82,7 @@ class ActionGeometry:
     def sensitivity(self, function: Callable[[Array], Array], body: int, angle_rad: Array | None = None) -> float:
         """Magnitude of d(function)/d(angle of one body), m/rad, at absolute angles (rest by default)."""
         centre = self.rest_angle_rad if angle_rad is None else np.asarray(angle_rad, dtype=float)
-        step = 1e-5
+        step = 1e-5  # rad, of a central difference: exact to 1e-10, far above rounding
         pair = np.tile(centre, (2, 1))
         pair[0, body] -= step
         pair[1, body] += step
@@ -113,7 +113,7 @@ def geometry_of(action: model.Action, rest_angle_rad: Array) -> ActionGeometry:
 
 def touch_dip(rest_rad: Array, dip: Callable[[Array], Array], key_gap: Callable[[Array], Array]) -> float:
     """Key dip at which the gap under the key front closes, found by turning the key alone from rest."""
-    turn = np.linspace(0.0, -0.2, 401)
+    turn = np.linspace(0.0, -0.2, 401)  # rad: three times a dip, half a milliradian a step
     angle = np.tile(rest_rad, (turn.size, 1))
     angle[:, KEY] += turn
     gap = key_gap(angle)

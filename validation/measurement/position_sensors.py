@@ -42,14 +42,17 @@ class SensorError:
 
 CURVE_AT = (0.04, 0.1, 0.2, 0.4, 0.7)
 """Shares of the hammer's ruler at which its sensor may show more or less than is there."""
+RULER_U = 0.05  # of the ruler: choice
 POSITION_ERRORS = (
-    SensorError("key_scale", "key: turn per displacement of the calibrated point", 0.13),
-    SensorError("key_zero", "key: place of the rest, m", 3e-4),
-    SensorError("key_shape", "key: bow of the calibration curve, rulers", 0.2),
-    SensorError("hammer_scale", "hammer: displacement of the calibrated point per turn", 0.15),
-    SensorError("hammer_zero", "hammer: place of the rest, m", 5e-5),
+    SensorError("key_scale", "key: turn per displacement of the calibrated point", 0.13),  # choice
+    SensorError("key_zero", "key: place of the rest, m", 3e-4),  # choice: felt that gives
+    SensorError("key_shape", "key: bow of the calibration curve, rulers", 0.2),  # choice: sensors are bent
+    SensorError("hammer_scale", "hammer: displacement of the calibrated point per turn", 0.15),  # choice
+    SensorError("hammer_zero", "hammer: place of the rest, m", 5e-5),  # choice
     *(
-        SensorError(f"hammer_curve_{100 * at:02.0f}", f"hammer: shown too high at {100 * at:.0f} % of its ruler", 0.05)
+        SensorError(
+            f"hammer_curve_{100 * at:02.0f}", f"hammer: shown too high at {100 * at:.0f} % of its ruler", RULER_U
+        )
         for at in CURVE_AT
     ),
 )
@@ -113,8 +116,8 @@ SPEED_OVER_S = 5e-3
 """Interval over which the key's speed is judged: noise between two samples is not its speed."""
 STEP_M = 3e-4
 """Displacement of the key between the knots of its motion at its fastest; at least two samples apart."""
-LONGEST_KNOT_S = 5e-3
-ORDER = 6
+LONGEST_KNOT_S = SPEED_OVER_S
+ORDER = 6  # coefficients of a piece of `model.KeyMotion`
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,6 +159,7 @@ class PositionSensors:
         step = int(np.clip(STEP_M / max(fastest, 1e-9) / interval, 2, max(LONGEST_KNOT_S / interval, 2)))
         at = np.arange(0, turn.size, step)
         at[-1] = turn.size - 1
+        # a width of 0.4 of the knots' distance averages the samples between them
         mean = gaussian_filter1d(turn, 0.4 * step, mode="nearest")
         spline = CubicSpline(self.time_s[at], rest_rad - mean[at], bc_type="clamped")
         rows = np.zeros((at.size - 1, ORDER))

@@ -34,7 +34,7 @@ from validation.measurement.trial import MeasuredTrial, no_force
 
 QUIET_S = 0.25
 """What is taken for rest before the stroke, at most; at least a period of the mains, over which hum has no mean."""
-STILL_SIGMA = 5.0
+STILL_SIGMA = 5.0  # Gaussian noise goes beyond once in two million
 NORMAL = 1.4826
 """Standard deviation of a normal distribution over its median departure."""
 LEAST_SPAN = 1e-4
@@ -43,7 +43,7 @@ FEWEST = 16
 """Samples of rest, at least: twice as many as a level and its hum have numbers."""
 NOISE_M = {"key": 2e-5, "hammer": 4e-5}
 """Noise down to which a sample is averaged with its neighbours."""
-MOST_NEIGHBOURS = 40.0
+MOST_NEIGHBOURS = 40.0  # averaged with a sample: noise falls to a sixth, and motion blurs by milliseconds
 MAINS = "mains_frequency_hz"
 AS_FAR_AS_SEEN = ("complete", "incomplete")
 """Of a recording of positions that can be used: what the key has not done yet moves nothing."""
@@ -189,7 +189,7 @@ def smooth_to_noise(value: Array, u_noise: Array, wanted: float) -> Array:
     out, padded = np.zeros(value.size), np.pad(value, reach, mode="edge")
     weight = np.zeros(value.size)
     for k in range(-reach, reach + 1):
-        share = np.exp(-0.5 * (k / np.maximum(width, 0.05)) ** 2)
+        share = np.exp(-0.5 * (k / np.maximum(width, 0.05)) ** 2)  # of a sample: no neighbour has a share
         out += share * padded[reach + k : reach + k + value.size]
         weight += share
     return out / weight

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from rig.session import TrialData
 
-WINDOW = 64
-ONE_IN = 64
-FEWEST_SHARED = 2
+WINDOW = 64  # samples of a fingerprint: choice, so long a run is no chance
+ONE_IN = 64  # kept of them, for size: choice, some hundred of a record
+FEWEST_SHARED = 2  # one may be the same by chance: values of 48 bits, some hundred a record
 SHARE_OF_ONE_STROKE = 0.5  # of the fingerprints of the shorter record: beyond it most of one lies in the other
 MOVED_SHARE = 0.05  # of a reading's range: mains hum and noise of a quiet baseline stay below
-DIGITS = 12
+DIGITS = 12  # hexadecimal, of a fingerprint as written
 BASE = np.uint64(0x9E3779B97F4A7C15)  # odd, so that no power of it vanishes modulo 2^64
 
 
@@ -61,6 +61,7 @@ def _hashes(words: NDArray[np.uint64], tells: NDArray[np.bool_]) -> list[int]:
     with np.errstate(over="ignore"):
         for k in range(WINDOW):
             total = total * BASE + words[k : k + n]
+        # the mixing of SplitMix64 (Steele, Lea and Flood 2014)
         mixed = (total ^ (total >> np.uint64(29))) * np.uint64(0xBF58476D1CE4E5B9)
         mixed ^= mixed >> np.uint64(32)
     telling = np.convolve(tells, np.ones(WINDOW, dtype=int), "valid") >= 3 * WINDOW // 4

@@ -18,8 +18,7 @@ from validation.result import AGREES
 from validation.statistics.rivals import Rivals
 from validation.statistics.skill import CALLED, Skill
 
-MOST = 3
-MOST_CAUSES = 3
+MOST = 3  # pieces of advice, and causes in one: choice, more are not read
 NOTHING = "Nothing: no difference beyond the stated uncertainty is shown."
 MEND = {name: kind.mend for name, kind in order_kinds().items() if kind.mend}
 """What to do about each kind of finding; of a key that lifts nothing, its samples are left out."""
@@ -72,11 +71,10 @@ def advise_on_causes(explained: Explained) -> list[str]:
     if not sets:
         return []
     causes = list(dict.fromkeys(change.cause for one in sets.values() for change in one))
-    more = f" or {len(causes) - MOST_CAUSES} more" if len(causes) > MOST_CAUSES else ""
+    more = f" or {len(causes) - MOST} more" if len(causes) > MOST else ""
     if len(sets) > 1:
         return [
-            f"Measure {' or '.join(causes[:MOST_CAUSES])}{more}: the trials cannot tell which of them makes the "
-            "difference."
+            f"Measure {' or '.join(causes[:MOST])}{more}: the trials cannot tell which of them makes the difference."
         ]
     (only,) = sets.values()
     named = " and ".join(causes)

@@ -16,7 +16,7 @@ import model
 from validation.prediction.posterior import posterior_of
 
 ASSUMED = "assumed"
-LARGE_RELATIVE_U = 0.25
+LARGE_RELATIVE_U = 0.25  # beyond it a Gaussian would draw below 0 once in thirty thousand
 
 
 def parameter_draws(action: model.Action, n: int, rng: np.random.Generator) -> list[dict[str, float]]:

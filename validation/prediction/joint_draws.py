@@ -37,9 +37,9 @@ LEVELS, OWN, RULER = 2, 3, 4  # uses of the seed
 # departures of position sensors' rulers, beside a scale and a zero of each
 RULERS = ("bow of the key's ruler", *(f"ruler of the hammer at {100 * at:.0f} %" for at in CURVE_AT))
 USES = ("force", "readings")
-MOST_TRIALS = 5
+MOST_TRIALS = 5  # of a condition that are drawn, for time: choice
 T = TypeVar("T")
-DRAWN_TOLERANCE = 3e-5
+DRAWN_TOLERANCE = 3e-5  # rad: choice, a count of a scale, far below what draws scatter
 
 
 @dataclass(frozen=True)

@@ -103,7 +103,7 @@ def read_by_sensors(m: MeasuredTrial, turn_rad: Array, errors: KeyErrors = EXACT
     return read
 
 
-STEP_S = 2.5e-4
+STEP_S = 2.5e-4  # of the null model: choice, a contact with the string takes some ten
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from validation.conventions import WORKERS, Array
 from validation.errors import PredictionError
 from validation.prediction.model_under_test import ModelUnderTest
 
-SPACING_S = 6e-4
+SPACING_S = 6e-4  # an action does not follow what happens within a millisecond
 
 
 def coarse_force(time_s: Array, force_n: Array, spacing_s: float = SPACING_S) -> tuple[Array, Array]:

@@ -22,7 +22,7 @@ from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
 
 MEMBERS = 8  # of the ensemble that carries the uncertainty of the angle: u is then known to a quarter
-AROUND_S = 5e-3
+AROUND_S = 5e-3  # of a peak: choice, within which trial and prediction may have it
 COLUMNS = [
     "trial",
     "peak_measured_n",

@@ -49,7 +49,7 @@ KNOWN = ("before", "strokes", "black_boxes", "samples")
 TRIALS, EARLIER = "trials_sha256", "earlier_sha256"
 """In the provenance: of the trials fitted, and of those that the values it started from were fitted to."""
 TOLD = 1e-4  # of the variance of the prior: directions that lost (or gained) less are left out
-DIGITS = 7
+DIGITS = 7  # of what a file holds: a share of a standard deviation of 1e-6
 CUT = 3.0  # standard deviations, as for parameters that are drawn independently
 
 
@@ -155,7 +155,7 @@ def posterior_of(action: model.Action) -> Posterior | None:
         raise ValidationInputError(f"{where}: found lists of different lengths; {advice}")
     if not (np.all(left >= 0.0) and np.all(np.isfinite(left)) and np.all(np.isfinite(directions))):
         raise ValidationInputError(f"{where}: left found below 0 or not finite, allowed from 0; {advice}")
-    if not np.allclose(directions @ directions.T, np.eye(left.size), atol=1e-4):
+    if not np.allclose(directions @ directions.T, np.eye(left.size), atol=1e-4):  # written with seven digits
         raise ValidationInputError(f"{where}: directions found not orthonormal; {advice}")
     known = model.quantities_of(action)
     for path in (*(path for group in paths for path in group), *kept["before"]):

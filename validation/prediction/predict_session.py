@@ -123,10 +123,12 @@ def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "mode
         **estimate,
     )
     took_s = thread_time() - began_s
-    angle, speed = np.full((m.time_s.size, 5), np.nan), np.full((m.time_s.size, 5), np.nan)
+    angle, speed = np.full((2, m.time_s.size, len(BODIES)), np.nan)
     got = np.asarray(solution.angle_rad, dtype=float)[:, : len(BODIES)]  # a scene's own coordinates follow
-    if got.shape != (int(inside.sum()), 5):
-        raise PredictionError(f"trial {m.number}: prediction has shape {got.shape}, expected {(int(inside.sum()), 5)}")
+    if got.shape != (int(inside.sum()), len(BODIES)):
+        raise PredictionError(
+            f"trial {m.number}: prediction has shape {got.shape}, expected {(int(inside.sum()), len(BODIES))}"
+        )
     angle[inside], speed[inside] = got, np.asarray(solution.speed_rad_per_s, dtype=float)[:, : len(BODIES)]
     counters = {name: float(value) for name, value in dict(getattr(solution, "counters", {})).items()}
     counters["seconds"] = took_s
@@ -192,7 +194,7 @@ def _load_prediction(
     )
 
 
-MOST_NAMED = 4
+MOST_NAMED = 4  # in a sentence
 """Trials named of those that share a reason."""
 
 

@@ -69,10 +69,10 @@ GISTS = {
 """What a folded section holds."""
 
 
-LARGEST_BYTES = 1_200_000
-BYTES_PER_VALUE = 8 / 3
-FEWEST_SAMPLES, MOST_SAMPLES = 150, 1000
-LOST, LARGEST = -32768, 32767
+LARGEST_BYTES = 1_200_000  # of the curves: choice, a page opens at once
+BYTES_PER_VALUE = 8 / 3  # two bytes, in base 64
+FEWEST_SAMPLES, MOST_SAMPLES = 150, 1000  # of a curve: choice, a screen has some thousand columns
+LOST, LARGEST = -(2**15), 2**15 - 1
 
 
 def page_data(view: SessionView) -> str:

@@ -86,7 +86,7 @@ def _plain(value: Any) -> Any:
     return value
 
 
-MOST_TRIALS = 8
+MOST_TRIALS = 8  # with a section of their own: choice
 CURVES = re.compile(rf"curves(_\d+)?\.nc|curves/(s\d+-)?({'|'.join(('force', *BODIES))})\.(csv|json)")
 DIGITS = 9  # after the point, in rad and N: far below a count
 SPREAD = ("mean_rad", "s_r_rad", "band95_rad", "difference_rad", "difference_u95_rad")

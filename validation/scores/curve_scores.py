@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from validation.conventions import Array, rms
 from validation.scores.iso18571 import FEWEST_SAMPLES, iso_score
 
-MOST_PAIRS = 200
+MOST_PAIRS = 200  # of trials: choice, their mean score is known to a fourteenth of its scatter
 PAIR_SEED = 20260101
 
 

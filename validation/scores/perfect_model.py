@@ -22,7 +22,7 @@ from validation.prediction.model_under_test import ModelUnderTest
 from validation.scores.curve_scores import SCORES, compute_scores, pool_score
 from validation.scores.traces import SessionTraces, select_scored_angles
 
-DRAWS = 19
+DRAWS = 19  # a right model is worse than all of them once in twenty
 MOVED = "moved_"
 PAIRED_SCORES = ("rmse_rad", "before_impact_rmse_rad", "iso_overall")
 NUISANCE_COLUMNS = ["trial", "channel", "draw", *PAIRED_SCORES]

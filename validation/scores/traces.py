@@ -18,6 +18,7 @@ from scipy.ndimage import maximum_filter1d
 
 from validation.cache.result_store import ResultStore
 from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, Array
+from validation.events.contact import REVERSAL_S
 from validation.events.crossings import up_crossings
 from validation.events.definitions import Event
 from validation.events.key_lift import KeyLift, mark_lifted_samples
@@ -26,17 +27,14 @@ from validation.measurement.trial import MeasuredTrial
 from validation.prediction.predict_session import PredictedTrial
 
 STEP = "speeds"
-WINDOW = 21
-FEWEST = 5
-ORDER = 3
-NEIGHBOURS = 5
+# of cubics through samples (Savitzky and Golay): choice; at 5 kHz 4 ms, near a contact as few as bend nothing
+WINDOW, FEWEST, ORDER = 21, 5, 3
 # events at which a body is struck or stopped, beside the hammer's leaving the string
 CONTACTS = {
     "key": ("key_bottom",),
     "whippen": ("key_bottom", "string_impact"),
     "hammer": ("string_impact", "second_strike", "check_time", "landing"),
 }
-LEAVES_S = 6e-3
 
 
 def find_contact_times(m: MeasuredTrial, events: dict[str, Event], channel: str) -> list[float]:
@@ -45,7 +43,7 @@ def find_contact_times(m: MeasuredTrial, events: dict[str, Event], channel: str)
     if channel == "hammer":
         leaves = up_crossings(m.time_s, m.motion.hammer_height_m, 0.0)
         struck = [events[name].value for name in ("string_impact", "second_strike")]
-        times += [t for t in leaves if any(0 < t - at < LEAVES_S for at in struck)]
+        times += [t for t in leaves if any(0 < t - at < REVERSAL_S for at in struck)]
     return sorted(times)
 
 
@@ -102,7 +100,7 @@ def differentiate_between_contacts(
             bend = np.maximum(bend, np.abs(slope - np.gradient(part)))
         speed[first:last] = slope / step
         # where the two agree by chance, their neighbours decide
-        u[first:last] = np.hypot(factor * u_sample_rad, maximum_filter1d(bend, NEIGHBOURS)) / step
+        u[first:last] = np.hypot(factor * u_sample_rad, maximum_filter1d(bend, FEWEST)) / step
     return speed, u
 
 

@@ -44,7 +44,7 @@ EXPLAINED = 0.4  # of the squared deviations near an instant; half is what shift
 CLEAR = 3.0  # times the rounding of its samples, over the window, that a slope must exceed
 IS_MOTION = 10.0  # times the variance of the mean's slope, all along: below, the mean is what is left of the scatter
 TIME_CONFIDENCE = 0.98  # for a further trial; with it the band of the mean covers about 95 % on the virtual bench
-ROUND_SAMPLES = 0.05
+ROUND_SAMPLES = 0.05  # to which shifts are rounded: a twentieth of a sample
 
 
 def estimate_time_scatter(curves: Array, u_sample: float = 0.0) -> Array:
@@ -132,10 +132,10 @@ def extend_in_time(mean: Array, scatter: Array, n: int) -> Array:
     return np.asarray(np.maximum(upper - mean, lower + mean))
 
 
-FEWEST_FOR_BAND = 5
-LARGEST_U = 1e6
+FEWEST_FOR_BAND = 5  # trials: three would need a factor of 136
+LARGEST_U = 1e6  # beyond any factor that is used
 FEWEST_STEPS = 40  # of the path, however noisy the samples are
-CLEAR_OF_NOISE = 4.0
+CLEAR_OF_NOISE = 4.0  # squared step over that of noise alone: a length is then long by an eighth at most
 ROUNDING = np.sqrt(6.0)  # a count, in standard deviations of a rounded sample less its rounded zero
 CLEAR_SCATTER = 3.0  # times the noise of a sample: above it the scatter of a few trials is that of the trials
 

@@ -27,8 +27,8 @@ from validation.measurement.trial import trials_in_words
 
 STEP_S = 1e-3
 """Between the samples that are looked at."""
-SPEED_OVER_S = 5e-3
-DOWN = 0.8
+SPEED_OVER_S = 5e-3  # noise between two samples is no speed
+DOWN = 0.8  # of the deepest place, above which the key counts as down: choice
 BRIEF_S = 0.1
 """The key's time down counts as t / (t + this): whether a second or three, the hammer hangs in the back check."""
 REPEATED = "repetition"
@@ -154,7 +154,7 @@ def _scale(name: str, value: float) -> float:
     return value / (value + BRIEF_S) if name == "hold" else value
 
 
-MOST_NAMED = 4
+MOST_NAMED = 4  # in a sentence
 
 
 def describe_domain(action: str, places: pd.DataFrame, known: bool, lost: Collection[int] = ()) -> list[str]:

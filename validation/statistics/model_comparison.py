@@ -113,7 +113,7 @@ def _statistics(first: Array, second: Array, better: str, u_nuisance: float) -> 
     n = d.size
     mean = float(d.mean())
     u = float(d.std(ddof=1) / np.sqrt(n)) if n > 1 else float("nan")
-    reach = float(stdtrit(n - 1, 0.975)) * u if n > 1 else float("nan")
+    reach = float(stdtrit(n - 1, 1.0 - LEVEL / 2.0)) * u if n > 1 else float("nan")
     reach = float(np.hypot(reach, COVERAGE * np.nan_to_num(u_nuisance)))
     closer = -d if better == "lower" else d
     return {

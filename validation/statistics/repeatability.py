@@ -36,9 +36,9 @@ def interpolate_to_base(time_s: Array, frames: dict[int, pd.DataFrame], column: 
     return out
 
 
-RECOMMENDED_TRIALS = 10
-FEWEST_TRIALS = 6
-FEWEST_TO_STAND_OUT = 4
+RECOMMENDED_TRIALS = 10  # a standard deviation of so many is known to a quarter
+FEWEST_TRIALS = 6  # with which a test of signs can reach 5 %
+FEWEST_TO_STAND_OUT = 4  # of three, no one is told from the other two
 STANDS_OUT = 4.0  # fewer than 3 % of good sessions of six trials (simulated in the tests)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 EXACT_UP_TO = 14  # rows; beyond that signs are drawn
-DRAWS = 20_000
+DRAWS = 20_000  # a probability of 5 % is then known to 0.15 %
 SEED = 20260102
 
 Array = NDArray[np.float64]

@@ -14,13 +14,13 @@ import numpy as np
 import pandas as pd
 from scipy.special import stdtrit
 
-from validation.conventions import Array
+from validation.conventions import LEVEL, Array
 from validation.measurement.trial import trials_in_words
 
 RIVALS = ("null", "unfitted", "polynomial", "fir", "fir_lags")
 FEWEST = 4
 """Strokes from which an interval is stated: with three Student's t is 4.3 and says nothing."""
-LEAST = 1e-12
+LEAST = 1e-12  # of an error, so that its logarithm exists
 CALLED = {
     "null": "the null model",
     "unfitted": "the values before the fit",
@@ -68,7 +68,7 @@ def compute_skill(model: Array, rivals: Mapping[str, Array]) -> Skill | None:
     best = min(size, key=lambda name: float(size[name].mean()))
     ratio = np.log(np.maximum(np.asarray(model, dtype=float)[known], LEAST)) - size[best]
     n, mean = ratio.size, float(ratio.mean())
-    reach = float(stdtrit(n - 1, 0.975) * ratio.std(ddof=1) / np.sqrt(n)) if n >= FEWEST else float("nan")
+    reach = float(stdtrit(n - 1, 1.0 - LEVEL / 2.0) * ratio.std(ddof=1) / np.sqrt(n)) if n >= FEWEST else float("nan")
     low, high = 1.0 - np.exp(mean + reach), 1.0 - np.exp(mean - reach)
     return Skill(best, 1.0 - float(np.exp(mean)), float(low), float(high), n)
 

@@ -12,7 +12,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from validation.conventions import CHANNEL_GROUPS, Array, rms
+from validation.conventions import CHANNEL_GROUPS, CONFIDENCE, Array, rms
 from validation.findings.finding import LeftOut, describe_left_out, select_counted
 from validation.numbers import DASH, between, degrees, number
 from validation.prediction.joint_draws import CHANNELS
@@ -223,7 +223,7 @@ def _difference(base: Array, apart: Array, verdict: Verdict, name: str) -> tuple
         "u_difference_rad": rms(u),
         "resolved_share": float(np.mean(np.abs(mean[known]) > COVERAGE * u[known])),
         "rmse_right_rad": float(np.median(right)),
-        "rmse_right_95_rad": quantile_by_rank(right, 0.95),
+        "rmse_right_95_rad": quantile_by_rank(right, CONFIDENCE),
     }
     return mean, u, row
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from validation.conventions import Array
+from validation.conventions import CONFIDENCE, Array
 from validation.events.definitions import EVENTS, Event
 from validation.tables.comparison import Comparison
 from validation.tables.events import event_label
@@ -57,7 +57,7 @@ def rows(comparison: Comparison) -> list[dict[str, Any]]:
     return list(event_summary(comparison.counting, comparison.events.model))
 
 
-DRAWS = 4000
+DRAWS = 4000  # the mean of an area is known to one per cent
 SEED = 2008
 
 
@@ -86,7 +86,7 @@ def area_floor(n_model: int, n_trial: int) -> tuple[float, float]:
         return float("nan"), float("nan")
     rng = np.random.default_rng([SEED, n_model, n_trial])
     areas = _between(rng.standard_normal((DRAWS, n_model)), rng.standard_normal((DRAWS, n_trial)))
-    return float(areas.mean()), float(np.quantile(areas, 0.95))
+    return float(areas.mean()), float(np.quantile(areas, CONFIDENCE))
 
 
 def _between(model: Array, trial: Array) -> Array:

@@ -40,7 +40,7 @@ COLUMNS = (
     Column("felt_j", "J", "Part of it lost in the felt; of contacts only", head="in felt"),
     Column("draws", "", "Draws of force and parameters that could be run; 0 without a budget", int),
 )  # fmt: skip
-DRAWS = 20
+DRAWS = 20  # a standard uncertainty is then known to a sixth
 ENERGIES = {
     "work_in": "work of the force on the key",
     "stored_change": "stored in the action, change since rest",

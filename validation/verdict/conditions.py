@@ -20,7 +20,7 @@ from validation.conventions import Array
 from validation.verdict.error_draws import TrialErrors
 from validation.verdict.quantities import IS_PRIMARY, QUANTITIES, Quantity, quantity_limits
 
-FEWEST_IN_PART = 2
+FEWEST_IN_PART = 2  # trials, so that one odd trial is no change
 LEVEL = 1e-3  # of a session without a change
 LEAST = 0.1  # of the limit of relevance: less hardly moves an interval
 

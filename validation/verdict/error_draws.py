@@ -47,8 +47,8 @@ from validation.verdict.quantities import (
 )
 
 DRAWS = 199  # ranks 5 and 195 hold 95 % exactly
-OWN_DRAWS = 20
-MOST_SAMPLES = 400
+OWN_DRAWS = 20  # of each trial's own errors, beside the common ones: choice
+MOST_SAMPLES = 400  # of a curve of errors: choice, a window of 0.8 s in steps of 2 ms
 INPUTS = (
     "force gain",
     "force level",

@@ -23,7 +23,7 @@ from scipy.special import gammaincinv
 from validation.conventions import CONFIDENCE, LEVEL, Array
 
 EQUIVALENCE = 1.0 - 2.0 * LEVEL  # coverage of an interval inside a limit: two one-sided tests of `LEVEL` each
-POWER = 0.80
+POWER = 0.80  # at which an error counts as detectable: usual in the planning of tests
 PRIOR_FREEDOM = 3.0  # few, so that six trials outweigh what is declared; one trial has Student's factor 3.2
 FEWEST_FOR_INTERVAL = 39  # 95 % of ranks
 FEWEST_FOR_BRANCH = 20  # of a branch's scales

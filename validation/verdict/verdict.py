@@ -36,10 +36,10 @@ from validation.verdict.quantities import (
     quantity_limits,
 )
 
-FEWEST_DRAWS = 99
+FEWEST_DRAWS = 99  # whose ranks still hold 95 %
 SELDOM = 0.05  # share of the draws on the observed branch, below which the first line says so
 MOST_FAILED = 0.2  # of the draws: beyond, those that could be run are a selection
-MOST_NAMED = 3
+MOST_NAMED = 3  # quantities in the first line
 UNTESTED = 10.0  # limits of relevance: where only a larger error would be shown, a session does not test a quantity
 NOT_TESTED = "not tested"
 FALL = ("drop", "landing")
@@ -50,7 +50,7 @@ COLUMNS = [
     "alone", "detectable_low", "detectable_high", "u", "u_force", "u_sensors", "u_parameters", "u_repeat",
     "main_input", "state",
 ]  # fmt: skip
-FORCE_INPUTS = 3
+FORCE_INPUTS = 3  # the first of `INPUTS` are of the force
 PARAMETERS, SCATTER = "parameters of the model as declared", "scatter of the trials"
 
 
@@ -355,7 +355,7 @@ def detectable_words(row: Any) -> str:
     q = QUANTITIES[INDEX[str(row.quantity)]]
     sign = float(SIGN[q.channel]) if q.channel else 1.0
     low, high = sorted(sign * q.factor * y for y in (row.detectable_low, row.detectable_high))
-    if max(-low, high) < 1.1 * min(-low, high):
+    if max(-low, high) < 1.1 * min(-low, high):  # a tenth
         return _plain_digits(max(-low, high))
     return f"−{_plain_digits(-low)} or +{_plain_digits(high)}"
 
@@ -439,7 +439,9 @@ def curve_errors(verdict: Verdict, channel: int) -> tuple[Array, Array]:
     u = np.full(errors.time_s.size, np.nan)
     if known.any():
         whole = np.isfinite(curves).all()  # `nanquantile` goes through the times one by one
-        low, high = (np.quantile if whole else np.nanquantile)(curves[:, known], [0.025, 0.975], axis=0)
+        low, high = (np.quantile if whole else np.nanquantile)(
+            curves[:, known], [LEVEL / 2.0, 1.0 - LEVEL / 2.0], axis=0
+        )
         u[known] = (high - low) / (2 * 1.96)
     return errors.time_s, u
 

@@ -65,7 +65,7 @@ def radau(stages: int) -> Collocation:
     )  # fmt: skip
 
 
-STAGES = 5
+STAGES = 5  # of Radau's method: the ninth order
 METHOD = radau(STAGES)
 NODES, ONCE, TWICE = METHOD.nodes, METHOD.once, METHOD.twice
 WAY_BY_WAY, WAY_BY_RATE, RATE_BY_WAY, RATE_BY_RATE = range(4)
@@ -512,6 +512,6 @@ def propagate_free_modes(carried, channels):
             y, u = tangent[i * blocks + b], tangent[(many + i) * blocks + b]
             k, c = moved[(many + i) * blocks + b], moved[(2 * many + i) * blocks + b]
             for half in range(2):
-                at = 10 * i + 2 + 4 * half
+                at = 10 * i + 2 + 4 * half  # as `propagate_modes` lays them out
                 x = carried[at] * y + carried[at + 1] * u + carried[at + 2] * k + carried[at + 3] * c
                 tangent[(half * many + i) * blocks + b] = x

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
+from model.integrators.step_control import WHOLE
 from model.integrators.tangents.channels import (
     advance_channels,
     interpolate_channels,
@@ -20,6 +21,7 @@ from model.kernels.kernel_value import KernelType, numba_kernel
 
 DONE, STEP_TOO_SMALL, TOO_MANY_STEPS = 0, 1, 2
 MOST_STEPS = 50  # attempts for each step of the motion; a blow of the printed action takes about one
+# as `model.integrators.step_control`, for steps of another order; s
 SAFETY, GROW, SHRINK, SMALLEST_STEP = 0.8, 6.0, 0.1, 1e-10
 POWER = -1.0 / (STAGES + 1)  # of the step in the estimated error
 FIRST_STEP = 1e-5  # s
@@ -105,7 +107,7 @@ def step_end_limit(t, k, motion, stride):
 def fit_step(h, left):
     if h < 0.5 * left:
         return h
-    return 0.5 * left if h < 0.99 * left else left
+    return 0.5 * left if WHOLE * h < left else left
 
 
 @inlined_uncounted
