@@ -19,12 +19,12 @@ from model.codegen.evaluate_observables import contacts_at
 from model.codegen.observable_columns import DEPTH
 from model.errors import InputError
 from model.files.csv_columns import read_columns
+from model.files.time_table import UNEVEN
 from model.parameters.action import BODIES, ActionLike, as_action
 from model.scene.build import build_scene
 
 REST_SHARE = 0.02  # of the largest speed of its sign: choice; slower touches hardly rub or damp
 FEWEST_ROWS = 8  # a derivative and its ends
-UNEVEN = 0.01  # of a step: the derivative takes steps for equal
 SMOOTHING_S = 2e-3  # window of the derivative of measured angles
 _NUDGE_S = 1e-7  # step along the motion: gaps are smooth in the angles, so the error is far below a micrometre a second
 

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from model.arrays import ArrayRecord
 from model.errors import InputError
 from model.files.csv_columns import read_columns
+from model.files.time_table import UNEVEN
 
 Array = NDArray[np.float64]
 LEAST_SAMPLES = 200  # of a log
 MODES = ("torque", "voltage")
 GAIN = {"torque": "current_gain", "voltage": "voltage_gain"}
 COLUMNS = ("time_s", "command_v", "force_n", "arm_rad")
-JITTER = 0.01  # of a sample interval
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ class DriveLog(ArrayRecord):
         if len(self.time_s) < LEAST_SAMPLES:
             raise InputError(f"log: found {len(self.time_s)} samples, allowed from {LEAST_SAMPLES}")
         steps = np.diff(self.time_s)
-        if not np.all(np.abs(steps - self.interval_s) <= JITTER * self.interval_s) or not self.interval_s > 0.0:
+        if not np.all(np.abs(steps - self.interval_s) <= UNEVEN * self.interval_s) or not self.interval_s > 0.0:
             raise InputError(
                 f"log: time_s: found intervals of {steps.min():g} to {steps.max():g} s, allowed equal ones"
             )

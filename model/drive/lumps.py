@@ -26,10 +26,10 @@ from model.codegen.load import load_kernel
 from model.drive.log import DriveLog, DriveOptions
 from model.errors import InputError
 from model.kernels.drive_torque import SUBSTEPS, integrate_torque
+from model.scene.pressing import SATURATED
 
 Array = NDArray[np.float64]
 LUMPS = ("torque_per_volt", "delay", "damping", "ceiling", "supply", "share", "firmness")
-SATURATED = 2.0  # as `model.scene.pressing`
 DEGREE = 5  # of the bump: its third derivative is continuous
 QUARTIC = np.array([22.0, -67.0, -58.0, 0.0, 58.0, 67.0, -22.0]) / 252.0
 PIECE = 3  # samples a piece of the bump: choice, a window of 18 averages an encoder's rounding

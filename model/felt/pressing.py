@@ -16,11 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 from model.arrays import ArrayRecord, as_numbers
 from model.errors import InputError
 from model.files.csv_columns import read_columns
+from model.files.time_table import UNEVEN
 
 FEWEST_SAMPLES = 40  # of a press
 NOISE_OF_SPEED = 0.02  # share of the median speed that noise of the depth may make; smoothing rounds the turn off
 WIDEST_SHARE = 0.05  # of the samples: widest window of the smoothing
-UNEVEN = 0.01  # of the sampling interval: speeds are differences of equal steps
 MOST_SAMPLES = 3000  # kept of a press: what a law says between them is exact, and a fit's time grows with them
 
 Array = NDArray[np.float64]

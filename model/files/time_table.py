@@ -10,6 +10,7 @@ from model.errors import InputError
 
 Array = NDArray[np.float64]
 
+UNEVEN = 0.01  # of a step, up to which steps count as equal where something is differentiated
 LARGEST_TIME_S = 1e6  # s: up to it a double still tells nanoseconds apart
 
 

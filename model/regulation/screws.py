@@ -31,8 +31,9 @@ CLEARANCE = 0.5e-3  # m, at rest, between parts that must not touch: choice, abo
 LARGEST_TURN = 1e-3  # m in one step or iteration: choice, an eighth or more of a travel
 ROUNDING = 1e-9  # m or its share: below it a turn is none
 TOLERANCE = 20e-6  # m, within which a target counts as met
-CONVERGED = {"rest": 0.1e-6, "press": 4e-6, "blow": 4e-6}  # m, error at which a screw is left as it is
-TOO_FAR = 50e-3  # m, error taken for a screw that presses on the action at rest
+AT_REST, IN_MOTION = 0.1e-6, 4e-6  # m, error at which a screw is left as it is; a press or blow scatters by microns
+CONVERGED = {"rest": AT_REST, "press": IN_MOTION, "blow": IN_MOTION}
+TOO_FAR = 50e-3  # m, taken for a target that cannot be measured, as where a screw presses on the action at rest
 
 Array = NDArray[np.float64]
 
@@ -157,7 +158,7 @@ class Bench:
         target, screw, turn = self.target(name), SCREW[name], self.turn_m[name]
         low, high = self.limits(name)
         where = f"{1e3 * turn:+.2f} mm of {1e3 * low:+.1f} to {1e3 * high:+.1f}"
-        at_limit = min(turn - low, high - turn) < 5e-6  # as printed: the search ends some micrometres beside it
+        at_limit = min(turn - low, high - turn) <= IN_MOTION  # the search ends beside it
         where = f"at its limit, {where}" if at_limit else f"at {where}"
         far = f"stays {1e3 * abs(error):.2f} mm from" if math.isfinite(error) else "cannot be brought to"
         return RegulationError(

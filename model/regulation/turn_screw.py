@@ -29,6 +29,7 @@ from model.regulation.screws import (
     ROUNDING,
     SCREW,
     TOLERANCE,
+    TOO_FAR,
     Bench,
 )
 
@@ -44,7 +45,6 @@ WIDER = 6e-3  # m, beyond a screw's travel, in the search for what is in the way
 IDLE = 0.1  # of a screw's usual effect, below which it does not carry its part
 HALVINGS = 6  # of a step that leads away from the targets: to a sixtieth
 GRID = tuple(product((0.0, -0.6, 0.6), repeat=2))  # starts, in shares of the travel of capstan and jack pad
-LOST = 20e-3  # m, taken for a target that cannot be measured
 REST_CONTACT = "contact13"
 
 Array = NDArray[np.float64]
@@ -206,7 +206,7 @@ def _least_squares(bench: Bench, report: Report) -> bool:
 
     def errors(turns: Array) -> Array:
         found = bench.rest_errors(REST_TARGETS, dict(zip(REST_TARGETS, map(float, turns), strict=True)))
-        return np.where(np.isfinite(found), found, LOST)
+        return np.where(np.isfinite(found), found, TOO_FAR)
 
     def slopes(turns: Array) -> Array:
         inward = np.where(turns + SMALL_TURN > high, -SMALL_TURN, SMALL_TURN)

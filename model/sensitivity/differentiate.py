@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from model.arrays import as_numbers
 from model.errors import InputError
 from model.files.force_table import check_force_table
-from model.force_driven import Recorded, check_output_times, force_table_of_trial
+from model.force_driven import COMPANION, Recorded, check_output_times, force_table_of_trial
 from model.parameters.action import Action, ActionLike, as_action
 from model.sensitivity.events import Events
 from model.sensitivity.options import SensitivityOptions
@@ -25,7 +25,6 @@ Array = NDArray[np.float64]
 Blow = tuple[ArrayLike, ArrayLike]
 
 JUST_TOUCHES_M = 1e-8  # what a felt is pressed in, or misses by, that a difference would step over
-COMPANION = 0.1  # tolerances of the computation that an error is estimated with, of the requested ones
 
 
 def sensitivities(
