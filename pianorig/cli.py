@@ -9,6 +9,7 @@ import importlib.util
 import os
 import sys
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,6 @@ from typer.main import get_command
 
 from pianorig import commands
 from pianorig.console.failures import Interrupted, how_stopped, tell_failure
-from pianorig.console.output import name_options
 from pianorig.console.progress import say, tell_when_compiling
 from pianorig.console.terminal import write_what_the_terminal_can
 from pianorig.errors import CommandInputError
@@ -153,9 +153,17 @@ def _options(
         os.environ["PIANORIG_DEBUG"] = "1"
 
 
-def _one_line_warning(message: Warning | str, *where: Any, **more: Any) -> None:
-    """A warning without the line of our source that raised it."""
-    say(f"warning: {name_options(' '.join(str(message).split()))}")
+def _show_each_once() -> Callable[..., None]:
+    """What shows a warning: without the line of our source that raised it, and once in a command."""
+    shown: set[str] = set()
+
+    def show(message: Warning | str, *where: Any, **more: Any) -> None:
+        text = " ".join(str(message).split())
+        if text not in shown:
+            say(f"warning: {text}")
+        shown.add(text)
+
+    return show
 
 
 def refuse_shadowed_packages() -> None:
@@ -182,7 +190,7 @@ def main(arguments: list[str] | None = None) -> None:
     given = (sys.argv[1:] if arguments is None else arguments) or ["--help"]
     as_json = "--json" in given[: given.index("--") if "--" in given else None]
     write_what_the_terminal_can()
-    warnings.showwarning = _one_line_warning
+    warnings.showwarning = _show_each_once()
     # a command keeps most of what it allocates until it ends: passes of the collector, the last one above all, find
     # nothing and would take a fifth of the time (docs/explanation/lanes.md)
     gc.set_threshold(20_000, 20, 50)  # choice: some thirty times Python's own

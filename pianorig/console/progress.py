@@ -17,6 +17,7 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any
 
+from pianorig.console.output import name_options
 from pianorig.console.terminal import LIVE
 
 EVENTS = "numba.core.event"
@@ -88,7 +89,7 @@ UNLIMITED = 9999  # as rig's MAX_TRIALS
 def say(text: str, quiet: bool = False) -> None:
     """Say where the work is, in lines that stay."""
     if not quiet:
-        LIVE.say(text)
+        LIVE.say(name_options(text))
 
 
 def clock(seconds: float) -> str:

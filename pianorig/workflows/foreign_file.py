@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pianorig.errors import CommandInputError
 from rig.atomic_write import write_text
@@ -31,6 +32,8 @@ COUNTS_PER_REVOLUTION = {"key": 327_680, "whippen": 327_680, "hammer": 163_840}
 """Of the encoders of the built-in rig, as a place to start from."""
 STEPS_OF_ANGLES = 2**24
 """Counts of a turn in which angles are stored: 0.4 microradians, finer than encoders read."""
+FEWEST_READINGS = 16  # different ones, from which a grid is told
+OFF_GRID = 0.25  # of a step, at most: numbers at random lie within it with probability 2^-n
 FORCE_UNITS = (*NEWTONS, "V", "mV", "mV/V")
 CHECK = "  # CHECK: "
 
@@ -182,7 +185,7 @@ def _proposal(tables: tuple[ChannelTable, ...], text_format: dict[str, Any]) -> 
             *(f"counter_bits = {bits}" for bits in COUNTER_BITS if _wraps(table, channel, unit, bits)),
             f"counts_per_revolution = {COUNTS_PER_REVOLUTION[name]}{CHECK}of your encoder, quadrature included"
             if unit == "counts"
-            else f"counts_per_revolution = {STEPS_OF_ANGLES}  # angles are stored in steps of a turn by this",
+            else _resolution_line(table.channels.get(channel, np.zeros(1)), unit),
             f"sign = 1{CHECK}-1 where the value rises as the body turns clockwise (thesis Fig. 2.3)",
         ]  # fmt: skip
     problem = _problem(tables, "\n".join([*head, *body]))
@@ -205,6 +208,31 @@ def _encoders(table: ChannelTable, taken: list[str], group: str) -> dict[str, tu
         unit = known_unit(table.units.get(name, "")) or ("counts" if np.all(values == np.round(values)) else "rad")
         found[body] = name, unit
     return found
+
+
+def _resolution_line(angles: NDArray[np.float64], unit: str) -> str:
+    steps = find_steps_of_turn(angles, 360.0 if unit == "deg" else 2.0 * np.pi)
+    if steps is None:
+        return f"counts_per_revolution = {STEPS_OF_ANGLES}  # angles are stored in steps of a turn by this"
+    return f"counts_per_revolution = {steps}{CHECK}the readings go in steps of a turn by this"
+
+
+def find_steps_of_turn(angles: NDArray[np.float64], turn: float) -> int | None:
+    """Number of steps of a turn on whose grid all readings lie, but for the rounding of their digits; None of none."""
+    known = np.unique(angles[np.isfinite(angles)])
+    gaps = np.diff(known)
+    gaps = gaps[gaps > turn / STEPS_OF_ANGLES]  # what lies closer is one reading
+    if gaps.size < FEWEST_READINGS:
+        return None
+    way, step = known - known[0], float(gaps.min())
+    reach = float(FEWEST_READINGS)
+    while reach * step < 2.0 * way[-1]:  # the step is known the better the farther the readings lie
+        near = way[way <= reach * step]
+        number = np.round(near / step)
+        step, reach = float(number @ near / (number @ number)) if number.any() else step, 4.0 * reach
+    steps = round(turn / step)
+    number = way * steps / turn
+    return steps if steps < STEPS_OF_ANGLES and np.abs(number - np.round(number)).max() < OFF_GRID else None
 
 
 def _wraps(table: ChannelTable, channel: str, unit: str, bits: int) -> bool:

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import pianorig
-from pianorig import commands
+from pianorig import cli, commands
 from pianorig.commands import RETIRED_COMMANDS
 from pianorig.errors import CommandInputError, InputError
 from tests.command_line import modules_after, modules_of_numba, run
@@ -45,6 +45,14 @@ def test_matrices_are_multiplied_by_one_thread_unless_asked(asked: str) -> None:
     code = "import os, pianorig; print(os.environ['OPENBLAS_NUM_THREADS'])"
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == (asked or "1")
+
+
+def test_a_warning_is_shown_once_and_in_the_words_of_the_command(capsys: pytest.CaptureFixture[str]) -> None:
+    """A film is opened for its preview, its tracking and its picture, and warns each time."""
+    show = cli._show_each_once()
+    for text in ("film.avi: give the rate\n(`frame_rate_hz`)", "another", "film.avi: give the rate (`frame_rate_hz`)"):
+        show(text)
+    assert capsys.readouterr().err == "warning: film.avi: give the rate (--frame-rate)\nwarning: another\n"
 
 
 def test_simulate_imports_only_what_it_needs(short_force: Path, tmp_path: Path) -> None:

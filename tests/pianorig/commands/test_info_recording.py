@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
+from pianorig.workflows.foreign_file import find_steps_of_turn
 from rig import Session
 from tests.command_line import run
 
@@ -84,6 +85,16 @@ def test_what_is_not_stated_is_marked_and_what_is_unusual_is_proposed(tmp_path: 
     data = Session.open(tmp_path / "s").trial(1).read()
     np.testing.assert_array_equal(data.encoder_count[:, 0], CHANNELS["Taste"] + 20)
     assert data.raw_force_n.max() == pytest.approx(9.0)
+
+
+@pytest.mark.parametrize(("counts", "digits"), [(20_000, 4), (40_000, 4), (163_840, 6), (4_096, 3)])
+def test_the_steps_of_an_encoder_are_found_in_its_angles(counts: int, digits: int) -> None:
+    """Without them a coarse encoder that takes one step after a rest seems to have stood still."""
+    degrees = np.round(np.round(21.0 * PUSH**2 * counts / 360.0) * 360.0 / counts + 0.7, digits)
+    assert find_steps_of_turn(degrees, 360.0) == counts
+    assert find_steps_of_turn(np.radians(degrees), 2.0 * np.pi) == counts
+    assert find_steps_of_turn(21.0 * np.sin(PUSH) ** 2, 360.0) is None
+    assert find_steps_of_turn(np.array([0.0, 1.0, np.nan]), 360.0) is None
 
 
 def test_a_file_without_a_force_is_listed_all_the_same(tmp_path: Path, capsys) -> None:
