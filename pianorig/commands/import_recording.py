@@ -33,6 +33,8 @@ def _doubts(row: dict[str, Any]) -> str:
     found += [f"{row['status']}: {row['reason']}"] if row["status"] != "complete" else []
     found += [f"beyond the limits: {row['beyond_limits']}"] if row["beyond_limits"] else []
     found += [row["cannot_be_a_blow"]] if row["cannot_be_a_blow"] else []
+    if row["absent"]:
+        found.append(f"no encoder of {' and '.join(row['absent'])}: validate needs key, whippen and hammer")
     for name, facts in row["positions"].items():
         if facts["beyond_ruler_share"] > 0:
             found.append(f"{name} {100 * facts['beyond_ruler_share']:.1f} % beyond its ruler, flagged")
@@ -74,6 +76,7 @@ def command(
             "beyond_limits": session.info.notes.get(f"limits of trial {trial.number}", ""),
             "cannot_be_a_blow": _implausibility(data),
             "rejected": trial.rejected,
+            "absent": list(data.absent) if data.has_force else [],
             "condition": data.condition,
             "peak_force_n": None if math.isnan(peak_n := data.peak_force_n) else peak_n,
             "raw_peak_force_n": float(data.raw_force_n.max()) if data.has_force else None,

@@ -29,6 +29,7 @@ from rig.session import Session, SessionInfo
 from rig.session.annotation_file import utc_now
 from rig.session.force_correction import MINIMUM_QUIET_S, ONSET_SAMPLES, ONSET_SHARE, ONSET_SIGMA
 from rig.session.info import (
+    MAPPING,
     NO_FORCE,
     ChannelInfo,
     EncoderInfo,
@@ -343,14 +344,14 @@ def import_session(out: str | Path, files: Sequence[Path], mapping: MappingFile)
         created_utc=utc_now(),
         simulated=config.simulated,
         action=config.action,
-        rig=FileInfo(name="imported", copy_name="mapping.toml", sha256=digest),
+        rig=FileInfo(name="imported", copy_name=MAPPING, sha256=digest),
         profile=FileInfo(name="unknown"),
         plan=PlanInfo(trials=len(trials)),
         room=config.room,
         backend={"name": "import"},
         notes=notes,
     )
-    session = Session.create(out, info, {"mapping.toml": mapping.text})
+    session = Session.create(out, info, {MAPPING: mapping.text})
     try:
         for trial in trials:
             session.add_trial(trial)

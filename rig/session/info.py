@@ -62,6 +62,10 @@ class ActionInfo(Table):
         return value
 
 
+MAPPING = "mapping.toml"
+"""Copy of what an imported session was made with; it stands in the place of a rig file."""
+
+
 class FileInfo(Table):
     """A file the session was made with: its name, the copy kept beside it, the SHA-256 of its text."""
 

@@ -27,6 +27,14 @@ TRAINING = {"repetition": "repetitions", "strike": "strokes that strike", "relea
 """What to record where no fitted stroke has a phase."""
 
 
+RECORDED, IMPORTED = "rig file and record again", "mapping and import again"
+
+
+def address_importer(advice: str) -> str:
+    """A sentence for a session that another program recorded: what it asks to change stands in the mapping."""
+    return advice.replace(RECORDED, IMPORTED).replace("in the rig file", "in the mapping")
+
+
 def what_to_do(
     findings: Sequence[SessionFinding], explained: Explained, rivals: Rivals, outcome: str
 ) -> tuple[str, ...]:

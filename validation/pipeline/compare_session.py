@@ -20,6 +20,7 @@ from threadpoolctl import threadpool_limits
 
 import model
 from rig.session import Session
+from rig.session.info import MAPPING
 from validation.cache.result_store import ResultStore
 from validation.events.definitions import EVENTS
 from validation.events.session_events import Window, find_session_events
@@ -31,7 +32,7 @@ from validation.measurement.measure_session import OTHER_CONDITION, measure_sess
 from validation.measurement.trial import MeasuredTrial
 from validation.options import ComparisonOptions
 from validation.part_names import name_parts
-from validation.pipeline.advice import what_to_do
+from validation.pipeline.advice import address_importer, what_to_do
 from validation.pipeline.verdict import fitted_trials, identified_warnings, prediction_lines, verdict_lines
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession, predict_session
@@ -145,6 +146,8 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
         finer = verdict.outcome in (AGREES, CANNOT_TELL) and not explained.nothing
         warnings.append(name_parts(explained.sentence, action) + (FINER if finer else ""))
     advice = tuple(name_parts(text, action) for text in what_to_do(findings.faults, explained, rivals, verdict.outcome))
+    if session.info.rig.copy_name == MAPPING:
+        advice = tuple(map(address_importer, advice))
     head, *rest = verdict_lines(name, action.name, tables, verdict, findings.faults, rivals.nearer, by_key)
     judgement = dict(verdict.facts)
     return ValidationResult(

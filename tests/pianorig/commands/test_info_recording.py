@@ -44,6 +44,7 @@ def test_a_proposed_mapping_of_a_text_file_imports(written: str, tmp_path: Path,
     said = capsys.readouterr().out
     assert "channel Kraft  unit N  samples 700  rate_hz 4000  from 0  to 9" in said and "CHECK" in said
     assert run("import", recording, "--mapping", mapping, "--out", tmp_path / "s") == 0
+    assert "; no encoder of whippen: validate needs key, whippen and hammer" in capsys.readouterr().out
     data = Session.open(tmp_path / "s").trial(1).read()
     assert data.absent == ("whippen",) and data.sample_rate_hz == pytest.approx(RATE_HZ)
     np.testing.assert_allclose(data.raw_force_n, CHANNELS["Kraft"], atol=1e-5)

@@ -60,6 +60,13 @@ def test_a_fault_that_spoils_the_comparison_is_all_that_is_said() -> None:
     assert said[0] == advice.MEND["hum"] and "hammer.mass" in said[1]
 
 
+def test_who_imported_a_recording_changes_the_mapping() -> None:
+    """No sentence of a finding sends somebody to a rig file who has none."""
+    for sentence in advice.MEND.values():
+        assert "rig file" not in advice.address_importer(sentence)
+    assert advice.address_importer(advice.MEND["sign flip"]).endswith("in the mapping and import again.")
+
+
 def test_causes_are_measured_alone_or_told_apart() -> None:
     one = Explained("x", (change(1, "hammer.mass"), change(1, "key.mass")))
     assert advice.advise_on_causes(one) == [
