@@ -30,7 +30,7 @@ from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession, PredictedTrial, predict_trial
 from validation.result import OUTCOMES
 from validation.scores.traces import SessionTraces, make_trace_table
-from validation.verdict.error_draws import SessionErrors, session_errors, trial_errors, usable_errors
+from validation.verdict.error_draws import SessionErrors, errors_of_trials, session_errors, usable_errors
 from validation.verdict.quantities import QUANTITIES, relevance_limits
 from validation.verdict.verdict import judge_model
 
@@ -107,8 +107,8 @@ def compared(data: list[TrialData], tested: ModelUnderTest, seal: str) -> tuple[
 def true_errors(clean: tuple[Any, ...], tested: ModelUnderTest, errors: SessionErrors) -> np.ndarray:
     """What the same session without its effect differs by, mean over the same trials."""
     predicted, traces, events = clean
-    chosen = [m for m in predicted.trials if m.number in errors.trials]
-    every = np.array([trial_errors(m, traces, events, tested, ()).errors for m in chosen])
+    found = errors_of_trials(predicted, traces, events, tested)
+    every = np.array([found[number].errors for number in errors.trials])
     known = np.isfinite(every).all(axis=0)
     return np.where(known, np.where(known, every, 0.0).mean(axis=0), np.nan)
 
@@ -125,7 +125,9 @@ def judged(kind: str, n: int, k: int, seed: int, effect: str, exact: bool) -> di
     except ModelError:
         return {}
     predicted, traces, events = session
-    errors = session_errors(predicted, tested, usable_errors(predicted, traces, events, tested), (), U_REST_LEVEL_M)
+    errors = session_errors(
+        predicted, tested, usable_errors(errors_of_trials(predicted, traces, events, tested)), (), U_REST_LEVEL_M
+    )
     assert errors is not None
     verdict = judge_model(errors, relevance_limits({}))
     error = errors.sample.found - true_errors(clean, tested, errors)

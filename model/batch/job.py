@@ -29,7 +29,7 @@ from model.force_driven import (
     require_force_input,
     resolve_string_modes,
 )
-from model.parameters.action import ActionLike, as_action
+from model.parameters.action import Action, ActionLike, as_action
 from model.scene.build import Scene
 from model.scene.selection import SceneChoice
 from model.simulation.options import ForceDrivenOptions
@@ -182,7 +182,30 @@ def make_jobs(
     >>> jobs[0].trial, jobs[0].parameters
     ('forte', 'printed')
     """
+    return make_jobs_of_actions(change_action(action, parameter_sets), trials, options, initial)
+
+
+def change_action(
+    action: ActionLike, parameter_sets: Mapping[str, Mapping[str, float]]
+) -> dict[str, Action | ModelError]:
+    """The action of each parameter set, or why there is none."""
     action = as_action(action)
+    out: dict[str, Action | ModelError] = {}
+    for label, overrides in parameter_sets.items():
+        try:
+            out[label] = action.with_values(overrides) if overrides else action
+        except ModelError as problem:
+            out[label] = problem
+    return out
+
+
+def make_jobs_of_actions(
+    actions: Mapping[str, Action | ModelError],
+    trials: Mapping[str, tuple[ArrayLike, ArrayLike] | Recorded],
+    options: ForceDrivenOptions,
+    initial: RestState | None = None,
+) -> list[Job]:
+    """Jobs of every action with every trial, as of `make_jobs`."""
     tables: dict[str, _Table | Exception] = {}
     for trial, given in trials.items():
         try:
@@ -190,11 +213,13 @@ def make_jobs(
         except (ModelError, ValueError) as problem:  # the force of a recorded trial may not be correctable
             tables[trial] = problem
     jobs = []
-    for label, overrides in parameter_sets.items():
+    for label, action in actions.items():
         scene, fewer, failure, choice = None, None, None, SceneChoice()
         starts: dict[float, Array] = {}  # by the load at rest
         try:
-            changed, choice = options.resolve(action.with_values(overrides) if overrides else action)
+            if isinstance(action, ModelError):
+                raise action
+            changed, choice = options.resolve(action)
             scene, fewer = resolve_string_modes(changed, choice, options)
             for table in tables.values():
                 if isinstance(table, _Table) and table.is_recorded:

@@ -16,14 +16,14 @@ from typing import TypeVar, Unpack
 
 from numpy.typing import ArrayLike
 
-from model.batch.job import Job, Member, make_jobs
+from model.batch.job import Job, Member, change_action, make_jobs_of_actions
 from model.batch.lanes import group_jobs, run_job_group, select_lane_jobs
 from model.batch.store import Store
 from model.codegen.load import load_kernel, load_kernels
 from model.errors import InputError
 from model.force_driven import Recorded
 from model.keywords import make_options
-from model.parameters.action import ActionLike, as_action
+from model.parameters.action import Action, ActionLike
 from model.simulation.lanes import warm_up_lanes
 from model.simulation.options import BatchKeywords, BatchOptions
 from model.simulation.statics import RestState
@@ -280,7 +280,6 @@ def simulate_many(
     >>> [(member.trial, member.parameters, member.error) for member in members]
     [('forte', 'printed', None), ('forte', 'heavy', None)]
     """
-    action = as_action(action)
     options = make_options(BatchOptions, "model.simulate_many", keywords)
     sets = {"": {}} if parameter_sets is None else _label_items(parameter_sets)
     for label, values in sets.items():
@@ -289,12 +288,13 @@ def simulate_many(
                 f"parameter_sets: {label!r}: found {type(values).__name__}, allowed path -> value for each set, "
                 'such as [{"hammer.mass": 0.011}, {"hammer.mass": 0.012}]'
             )
-    jobs = make_jobs(action, _label_items(trials), sets, options, initial)
+    actions = change_action(action, sets)
+    jobs = make_jobs_of_actions(actions, _label_items(trials), options, initial)
     members = run_jobs(
         select_lane_jobs(jobs, options.lanes), executor=executor, workers=workers, progress=progress, store=store
     )
-    actions = {m.parameters: action.with_values(sets[m.parameters]) for m in members if m.solution is not None}
+    used = {label: one for label, one in actions.items() if isinstance(one, Action)}
     return [
-        m if m.solution is None else replace(m, solution=replace(m.solution, action=actions[m.parameters]))
+        m if m.solution is None else replace(m, solution=replace(m.solution, action=used[m.parameters]))
         for m in members
     ]

@@ -52,7 +52,7 @@ from validation.findings.unusable import UnusableData, list_unusable_data, list_
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession
 from validation.scores.score_session import ScoredSession
-from validation.verdict.error_draws import usable_errors
+from validation.verdict.error_draws import TrialErrors
 
 
 def order_kinds() -> dict[str, Kind]:
@@ -94,6 +94,7 @@ class _Stage:
     events: SessionEvents
     scored: ScoredSession
     tested: ModelUnderTest
+    errors: Mapping[int, TrialErrors]
     limits: Mapping[str, float]  # of relevance
 
     def select_trials(self, numbers: Sequence[int]) -> _Stage:
@@ -112,20 +113,21 @@ def find_faults(
     events: SessionEvents,
     scored: ScoredSession,
     tested: ModelUnderTest,
+    errors: Mapping[int, TrialErrors],
     limits: Mapping[str, float],
 ) -> SessionFindings:
     """Faults of the session, wiring first.
 
-    Of trials that the key drives none is looked for: the checks compare with a prediction by the force. ``limits``: of
-    relevance, as of `validation.verdict.quantities.relevance_limits`.
+    Of trials that the key drives none is looked for: the checks compare with a prediction by the force. ``errors`` of
+    every trial, ``limits`` of relevance, as of `validation.verdict.quantities.relevance_limits`.
     """
     aside = frozenset((m.number, c) for m in predicted.trials for c in ENCODER_CHANNELS if c not in m.channels)
     by_force = tuple(m.number for m in predicted.trials if not m.driven_by_key)
-    session = _Stage(predicted, events, scored, tested, limits)
+    session = _Stage(predicted, events, scored, tested, errors, limits)
     if len(by_force) < len(predicted.trials):
         unused = SessionFindings(tuple(find_unused_trials(predicted.refused)))
         stage = session.select_trials(by_force)
-        sound = find_faults(stage.predicted, stage.events, stage.scored, tested, limits) if by_force else unused
+        sound = find_faults(stage.predicted, stage.events, stage.scored, tested, errors, limits) if by_force else unused
         return replace(sound, not_compared=aside)
     trials = predicted.trials
     found = find_unused_trials(predicted.refused) + [f for check in OF_TRIALS for f in check(trials)]
@@ -275,9 +277,8 @@ def _find_outlying(stage: _Stage, found: Sequence[SessionFinding]) -> list[Sessi
 
 
 def _find_change(stage: _Stage, found: Sequence[SessionFinding]) -> list[SessionFinding]:
-    sound = stage.select_trials([m.number for m in select_sound_trials(stage.predicted.trials, found)])
-    errors = usable_errors(sound.predicted, sound.scored.traces, sound.events, sound.tested)
-    return find_changed_condition(errors, sound.limits)
+    sound = [m.number for m in select_sound_trials(stage.predicted.trials, found)]
+    return find_changed_condition({number: stage.errors[number] for number in sound}, stage.limits)
 
 
 def _check_capstan(events: SessionEvents, found: Sequence[SessionFinding]) -> list[SessionFinding]:

@@ -43,7 +43,7 @@ from validation.statistics.rivals import compare_rivals
 from validation.tables.channels import summary
 from validation.tables.comparison import Comparison
 from validation.verdict.conditions import separate_conditions
-from validation.verdict.error_draws import TrialErrors, session_errors, usable_errors
+from validation.verdict.error_draws import TrialErrors, errors_of_trials, session_errors, usable_errors
 from validation.verdict.observed import observed_text
 from validation.verdict.quantities import relevance_limits
 from validation.verdict.verdict import Verdict, judge_model, undecided_verdict
@@ -119,8 +119,9 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
     predicted = predict_session(measured, tested, chosen.say)
     events = find_session_events(predicted, tested)
     scored = score_session(predicted, events, tested.store)
-    findings = find_faults(predicted, events, scored, tested, relevance_limits(chosen.relevant))
-    found = usable_errors(predicted, scored.traces, events, tested, findings.left_out)
+    errors = errors_of_trials(predicted, scored.traces, events, tested)
+    findings = find_faults(predicted, events, scored, tested, errors, relevance_limits(chosen.relevant))
+    found = usable_errors(errors, findings.left_out)
     if text := observed_text(found):
         chosen.say(text)
     verdict = _verdict(predicted, found, findings, tested, chosen)
@@ -132,7 +133,7 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
         before = findings
         findings = with_causes(before, explained, sorted(found))
         if (findings.left_out, findings.conditions) != (before.left_out, before.conditions):
-            found = usable_errors(predicted, scored.traces, events, tested, findings.left_out)
+            found = usable_errors(errors, findings.left_out)
             verdict = _verdict(predicted, found, findings, tested, chosen)
     findings, verdict = name_all_parts(findings, verdict, action)
     changes = [asdict(change) | {"part": name_parts(change.cause, action)} for change in explained.changes]

@@ -17,7 +17,7 @@ import model
 from model.tolerance import DEFAULT_TOLERANCE
 from rig.session import Session
 from validation.cache.result_store import ResultStore
-from validation.conventions import Array, rms
+from validation.conventions import Array
 from validation.curves.display_signs import SIGN
 from validation.events.session_events import find_session_events
 from validation.findings.find_faults import find_faults
@@ -26,10 +26,11 @@ from validation.measurement.trial import U_REST_LEVEL_M, MeasuredTrial
 from validation.pipeline.compare_session import load_model
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession, PredictedTrial, predict_session
+from validation.scores.curve_scores import score_curve
 from validation.scores.score_session import ScoredSession, trace_session
 from validation.scores.traces import SessionTraces, select_scored_angles
 from validation.statistics.repeatability import curve_repeatability, interpolate_to_base
-from validation.verdict.error_draws import TrialErrors, usable_errors
+from validation.verdict.error_draws import TrialErrors, errors_of_trials, usable_errors
 from validation.verdict.observed import ObservedDifference, observed_differences
 from validation.verdict.quantities import BRANCH, QUANTITIES, branch_of, quantity_limits, relevance_limits
 
@@ -157,8 +158,9 @@ class TrialJudge:
         traces, notes = trace_session(every, events, tested.store)
         scored = ScoredSession(traces, pd.DataFrame(), notes)
         limits = relevance_limits({})
-        findings = find_faults(every, events, scored, tested, limits)
-        found = usable_errors(every, traces, events, tested, findings.left_out)
+        errors_found = errors_of_trials(every, traces, events, tested)
+        findings = find_faults(every, events, scored, tested, errors_found, limits)
+        found = usable_errors(errors_found, findings.left_out)
         rows: tuple[ObservedDifference, ...] = ()
         differing: list[str] = []
         if number in found:
@@ -205,8 +207,7 @@ def _difference(traces: SessionTraces, number: int, channel: str) -> tuple[Array
 
 
 def _rmse(traces: SessionTraces, number: int, channel: str) -> float:
-    _, measured, predicted = _difference(traces, number, channel)
-    return rms(predicted - measured)
+    return float(score_curve(*_difference(traces, number, channel))["rmse_rad"])
 
 
 def _repeatability(traces: SessionTraces, channel: str, without: Collection[tuple[int, str]]) -> float:

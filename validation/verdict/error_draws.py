@@ -110,22 +110,47 @@ class SessionErrors:
         return tuple(sorted(number for condition in self.conditions for number in condition.trials))
 
 
-def usable_errors(
-    predicted: PredictedSession,
-    traces: SessionTraces,
-    events: SessionEvents,
-    tested: ModelUnderTest,
-    without: Collection[tuple[int, str]] = (),
+def errors_of_trials(
+    predicted: PredictedSession, traces: SessionTraces, events: SessionEvents, tested: ModelUnderTest
 ) -> dict[int, TrialErrors]:
-    """Errors of every trial that has an encoder not in ``without``, unusable pairs of trial and channel; by number."""
-    usable = [m for m in predicted.trials if not all((m.number, name) in without for name in ENCODER_CHANNELS)]
-    return {m.number: trial_errors(m, traces, events, tested, without) for m in usable}
+    """Errors of every trial, by number."""
+    return {m.number: _errors_of_trial(m, traces, events, tested) for m in predicted.trials}
 
 
-def trial_errors(
-    m: MeasuredTrial, traces: SessionTraces, events: SessionEvents, tested: ModelUnderTest, without: Collection[Any]
+def usable_errors(
+    found: Mapping[int, TrialErrors], without: Collection[tuple[int, str]] = ()
+) -> dict[int, TrialErrors]:
+    """The errors of trials that have a usable encoder; ``without`` pairs of trial and channel, NaN of these."""
+    out = {}
+    for number, one in found.items():
+        lost = {name for name in (*ENCODER_CHANNELS, *FILM_CHANNELS) if (number, name) in without}
+        if not lost.issuperset(ENCODER_CHANNELS):
+            out[number] = _without_channels(one, lost) if lost else one
+    return out
+
+
+def _without_channels(one: TrialErrors, lost: Collection[str]) -> TrialErrors:
+    errors, values = one.errors.copy(), one.values.copy()
+    of_events = QUANTITIES[len(ANGLES) :]
+    errors[: len(ANGLES)][[q.channel in lost for q in ANGLES]] = np.nan
+    gone = [any(body in lost for body in q.bodies) for q in of_events]
+    errors[len(ANGLES) :][gone] = values[gone] = np.nan
+    kept = {q.name for q in ANGLES if q.channel not in lost}
+    known = branch_mask([name for name in ENCODER_CHANNELS if name not in lost])
+    return TrialErrors(
+        errors,
+        {name: mask for name, mask in one.masks.items() if name in kept},
+        {name: travel for name, travel in one.travel.items() if name not in lost},
+        values,
+        one.branch & known,
+        known,
+    )
+
+
+def _errors_of_trial(
+    m: MeasuredTrial, traces: SessionTraces, events: SessionEvents, tested: ModelUnderTest
 ) -> TrialErrors:
-    """Errors, model − trial, of `QUANTITIES` in a trial; NaN for (trial, channel) in ``without`` and missing events.
+    """Errors, model − trial, of `QUANTITIES` in a trial; NaN of channels that it lacks and of missing events.
 
     With them: the samples that each angle is a mean of, measured travel and events, and the branch of the motion.
     """
@@ -134,7 +159,7 @@ def trial_errors(
     errors, masks, travel = np.full(len(QUANTITIES), np.nan), {}, {}
     for k, q in enumerate(ANGLES):
         source = frame if q.channel in ENCODER_CHANNELS else traces.film.get(m.number)
-        if source is None or (m.number, q.channel) in without:
+        if source is None or q.channel in set(ENCODER_CHANNELS) - set(m.channels):
             continue
         measured, predicted = (
             select_scored_angles(source, q.channel),
@@ -153,11 +178,8 @@ def trial_errors(
     angle[4] = frame["hammer_predicted_rad"].to_numpy(dtype=float)
     predicted_motion = replace(m.motion, hammer_height_m=geometry.hammer_height_m(geometry.absolute(angle)))
     values = event_values(m.motion, own)
-    for k, q in enumerate(QUANTITIES[len(ANGLES) :]):
-        if any((m.number, body) in without for body in q.bodies):
-            values[k] = np.nan
     errors[len(ANGLES) :] = event_values(predicted_motion, events.model[m.number]) - values
-    known = branch_mask([name for name in ENCODER_CHANNELS if (m.number, name) not in without])
+    known = branch_mask(ENCODER_CHANNELS)
     return TrialErrors(errors, masks, travel, values, branch_of(own) & known, known)
 
 

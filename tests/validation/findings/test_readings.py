@@ -22,6 +22,7 @@ from validation.options import ComparisonOptions
 from validation.pipeline.compare_session import model_under_test
 from validation.prediction.predict_session import predict_session, predict_trial
 from validation.scores.score_session import score_session
+from validation.verdict.error_draws import errors_of_trials
 from validation.verdict.quantities import relevance_limits
 
 CHANNELS = ("key", "whippen", "hammer")
@@ -69,9 +70,9 @@ def find_all(stage, broken):
     predictions = stage.predicted.predictions | {broken.number: found}
     predicted = replace(stage.predicted, trials=tuple(others.values()), predictions=predictions)
     events = find_session_events(predicted, stage.tested)
-    return find_faults(
-        predicted, events, score_session(predicted, events, stage.tested.store), stage.tested, relevance_limits({})
-    )
+    scored = score_session(predicted, events, stage.tested.store)
+    errors = errors_of_trials(predicted, scored.traces, events, stage.tested)
+    return find_faults(predicted, events, scored, stage.tested, errors, relevance_limits({}))
 
 
 def test_of_a_key_frozen_in_a_forte_nothing_else_is_said(stage):
