@@ -1,10 +1,11 @@
 """How long a user waits: every command of the README, in the README's order, each in a process of its own.
 
 A turn runs all commands in a fresh folder, so that no result of these trials is kept; kernels are compiled already, and
-with ``--cold`` each command finds an empty kernel cache. With ``--against`` two checkouts take turns. Columns: wall and
-processor time, peak memory, and the processor time split into importing, compiling, drawing, writing and the rest
-(computing), each without what it calls of another; the least of all turns. Right: no command takes over 10 s by the
-clock, warm (`identify` 40 s), nor over 1.05 of the processor time of the other checkout.
+with ``--cold`` each command finds an empty kernel cache. Python's bytecode is there, as an installation leaves it. With
+``--against`` two checkouts take turns. Columns: wall and processor time, peak memory, and the processor time split into
+importing, compiling, drawing, writing and the rest (computing), each without what it calls of another; the least of all
+turns. Right: no command takes over 10 s by the clock, warm (`identify` 40 s), nor over 1.05 of the processor time of
+the other checkout.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +36,7 @@ TIMED = {
     "pianorig.console.column_file": (("write_columns", "write"),),
     "rig.session.sealed_trial": (("write_trial", "write"),),
 }
+PACKAGES = ("model", "vision", "rig", "validation", "pianorig")
 WAITING = ("bench", "open")  # for somebody
 SESSIONS = ("planted_faults", "kawai_kg3c")
 LONGEST_S, LONGEST_FIT_S, SLOWER = 10.0, 40.0, 1.05
@@ -46,10 +49,16 @@ def main(run: Run) -> bool:
     every = {"this": Checkout(ROOT)} | ({"other": Checkout(run.against)} if run.against else {})
     lines = [words for words in commands((ROOT / "README.md").read_text(encoding="utf-8")) if run.only in words[0]]
     found: dict[tuple[str, int], list[dict[str, float]]] = {}
-    for _ in range(run.turns):
+    with tempfile.TemporaryDirectory() as bytecode:
+        installed = {
+            name: {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": f"{bytecode}/{name}"} for name in every
+        }
         for name, checkout in every.items():
+            packages = [checkout.root / package for package in PACKAGES]
+            checkout.run("-m", "compileall", "-q", *packages, **installed[name])
+        for _, (name, checkout) in product(range(run.turns), every.items()):
             with tempfile.TemporaryDirectory() as folder:
-                for i, spent in enumerate(turn(checkout, lines, Path(folder), run.cold)):
+                for i, spent in enumerate(turn(checkout, lines, Path(folder), run.cold, installed[name])):
                     found.setdefault((name, i), []).extend([spent] if spent else [])
     parts = (*PARTS, "compute")
     table = Table("command:<34", "wall s:6.2f", "cpu s:6.2f", "MB:5.0f", *(f"{p}:7.2f" for p in parts), "of other:8.2f")
@@ -79,7 +88,9 @@ def commands(text: str) -> Iterator[list[str]]:
                 yield words[1:]
 
 
-def turn(checkout: Checkout, lines: list[list[str]], folder: Path, cold: bool) -> Iterator[dict[str, float] | None]:
+def turn(
+    checkout: Checkout, lines: list[list[str]], folder: Path, cold: bool, installed: dict[str, str]
+) -> Iterator[dict[str, float] | None]:
     """What each command took, one after the other in the folder; None of one that this checkout refuses."""
     for name in SESSIONS:
         kept = shutil.ignore_patterns("derived", "report*") if name == "kawai_kg3c" else None
@@ -87,7 +98,7 @@ def turn(checkout: Checkout, lines: list[list[str]], folder: Path, cold: bool) -
     for words in lines:
         place = folder / "spent.json"
         place.unlink(missing_ok=True)
-        cache = {"PIANORIG_CACHE_DIR": str(folder / "empty" / words[0])} if cold else {}
+        cache = installed | ({"PIANORIG_CACHE_DIR": str(folder / "empty" / words[0])} if cold else {})
         began = time.perf_counter()
         try:
             checkout.run(__file__, place, folder, *words, OPENBLAS_NUM_THREADS="1", **cache)
