@@ -50,7 +50,7 @@ BITS = r".*\b(bits?|bit_depth|itemsize)\b.*"
 NAMES = {
     "units and physical constants": r"_?(DEG|RAD|UNITS?|UNIT_\w+|G|NEWTON\w*|SECONDS|FACTORS|OUTLINES_M)",
     "formats and codes": r"_?(SCHEMA\w*|VERSION\w*|\w*FORMAT\w*|CODES?|EXIT\w*|exit_code|\w*PORT|\w*SEED|\w*STREAM"
-    r"|ALLOWED_M|DOTS|INTERRUPTED|GONE|KINDS|(self\.)?bit_depth)",
+    r"|ALLOWED_M|DOTS|\w*BITS|DEPTHS|\w+_CODES|INTERRUPTED|GONE|KINDS|(self\.)?bit_depth)",
     "tableaux and series": r"_?(GAUSS\w*|QUARTIC|BASIS)",
     "published standards": r"GRADES",
     "declared physical data": r"DIP_M",

@@ -47,6 +47,7 @@ from rig.configuration.rig_file import RigConfig
 from rig.errors import RigInputError
 
 GROUP = "pianorig.backends"
+CALM_BLOCK_S = 0.1  # of a block while nothing is commanded and nobody plays: nothing has to react
 CALL_TIMEOUT_S = 5.0  # a read or write that takes longer has failed: a block lasts at most 50 ms
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rig.arrays import as_numbers
-from rig.backend import CALL_TIMEOUT_S, Backend, Block
+from rig.backend import CALL_TIMEOUT_S, CALM_BLOCK_S, Backend, Block
 from rig.configuration.rig_file import BODIES, EncoderConfig, Rig, RigConfig, parse_rig
 from rig.configuration.toml_file import toml_value
 from rig.errors import RigInputError
@@ -289,7 +289,6 @@ def _finish_calibration(kind: str, found: Found, rig: Rig, values: dict[str, Val
 HELD_S = 0.8  # at least, at a reference angle: 40 periods of 50 Hz
 STILL_COUNTS = 3  # within which an encoder counts as at rest
 APART = 0.3  # of the smallest step, by which two angles must differ to be two: choice below a half
-ARC_BLOCK_S = 0.1  # of a block: rests are noticed an eighth of their length late
 LONGEST_ARC_S = 1800.0  # half an hour for all angles by hand
 CONTRADICTS = 3.0  # standard uncertainties between references and rig file, from which the references replace it
 
@@ -329,7 +328,7 @@ def read_plateaus(backend: Backend, config: RigConfig, body: str, references: Se
             found.append(float(recent.mean()))
         return len(found) == len(references)
 
-    read_quiet(backend, config, ARC_BLOCK_S, LONGEST_ARC_S, take)
+    read_quiet(backend, config, CALM_BLOCK_S, LONGEST_ARC_S, take)
     if len(found) < len(references):
         raise RigInputError(
             f"{encoder.counter}: {len(found)} rests of {HELD_S:g} s seen, expected {len(references)}; hold each angle "

@@ -17,8 +17,7 @@ from pathlib import Path
 WINDOWS = sys.platform == "win32"
 _ENDING = ("SIGTERM", "SIGHUP", "SIGBREAK")
 
-_LOCK_AT = 2**40
-"""Byte that is locked on Windows, far beyond any data, because a lock there also keeps readers out."""
+_LOCK_AT = 2**40  # byte that is locked on Windows, far beyond any data, because a lock there also keeps readers out
 
 
 def open_raw(path: Path, flags: int) -> int:

@@ -23,12 +23,10 @@ if TYPE_CHECKING:
 
     from rig.session.live_view import LiveView
 
-DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
-"""Bits of a braille character by row and column."""
+DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))  # bits of a braille character by row and column
 PLAIN = (" ", "'", ".", ":")
 
-BLANK = chr(0x2800)
-"""A braille character; what prints one prints all."""
+BLANK = chr(0x2800)  # a braille character; what prints one prints all
 
 
 def command(

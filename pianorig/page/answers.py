@@ -61,8 +61,7 @@ REPORT_POLICY = (
 """A report is a file of the session, and a session may come from anybody: its scripts run in an origin of their own,
 which may neither read this page nor ask it or the network for anything."""
 LOOKS_HZ = 30.0  # at a recording: as often as the page is drawn
-GONE = 4404
-"""Code of our own for a session that is not there, or no more."""
+GONE = 4404  # code of our own for a session that is not there, or no more
 
 
 def drawing_scripts() -> Path:

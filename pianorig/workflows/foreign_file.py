@@ -30,8 +30,7 @@ NAMES = {
 }
 COUNTS_PER_REVOLUTION = {"key": 327_680, "whippen": 327_680, "hammer": 163_840}
 """Of the encoders of the built-in rig, as a place to start from."""
-STEPS_OF_ANGLES = 2**24
-"""Counts of a turn in which angles are stored: 0.4 microradians, finer than encoders read."""
+STEPS_OF_ANGLES = 2**24  # counts of a turn in which angles are stored: 0.4 microradians, finer than encoders read
 FEWEST_READINGS = 16  # different ones, from which a grid is told
 OFF_GRID = 0.25  # of a step, at most: numbers at random lie within it with probability 2^-n
 FORCE_UNITS = (*NEWTONS, "V", "mV", "mV/V")

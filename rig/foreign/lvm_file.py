@@ -28,8 +28,7 @@ END = "***End_of_Header***"
 SPECIAL, END_SPECIAL = "***Start_Special***", "***End_Special***"
 SEPARATORS = {"Tab": "\t", "Comma": ","}
 TIME = "X_Value"
-DELTA_RESOLUTION = 1e-6
-"""LabVIEW writes six decimals: ``Delta_X`` has this resolution."""
+DELTA_RESOLUTION = 1e-6  # LabVIEW writes six decimals: ``Delta_X`` has this resolution
 
 
 @dataclass(frozen=True)

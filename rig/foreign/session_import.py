@@ -24,7 +24,7 @@ from rig.foreign.channel_table import ChannelTable
 from rig.foreign.mapping import EncoderMapping, ImportMapping, MappingFile, PositionMapping, check_unit
 from rig.foreign.reading import join_segments, read_segments
 from rig.foreign.sample_times import SECONDS, BrokenTimes, typical_interval
-from rig.safety.interlocks import SPEED_OVER_S
+from rig.safety.interlocks import SPEED_OVER_S, SUSTAINED_S
 from rig.session import Session, SessionInfo
 from rig.session.annotation_file import utc_now
 from rig.session.force_correction import MINIMUM_QUIET_S, ONSET_SAMPLES, ONSET_SHARE, ONSET_SIGMA
@@ -44,7 +44,6 @@ from rig.session.trial_data import TrialData
 
 Array = NDArray[np.float64]
 
-SUSTAINED_S = 2e-3  # that a departure must hold: a spike is no stroke
 FIRST_S = 0.01  # of rest that tells when the first stroke leaves it, where that is within the time kept before one
 
 

@@ -32,8 +32,7 @@ from rig.foreign.stated_properties import find_clock, find_scale_doubt, find_uni
 
 _MARK = struct.Struct("<4sI")
 _SIZES = {False: struct.Struct("<IQQ"), True: struct.Struct(">IQQ")}
-_BIG_ENDIAN = 1 << 6
-"""Bit of the table of contents, which itself is always little-endian."""
+_BIG_ENDIAN = 1 << 6  # bit of the table of contents, which itself is always little-endian
 _NOT_FINALISED = 2**64 - 1
 Properties = dict[str, dict[str, Any]]
 """Property values by path of the object and name."""

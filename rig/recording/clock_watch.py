@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-JUMP_S = 1.0
-"""A wall clock that goes wrong by more against the monotonic one has been set."""
+JUMP_S = 1.0  # a wall clock that goes wrong by more against the monotonic one has been set
 
 
 class ClockWatch:

@@ -22,7 +22,7 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.backend import Backend, Block, Timing
+from rig.backend import CALM_BLOCK_S, Backend, Block, Timing
 from rig.configuration.profile import MotorCommand
 from rig.configuration.rig_file import Rig, RigConfig, load_rig
 from rig.errors import RigInputError
@@ -34,13 +34,13 @@ from rig.recording.provenance import trial_provenance
 from rig.recording.seal_trials import Stroke, seal_cut
 from rig.recording.trial_plan import MAX_TRIALS
 from rig.recording.trial_run import LATE_S, close_journal, reason_of, status_of
+from rig.safety.interlocks import SUSTAINED_S
 from rig.safety.interrupts import defer_interrupts, termination_as_interrupt
 from rig.session.folder import Session, Trial
 from rig.session.info import PASSIVE, FileInfo, PlanInfo, restore_info, take_same_fields
 from rig.session.journal_writer import JournalWriter
 from rig.session.trial_head import TrialHead
 
-SUSTAINED_S = 2e-3  # that a trigger must hold: a spike on a wire is no stroke
 SMOOTH_S = 0.01  # of a mean of the force, by which a stroke ends: noise is divided by seven
 BACK = 2.0  # times ``trigger_rad``, within which the key is back
 
@@ -191,7 +191,6 @@ class StrokeDetector:
         self._level = float(self._force[-n:].mean()), self._count[-n:].mean(axis=0)
 
 
-CALM_BLOCK_S = 0.1  # of a block while nobody plays: nothing has to react
 ROTATE_S = 10.0  # without a stroke, after which a journal is begun afresh: it stays below some megabytes
 
 

@@ -21,6 +21,7 @@ from rig.configuration.rig_file import BODIES, RigConfig
 from rig.errors import LimitExceeded
 
 STILL_S = 0.2  # that the encoders must have been still before a blow
+SUSTAINED_S = 2e-3  # that a departure from rest must hold: a spike on a wire is no stroke
 SPEED_OVER_S = 1e-3  # over which a speed is a difference: a count of 8192 a turn is then below 1 rad/s
 STUCK_OVER_S = 0.01  # in which an encoder is stuck whose count does not change
 STUCK_WHILE_RAD = 0.01  # that another body turns meanwhile: both move together in a blow

@@ -32,10 +32,8 @@ from rig.session.info import NO_FORCE, ChannelInfo, EncoderInfo, ForceInfo
 from rig.session.seal import CONTENT, array_sha256, file_state, open_sealed, write_sealed
 from rig.session.trial_data import CameraInfo, TrialData
 
-NO_CODE = -(2**31)
-"""In place of a code that is not whole."""
-WHOLE = 0.02
-"""Largest distance from a whole number, codes."""
+NO_CODE = -(2**31)  # in place of a code that is not whole
+WHOLE = 0.02  # largest distance from a whole number, codes
 _STEPS = 6  # of Newton's method: digits double with each
 
 

@@ -50,8 +50,7 @@ DEFAULT_BENCH = Path(__file__).parent / "bench.toml"
 OPTIONS = ("bench", "seed", "clock", "fault", "scene", "effects", "felt", "swing", "pad", "pose", "hand", "delay_ms")
 CLOCK_ERRORS = (0.0, 3.5e-5, -2.2e-5)
 """Relative errors of the timebases of the rig's devices; NI specifies 50 ppm for these cards."""
-CAMERA_CLOCK_ERROR = 4e-5
-"""Relative error of the rate of a camera that runs by itself."""
+CAMERA_CLOCK_ERROR = 4e-5  # relative error of the rate of a camera that runs by itself
 
 
 class SimulatedBackend(NidaqmxBackend):

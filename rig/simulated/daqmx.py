@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-FINITE, CONTINUOUS = 10178, 10123
-"""Sample modes."""
+FINITE, CONTINUOUS = 10178, 10123  # sample modes
 RISING, FALLING = 10280, 10171
-DIGITAL_EDGE, NO_TRIGGER = 10150, 10230
-"""Trigger types."""
+DIGITAL_EDGE, NO_TRIGGER = 10150, 10230  # trigger types
 LOW, HIGH = 10214, 10192
 TRISTATE, NO_CHANGE = 10310, 10160
-VOLTAGE = 10322
-"""Measurement and output type."""
+VOLTAGE = 10322  # measurement and output type
 VOLTS, HERTZ, TICKS = 10348, 10373, 10304
 DEGREES, RADIANS = 10146, 10273
-X1, X2, X4 = 10090, 10091, 10092
-"""Decoding types of quadrature encoders."""
+X1, X2, X4 = 10090, 10091, 10092  # decoding types of quadrature encoders
 NEWTONS, POUNDS, KILOGRAM_FORCE = 15875, 15876, 15877
 VOLTS_PER_VOLT, MILLIVOLTS_PER_VOLT = 15896, 15897
 

@@ -25,6 +25,8 @@ from vision.kernel_cache import cached_njit, inner_njit
 FAST = {"reassoc", "contract", "arcp", "nsz"}
 N_PARAMETERS = 5  # turn, two shifts, gain, offset
 MOST = 1e9  # largest element of the inverse of a normal matrix whose columns are scaled to length one
+COHERENT = 2.0  # ratio over the largest blocks, from which residuals are not noise: 1.12 on average is
+HIDDEN_SHARE = 0.05  # of the visible pixels that disagree, from which something hides the body; noise alone makes 0.003
 SUSPECTED, SINGULAR, TOO_FEW = 1, 2, 3
 """A fixed pattern may be in the noise; the normal matrix cannot be inverted; too few pixels agree."""
 

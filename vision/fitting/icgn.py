@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from vision.film.source import SATURATED_SHARE, FrameSource, saturated_grey
 from vision.fitting.assessment import (
+    COHERENT,
     N_LEVELS,
     TOO_FEW,
     UNKNOWN,
@@ -93,8 +94,6 @@ of 0.002 px is a small part of that, and asking for it loses frames."""
 MAX_ITERATIONS = 80
 """Most fits take two; where noise in the template holds a body of weak texture back, the steps shrink slowly."""
 FAR_PX = MARGIN_PX - 9  # a fit that ends further than this from where it began is repeated from there
-CHANGE_SUSPECTED = 2.0
-"""Ratio of `vision.fitting.assessment` over the largest blocks from which light and scale are looked at."""
 CHANGE_ROUNDS = 5  # fits of a frame, each under the light and scale of the one before
 LIGHT_ROUNDS = 4  # of them at most, that look at local light: choice
 QUIET = 0.7
@@ -225,7 +224,7 @@ class IcgnFitter:
     def _update_slow_changes(self, fit: Fit) -> bool:
         """Update illumination and scale from a fit's residuals; return whether another fit is needed."""
         more = UNCHANGED
-        suspected = any(one > CHANGE_SUSPECTED for one in fit.coherence.ratio[-1].tolist())
+        suspected = any(one > COHERENT for one in fit.coherence.ratio[-1].tolist())
         if not suspected and self._changes == UNCHANGED:
             return False
         weight, residual = self._weight * self._work[1], self._work[2]

@@ -19,10 +19,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.fitting.assessment import COHERENT, HIDDEN_SHARE
 from vision.fitting.base import Fit
 from vision.fitting.bspline import noise_gain
 from vision.fitting.kernels import F32, F64, I32, I64
-from vision.fitting.slow_changes import Changes, illumination_factor
+from vision.fitting.slow_changes import MOST_LIGHT, Changes, illumination_factor
 from vision.fitting.template import Template
 from vision.kernel_cache import cached_njit, inner_njit
 
@@ -76,7 +77,6 @@ BETTER = 0.9  # misfit of all pixels with the local light taken out over that wi
 OUTLYING = 3.0  # a residual of more standard deviations counts as one of so many
 SETTLED = 0.5  # a field that changes by less than this many standard uncertainties in all squares needs no further fit
 MAX_VARIANCE_INFLATION = 3.0  # of the turn, that local light may cost: choice; beyond it the uncertainty has it
-MOST = 0.6  # largest share by which a shade may change the light
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ def can_show_illumination(squares: Squares, visible: F32, residual: F32, gain: f
             size = abs(change)
             if (
                 size * math.sqrt(count) < (1.0 - 1e-3) * SIGNIFICANT_U * MEDIAN_U * noise
-                or size > (1.0 + 1e-3) * MOST * middle
+                or size > (1.0 + 1e-3) * MOST_LIGHT * middle
             ):
                 continue
             most, near = (1.0 + 1e-3) * (SAME_BODY * noise + EDGE * size) / 1.4826, 0
@@ -290,7 +290,7 @@ class IlluminationField:
         off -= change[:, None] * (1.0 if glows else grey / middle[:, None])
         scatter = 1.4826 * row_median(np.abs(off))
         whole = np.full(self.shape[0] * self.shape[1], np.nan)
-        believed = (scatter < SAME_BODY * noise + EDGE * np.abs(change)) & (np.abs(change) < MOST * middle)
+        believed = (scatter < SAME_BODY * noise + EDGE * np.abs(change)) & (np.abs(change) < MOST_LIGHT * middle)
         left = np.full(residual.size + 1, np.nan)
         left[self._members[enough]] = off
         believed &= self._square_noise(left[:-1])[enough] < SAME_TEXTURE * noise
@@ -354,7 +354,9 @@ class IlluminationField:
         if light.glows:
             return Illumination(light.shade, light.glow + more, True)
         return Illumination(
-            np.clip((1.0 + light.shade) * (1.0 + more) - 1.0, -MOST, MOST / (1.0 - MOST)), light.glow, False
+            np.clip((1.0 + light.shade) * (1.0 + more) - 1.0, -MOST_LIGHT, MOST_LIGHT / (1.0 - MOST_LIGHT)),
+            light.glow,
+            False,
         )
 
     def middles_px(self) -> F64:
@@ -379,7 +381,7 @@ class IlluminationField:
             ]
         ).reshape(2, -1)
         shade, glow = (self._interpolate(one, place).reshape(height, width) for one in (light.shade, light.glow))
-        return np.asarray((coefficient - glow) / np.maximum(1.0 + shade, 1.0 - MOST), dtype=np.float32)
+        return np.asarray((coefficient - glow) / np.maximum(1.0 + shade, 1.0 - MOST_LIGHT), dtype=np.float32)
 
     def _interpolate(self, values: F64, offset: F64) -> F64:
         """Values of the squares at offsets (2, n) from the body's middle, linear between the squares' middles."""
@@ -426,8 +428,6 @@ def _clipped_chi_square(residual: F64, noise: float) -> float:
     return float(np.mean(np.minimum(np.abs(residual) / noise, OUTLYING) ** 2)) if residual.size else 0.0
 
 
-HIDDEN_SUSPECTED = 0.05  # share of visible pixels that do not agree from which local light is looked for
-SUSPECTED = 2.0  # the same for the ratio of `vision.fitting.assessment` over the largest blocks
 ALIKE = 0.7  # correlation of the changes that two fits show, from which they are the same light
 LEAST_NOISE_GREY = 0.5  # as `SCALE_FLOOR_GREY` of the fit
 MEAN_NOISE_GAIN = float(noise_gain().mean())
@@ -482,8 +482,8 @@ class LocalIllumination:
         is_first_fit: bool,
     ) -> bool:
         """Update ``light`` from a fit's residuals; return whether it changed, so that another fit is needed."""
-        hidden = fit.seen - fit.inlier > HIDDEN_SUSPECTED
-        suspected = hidden or any(one > SUSPECTED for one in fit.coherence.ratio[-1].tolist())
+        hidden = fit.seen - fit.inlier > HIDDEN_SHARE
+        suspected = hidden or any(one > COHERENT for one in fit.coherence.ratio[-1].tolist())
         if self.light is None and not (is_first_fit and suspected):
             if is_first_fit:
                 self._shown = None

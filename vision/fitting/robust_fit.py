@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 
+PIXELS = 6000  # of a body that are fitted, those that tell most: choice, of time
 ROUNDS = 2  # of fits: one to find what lies far off, one without it
 OUTLYING = 3.5  # standard deviations by the median, beyond which a residual is left out: 1 in 2000 of normal noise
 PIXELS_PER_COLUMN = 10  # least, that agree: fewer leave the scatter unknown

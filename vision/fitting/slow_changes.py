@@ -37,7 +37,8 @@ MAX_VARIANCE_INFLATION = 2.0
 """Factor of the variance of the turn by which a group may be paid for, at most: what can hardly be told from the pose
 (a tilt about a diagonal, of a long body or one whose grain runs along it) would follow noise. It is left to the
 uncertainty."""
-MOST = np.array([0.6, 0.6, 0.05, 0.6, 0.6, 0.6, 0.05, 0.05, 4.0])  # largest amplitudes that are followed
+MOST_LIGHT = 0.6  # by which light may change over a body's radius, or in a square: more is a shadow's black
+MOST_STRAIN = 0.05  # by which a body may grow, stretch or shear in the picture: it leaves the plane of motion
 
 Changes = tuple[float, ...]
 REACH_PX = 12  # of the widest blur: six standard deviations
@@ -46,6 +47,8 @@ LIGHT, TILT, FOCUS = ("light", "bend"), ("stretch", "shear"), ("focus",)
 SHAPE = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0])  # terms of the body's shape and focus, not of the light
 BLURS = np.array([0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0])
 """Variances, px^2, for which a blurred template is made."""
+MOST = np.where(np.arange(N_TERMS) == N_TERMS - 1, BLURS[-1], np.where(SHAPE == 1.0, MOST_STRAIN, MOST_LIGHT))
+"""Largest amplitudes that are followed."""
 
 
 class SlowChanges:
@@ -193,7 +196,9 @@ class SlowChanges:
         down = np.arange(corner[0], corner[0] + height) - (template.centre_px[1] + pose[2])
         x = (cosine * right)[None, :] + (sine * down)[:, None]
         y = (cosine * down)[:, None] - (sine * right)[None, :]
-        return np.asarray(coefficient / np.maximum(illumination_factor(changes, x, y), 1.0 - MOST[0]), dtype=np.float32)
+        return np.asarray(
+            coefficient / np.maximum(illumination_factor(changes, x, y), 1.0 - MOST_LIGHT), dtype=np.float32
+        )
 
 
 def _next_blur(changes: Changes) -> int:

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from vision.bodies.occlusion import mark_covered, relative_pose
 from vision.film.source import SATURATED_SHARE
-from vision.fitting.assessment import Assessed, Blocks, BodyFacts, assess_fit
+from vision.fitting.assessment import COHERENT, HIDDEN_SHARE, Assessed, Blocks, BodyFacts, assess_fit
 from vision.fitting.frame_spline import prefilter, saturated_inside
-from vision.fitting.icgn import CHANGE_SUSPECTED, FAR_PX, QUIET
-from vision.fitting.illumination import HIDDEN_SUSPECTED, Squares, can_show_illumination, residual_noise
+from vision.fitting.icgn import FAR_PX, QUIET
+from vision.fitting.illumination import Squares, can_show_illumination, residual_noise
 from vision.fitting.kernels import F32, F64, I32, I64, Region, Settings, State, Subset, fit_rigid
 from vision.fitting.pose_covariance import PATTERN_EXCESS, TUKEY_FACTOR
 from vision.frame_fit.judgement import Figures, Standards, has_odd_gain, judge_fit, update_usual_quality
@@ -154,7 +154,7 @@ is fitted, and Python must judge it; the next is not inside the part of the fram
 def is_accepted(states: States, found: FitOutputs, body: int) -> bool:
     """Whether a fit needs no look by Python: incoherent residuals, no failure flag, usual gain, a small step."""
     for k in range(3):
-        if found.ratio[body, -1, k] > CHANGE_SUSPECTED:
+        if found.ratio[body, -1, k] > COHERENT:
             return False
     pose, expected, figures = found.pose[body], found.expected[body], read_figures(found, body)
     flag = judge_fit(states.standards, body, figures, pose, expected, found.covariance[body])
@@ -238,7 +238,7 @@ def fit_body(
     figures[3], figures[4], figures[5] = fit.gain, sums.seen / count, sums.value / max(sums.weight, 1.0)
     if not is_accepted(states, found, body):
         return False
-    if not figures[4] - figures[1] > HIDDEN_SUSPECTED:
+    if not figures[4] - figures[1] > HIDDEN_SHARE:
         return True
     begin, n_squares = bodies.square_runs[body, 0], bodies.square_runs[body, 1]
     squares = Squares(

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from vision.errors import TrackingError
 from vision.film.source import FrameSource, saturated_grey
+from vision.reference.still_average import MOST_PIXELS
 
 LOOKED_AT = 9  # first frames, whose median is the light they are held to
 GAINS = (0.5, 2.0)
 """Of a frame against the others: what is left to flicker. One so dim has four times the variance."""
 CLIPPED = 0.1  # share of a frame's pixels that may be clipped beyond those of the median picture
-MOST_PIXELS = 5000  # of the outlines that are compared
 
 
 def check_first_light(film: FrameSource, region: NDArray[np.bool_]) -> None:

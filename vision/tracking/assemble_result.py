@@ -23,9 +23,10 @@ from vision.tracking.options import FitSettings
 from vision.uncertainty.budget_terms import UNDECLARED_FACTOR, PoseResponse, TrackedAngles, compute_budget
 from vision.uncertainty.coherence import expected_ratio, inflate_covariance, variance_factor
 
-PRECISE_U_RAD = np.radians(0.05) / 4.0
+WANTED_RAD = np.radians(0.05)  # accuracy of an angle that a model of an action is tested with
+PRECISE_U_RAD = WANTED_RAD / 4.0
 """Up to this an error of 0.05 degrees is at least four standard uncertainties away."""
-MOST_PRECISE_U_RAD = np.radians(0.05) / 2.0
+MOST_PRECISE_U_RAD = WANTED_RAD / 2.0
 """Beyond this the 95 % interval is wider than 0.05 degrees to each side, whatever the texture."""
 USUAL_SHARE = 2.0
 """A u up to this many times what texture and noise allow, or what the body's best quarter of rows has, is the film's,

@@ -19,17 +19,16 @@ from numpy.typing import NDArray
 from vision.angles import turn_matrix
 from vision.film.source import FrameSource, saturated_grey
 from vision.fitting.bspline import coefficients
-from vision.fitting.robust_fit import fit_robustly
+from vision.fitting.robust_fit import PIXELS, fit_robustly
 from vision.fitting.template import Template, thin_template
 from vision.reference.prepared_film import PreparedFilm
 from vision.reference.rectified_film import MARGIN_PX, sample_spline
 from vision.results.pose_table import PoseTable
 
-PIXELS = 4000  # of a body that are fitted
 MOST_MOVING, MOST_STILL = 24, 8  # rows of each body that are looked at
 LEAST_ROWS = 3  # their scatter must be known
 BETWEEN = 0.25  # half way from rows of one time to fields half a frame apart
-SURE_U = 0.05  # standard uncertainty of the lag up to which `BETWEEN` is five of them away
+SURE_U = BETWEEN / 5.0  # standard uncertainty of the lag, up to which the fields' order is sure
 LEAST_PX = 0.02  # motion per frame, at the rim of a body, of the rows that tell
 
 

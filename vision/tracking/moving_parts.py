@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.angles import turn_matrix
-from vision.fitting.assessment import template_blocks
+from vision.fitting.assessment import COHERENT, HIDDEN_SHARE, template_blocks
 from vision.fitting.base import ROUNDING_GREY, Fit, region_of
 from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.icgn import IcgnFitter
@@ -44,7 +44,6 @@ MOST_LEFT, LEFT_CONTRAST = 2.5, 0.03  # of the noise's variance and of the textu
 SEEN = 0.8  # share of a tile that lies in the picture
 MOST_GAIN = 2.5  # of the light: another surface has more, or less
 MOST_STEP_PX, MOST_TURN_RAD = 4.0, 0.15  # further from its last place a tile is not looked for
-COHERENT = 2.0  # median coherence of the residuals from which a body is looked at
 AGREES = 0.9
 """Median share of the pixels in agreement, over that of the quarter of the rows with most, below which it is."""
 LEAST_PX, LEAST_U = 0.5, 6.0  # a tile has moved, a body sags, by more, and by more standard uncertainties
@@ -283,7 +282,6 @@ DOUBTED = 0.3  # a pixel of less weight does not agree; of normal noise 4 % have
 MANY = 0.15  # share of such pixels in a square that is left out
 AGREE_SIGMA = 2.5  # standard deviations up to which a pixel agrees
 LEAST_SEEN = 0.35  # share of the template that must be left
-STILL_COVERED = 0.05  # share of the template that may disagree once the squares are left out; noise alone makes 0.003
 
 
 def confirm_hidden(ready: PreparedFilm, table: PoseTable, doubted: NDArray[np.bool_]) -> int:
@@ -310,7 +308,7 @@ def confirm_hidden(ready: PreparedFilm, table: PoseTable, doubted: NDArray[np.bo
             variance = again.covariance.diagonal()
             if np.any(off**2 > AGREE_SIGMA**2 * variance):
                 table.covariance[row, i] += np.diag(off**2)
-            elif again.seen - again.inlier < STILL_COVERED and not doubted[i]:
+            elif again.seen - again.inlier < HIDDEN_SHARE and not doubted[i]:
                 own = table.covariance[row, i]
                 table.covariance[row, i] = inflate_covariance(own, np.maximum(off**2 / own.diagonal(), 1.0))
                 table.flag[row, i] &= ~np.uint16(int(FrameFlag.COVERED))

@@ -25,7 +25,7 @@ from scipy.special import ndtri
 from vision.film.source import FrameSource, saturated_grey
 from vision.fitting.base import region_of
 from vision.fitting.bspline import HALF_TAPS, coefficients
-from vision.fitting.robust_fit import MOST_CONDITION, fit_robustly
+from vision.fitting.robust_fit import MOST_CONDITION, PIXELS, fit_robustly
 from vision.fitting.template import Template, thin_template
 from vision.reference.prepared_film import PreparedFilm
 from vision.reference.rectified_film import sample_spline
@@ -42,12 +42,9 @@ LEAST_ROWS = 4  # of a body: its own strain and that of its speed are fitted too
 LEAST_INLIER = 0.97
 """Share of a row's pixels that agree with the fit; 0.997 of white noise do. In others something else changes it:
 a cover, a second body under the outline, one that bends."""
-PIXELS = 6000  # of a body that are fitted
 REFINEMENTS = 4  # at most: choice
 LINEAR_STRETCH = 0.002  # up to this one a body of 60 px changes its shape by a tenth of a pixel
 STEPS = 4  # of Gauss and Newton from the tracked pose to that in the stretched picture
-SMALL_TURN = 2e-4
-"""Turn, rad, below which no further step is needed: it changes the sine of twice a turn of 1 degree by 1 %."""
 COLUMNS = 10  # turn, two shifts, gain, offset, two gradients of the light, scale, stretch, shear
 BLUR_PX = 0.5  # standard deviation: a little blur, to first order
 FIELD_FACTOR = 3.0
@@ -222,7 +219,7 @@ def _fit_strain(
             return None
         amplitude, covariance = fitted
         back, along, across = amplitude[-COLUMNS : 3 - COLUMNS]
-        if step == steps - 1 or abs(back) < SMALL_TURN:
+        if step == steps - 1:
             break
         turn -= float(back)
         at = at - np.array([c * along - s * ratio * across, s / ratio * along + c * across])

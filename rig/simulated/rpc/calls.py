@@ -48,8 +48,7 @@ TASK_CALLS: dict[str, TaskHandler] = {
     "WriteDigitalLines": data.write_lines,
 }
 
-READ_DEFAULT_SAMPLES = 0x31E8
-"""A property of newer drivers without a name in the service."""
+READ_DEFAULT_SAMPLES = 0x31E8  # a property of newer drivers without a name in the service
 _NAMED: dict[tuple[str, str], Property] = {
     # the system and its devices
     **{("SystemInfo", name): device.version_property(number) for name, number in device.VERSION.items()},

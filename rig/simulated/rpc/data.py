@@ -14,8 +14,7 @@ from rig.simulated.rpc.messages import Fields, TaskHandler, enum
 from rig.simulated.status import Code, DaqStatusError
 
 _BY_SCAN = 1
-MOST_VALUES = 2**26
-"""Values one call may move."""
+MOST_VALUES = 2**26  # values one call may move
 
 
 def _refuse_other_type(task: SimulatedTask, type_: str) -> None:

@@ -141,8 +141,7 @@ def rpc_status(error: Exception) -> tuple[grpc.StatusCode, str, tuple[Metadatum,
     raise error
 
 
-INITIALIZE_NEW, ATTACH_TO_EXISTING = 1, 2
-"""Initialization behaviors; 0 attaches where a session exists."""
+INITIALIZE_NEW, ATTACH_TO_EXISTING = 1, 2  # initialization behaviors; 0 attaches where a session exists
 
 
 def open_session(device: DeviceState, request: Any, create: Callable[[], SimulatedTask]) -> Fields:

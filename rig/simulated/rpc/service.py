@@ -41,8 +41,7 @@ TRACE_LENGTH = 100_000
 RESET_SERVER = "/nidevice_grpc.SessionUtilities/ResetServer"
 _WAS_RESET = b"\x08\x01"
 """The response of that call, ``is_server_reset`` true."""
-BEHIND_S = 0.05
-"""Time a client may leave to pass before the bench goes on without it."""
+BEHIND_S = 0.05  # time a client may leave to pass before the bench goes on without it
 
 
 class Service:

@@ -13,8 +13,7 @@ from rig.simulated.status import Code, DaqStatusError, NotAnswered, Unsupported
 from rig.simulated.timing import wait_until_done
 
 START, STOP, VERIFY, COMMIT, RESERVE, UNRESERVE, ABORT = range(7)
-SAMPLE_CLOCK = 12487
-"""The signal of :func:`export_clock`."""
+SAMPLE_CLOCK = 12487  # the signal of :func:`export_clock`
 
 
 def control_task(device: DeviceState, task: SimulatedTask, request: Any) -> None:
