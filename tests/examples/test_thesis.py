@@ -1,4 +1,4 @@
-"""`examples/thesis`: each of its parts against closed forms and independent equations, and the command."""
+"""`examples/thesis`: strings, felts of equal loss, observations, the command (friction: `benchmarks thesis`)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ import pytest
 import model
 
 THESIS = Path(__file__).parents[2] / "examples" / "thesis"
-FREE = {f"{b}.joint_friction.A": 0.0 for b in model.BODIES} | {f"contact{i:02d}.friction": 0.0 for i in (1, 4, 7, 10)}
 
 
 def part(name: str) -> SimpleNamespace:
@@ -26,45 +25,8 @@ def part(name: str) -> SimpleNamespace:
 
 
 @pytest.fixture(scope="module")
-def friction() -> Any:
-    return part("friction_limit")
-
-
-@pytest.fixture(scope="module")
 def string() -> Any:
     return part("string_blow")
-
-
-def test_without_friction_the_steps_are_the_smooth_motion(friction: Any) -> None:
-    """Equations written once more, and Moreau's scheme of second order: both must be right for this."""
-    action = model.load_action().with_values(FREE)
-    t, f = (column[model.force_table("forte")[0] <= 0.13] for column in model.force_table("forte"))
-    exact = model.simulate(action, t, f, tolerance=1e-9, contact_forces=True)
-    found = [friction.simulate(action, t, f, step).solution for step in (2e-5, 1e-5)]
-    errors = [float(np.max(np.abs(one.angle_rad - exact.angle_rad))) for one in found]
-    assert errors[1] < 2e-5 and errors[0] / errors[1] > 3.0
-    assert np.max(np.abs(found[1].contact_normal_n - exact.contact_normal_n)) < 0.02 * exact.contact_normal_n.max()
-
-
-def test_joint_friction_holds_then_slides_as_coulomb_says(friction: Any) -> None:
-    """0.5 N m at 0.23 m is more than 1 N and less than 6 N; a hump of eq. 2.12 raises what holds."""
-    t = np.arange(0.0, 0.05, 2e-4)
-    stiff = model.load_action().with_values(FREE | {"key.joint_friction.A": 0.5})
-    held, pushed = (friction.simulate(stiff, t, np.full(len(t), force), 2e-5) for force in (1.0, 6.0))
-    assert np.ptp(held.solution.angle_rad[:, 0]) < 1e-12 and held.sticks[1:, 13].all()
-    assert pushed.solution.angle_rad[-1, 0] < held.solution.angle_rad[-1, 0] - 0.01
-    hump = {"key.joint_friction.A": 0.3, "key.joint_friction.B1": 1.78, "key.joint_friction.B2": 1.0}
-    turned = friction.simulate(model.load_action().with_values(FREE | hump), t[:100], np.full(100, 2.0), 2e-5)
-    assert np.ptp(turned.solution.angle_rad[:, 0]) < 1e-9
-
-
-def test_the_smoothed_law_comes_nearer_as_its_threshold_falls(friction: Any) -> None:
-    t, f = (column[model.force_table("forte")[0] <= 0.14] for column in model.force_table("forte"))
-    _, numbers = friction.run(model.load_action(), t, f, 1e-5)
-    away = [row["differs_rad"] for row in numbers["rows"]]
-    assert away[0] > 2.0 * away[1] > 4.0 * away[2] and away[2] > 2.0 * away[3] and away[4] == 0.0
-    with pytest.raises(SystemExit, match="found .* allowed an action without scene and laws"):
-        friction.simulate(model.load_action().with_laws({"contact12": "stulov"}), t, f)
 
 
 def test_a_linear_bar_is_half_a_swing(string: Any) -> None:

@@ -37,7 +37,6 @@ KINDS: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
     "mf": ((0, 0.03, 0.06, 0.08, 0.25, 0.35), (0, 5, 7.5, 7.5, 7.5, 0)),
     "rebound": ((0, 0.03, 0.05, 0.08, 0.12, 0.14, 0.2, 0.3), (0, 8, 9, 3, 3, 10, 10, 0)),
     "ff2": ((0, 0.01, 0.02, 0.05, 0.2, 0.3), (0, 15, 18, 12, 12, 0)),
-    "fortissimo": ((0, 0.02, 0.035, 0.04, 0.2, 0.28), (0, 8, 18, 20, 14, 0)),
 }
 # specimens out of regulation, played forte
 MISREGULATED: dict[str, dict[str, float]] = {
@@ -55,8 +54,8 @@ class Stroke:
 
 
 @cache
-def _plant(rate_hz: float, seed: int, effects: tuple[str, ...], scene: model.SceneChoice | None = None) -> ActionPlant:
-    return load_plant(BENCH, seed, rate_hz, effects, scene)
+def _plant(rate_hz: float, seed: int, effects: tuple[str, ...]) -> ActionPlant:
+    return load_plant(BENCH, seed, rate_hz, effects)
 
 
 def command_n(kind: str, time_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -71,27 +70,24 @@ def command_n(kind: str, time_s: np.ndarray, rng: np.random.Generator) -> np.nda
 
 @dataclass(frozen=True)
 class StrokeOptions:
-    """How a stroke is played and read; `changed` adds to parameters of the specimen (SI), `scene` to what it is.
+    """How a stroke is played and read; `changed` adds to parameters of the specimen (SI).
 
-    Trials that are ``alike`` differ only by the bench's scatter and the given strength and delay.
+    Trials that are ``alike`` differ only by the bench's scatter.
     """
 
     rate_hz: float = 5000.0
     jitter_counts: float = 0.0
     changed: Mapping[str, float] | None = None
     effects: tuple[str, ...] = ()
-    scene: model.SceneChoice | None = None
     alike: bool = False
-    strength: float = 1.0
-    late_s: float = 0.0
 
 
 def play(kind: str, seed: int, number: int = 1, **options: Any) -> Stroke:
     """Return one stroke of one kind on the bench with one seed; options are those of `StrokeOptions`."""
     given = StrokeOptions(**options)
-    rate_hz, strength, changed = given.rate_hz, given.strength, given.changed
+    rate_hz, changed = given.rate_hz, given.changed
     rng = np.random.default_rng([seed, 0 if given.alike else number, 99])
-    plant = _plant(FINE * rate_hz, seed, given.effects, given.scene)
+    plant = _plant(FINE * rate_hz, seed, given.effects)
     shipped = plant.action
     moved = {**MISREGULATED.get(kind, {}), **(changed or {})}
     try:
@@ -99,7 +95,7 @@ def play(kind: str, seed: int, number: int = 1, **options: Any) -> Stroke:
         plant.start_trial(number)
         length = BEFORE_S + 1.2 * KINDS["forte" if kind in MISREGULATED else kind][0][-1] + AFTER_S
         edges = np.arange(int(length * rate_hz)) / rate_hz
-        newton = strength * command_n(kind, edges - given.late_s, rng)
+        newton = command_n(kind, edges, rng)
         lift_m = plant.advance(np.repeat(newton / 12.0, FINE)).key_lift_m
         truth = plant.truth()
     finally:
@@ -136,64 +132,30 @@ def record(
     )  # fmt: skip
 
 
-CHANNELS = ("key", "whippen", "hammer")
 FILMED = 2
 """The trial that has a film, where one has."""
 Change = Callable[[TrialData, Stroke], TrialData]
 
 
 def recount(data: TrialData, columns: Callable[[np.ndarray], np.ndarray]) -> TrialData:
-    """Return the trial with changed encoder counts."""
     count = columns(data.encoder_count.copy())
     return replace(data, encoder_count=count - count[0])
 
 
-def swapped(i: int, j: int) -> Change:
-    """Angles of two bodies swapped."""
-
-    def change(data: TrialData, stroke: Stroke) -> TrialData:
-        per = np.array([e.rad_per_count for e in data.encoders])
-        order = [0, 1, 2]
-        order[i], order[j] = j, i
-        return recount(data, lambda c: np.round((c * per)[:, order] / per).astype(np.int64))
-
-    return change
-
-
-def force(made: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Change:
-    """Another force, of that and the time."""
-    return lambda data, _: replace(data, raw_force_n=made(data.raw_force_n, data.time_s))
-
-
-def louder(by: float) -> Change:
-    return force(lambda f, t: f * by)
-
-
 def delayed(by_s: float) -> Change:
-    return force(lambda f, t: np.interp(t - by_s, t, f))
+    return lambda data, _: replace(data, raw_force_n=np.interp(data.time_s - by_s, data.time_s, data.raw_force_n))
 
 
-def specimen_change(which: str, friction: tuple[str, float] | None) -> dict[str, float]:
-    """Changes to the bench's specimen that give the requested one."""
-    bench = load_plant(BENCH, 1, 5000.0).action
-    printed = model.load_action()
-    moved = {}
-    if which == "printed":
-        moved = {
-            p: printed[p] - bench[p] for p in printed.quantities if p in bench.quantities and printed[p] != bench[p]
-        }
-    if friction is not None:
-        path, factor = friction
-        base = printed[path] if which == "printed" else bench[path]
-        moved[path] = factor * base - bench[path]
-    return moved
+def change_to_printed() -> dict[str, float]:
+    """Changes to the bench's specimen that make it the printed action."""
+    bench, printed = load_plant(BENCH, 1, 5000.0).action, model.load_action()
+    return {p: printed[p] - bench[p] for p in printed.quantities if p in bench.quantities and printed[p] != bench[p]}
 
 
 @lru_cache(maxsize=64)
-def stroke_of(kind: str, seed: int, number: int, specimen: str, options: tuple[tuple[str, object], ...]) -> Stroke:
-    """One stroke; strokes without faults are played once."""
-    given = dict(options)
-    changed = specimen_change(specimen, given.pop("friction", None))  # type: ignore[arg-type]
+def stroke_of(kind: str, seed: int, number: int, options: tuple[tuple[str, object], ...] = ()) -> Stroke:
+    """One stroke of the printed action; strokes without faults are played once."""
+    given, changed = dict(options), change_to_printed()
     for path, by in dict(given.pop("changed", ())).items():  # type: ignore[call-overload]
         changed[path] = changed.get(path, 0.0) + by
     return play(kind, seed, number=number, changed=changed, alike=True, **given)

@@ -112,6 +112,16 @@ def motion_of_specimen(strength):
     return force, model.simulate(specimen, time, force, initial=rest)
 
 
+def play(action, strength=1.0):
+    """Times, force and encoder angles of a blow on an action, as `trial_data` takes them."""
+    import model
+
+    rest = model.rest_state(action, force_n=PRELOAD_N)
+    time = np.arange(int(LENGTH_S * RATE_HZ)) / RATE_HZ
+    force = PRELOAD_N + forte_n(time, strength)
+    return time, force, (model.simulate(action, time, force, initial=rest).angle_rad - rest.angle_rad)[:, [0, 1, 4]]
+
+
 def make_session(folder: Path, n_trials=5, filmed=(2,), strength=STRENGTH, **info):
     """Create a session on disk whose specimen differs from the model in friction; return it with truth."""
     import model
@@ -181,6 +191,12 @@ def planted(shared):
     return shared(lambda folder: compare_session(shipped, explain=True, effects=False, **options))
 
 
+@pytest.fixture
+def fewer_draws(monkeypatch):
+    """As many as an interval needs."""
+    monkeypatch.setattr("validation.verdict.error_draws.DRAWS", 99)
+
+
 @pytest.fixture(scope="session")
 def written(compared, shared):
     """The report of the comparison, written once."""
@@ -228,7 +244,7 @@ def side_written(side, shared):
 def make():
     """The builders of this file, for tests that need other sessions."""
     return SimpleNamespace(
-        session=make_session, trial=trial_data, info=session_info, force=forte_n, film=film_table,
+        session=make_session, trial=trial_data, play=play, info=session_info, force=forte_n, film=film_table,
         rate_hz=RATE_HZ, group_delay_s=GROUP_DELAY_S, preload_n=PRELOAD_N, offsets_n=OFFSETS_N, hum_n=HUM_N,
         hum_hz=HUM_HZ, noise_n=NOISE_N, blow_s=BLOW_S,
     )  # fmt: skip

@@ -9,7 +9,6 @@ from model.drive.readings import driven_scene, static_torque_nm
 from model.simulation.statics import solve_rest
 
 RATE_HZ = 5000.0
-EXACT = (0.0, 0.0, 0.0, 0.0)
 USUAL = (0.02, 0.02, 2.0 * np.pi / 327680, 5e-3)
 """Noise of force (N) and current (A), width of a count (rad), relative error of the scales."""
 
@@ -31,12 +30,11 @@ def driven_log(
     action: model.Action,
     scene: model.SceneChoice,
     command_v: np.ndarray,
-    errors: tuple[float, float, float, float] = USUAL,
     seed: int = 0,
     current: bool = True,
 ) -> model.drive.DriveLog:
     """What a bench with this drive would log."""
-    built, (noise_n, noise_a, count, scale) = driven_scene(action, scene), errors
+    built, (noise_n, noise_a, count, scale) = driven_scene(action, scene), USUAL
     times = np.arange(len(command_v)) / RATE_HZ
     run = model.Simulation(built, model.State(0.0, solve_rest(built), np.zeros(built.size)), 1e-7)
     angle, speed = run.advance(float(times[-1]), times, command_v, held=True, output_time_s=times)
@@ -48,6 +46,6 @@ def driven_log(
         time_s=times,
         command_v=command_v,
         force_n=force_scale * run.probe_forces(angle, speed)[:, 0] + noise_n * noise[0],
-        arm_rad=count * np.round(arm / count) if count else arm,
+        arm_rad=count * np.round(arm / count),
         current_a=current_scale * speed[:, built.bodies.index("winding")] + noise_a * noise[1] if current else None,
     )

@@ -9,8 +9,7 @@ import pytest
 
 import model
 from model import build_scene
-from model.drive.lumps import Windows, motor_torque
-from tests.model.drive.driven_log import EXACT, command_of, driven_log
+from tests.model.drive.driven_log import command_of, driven_log
 
 ACTION = model.load_action("hirschkorn2004-regulated")
 TRUTH = {
@@ -29,33 +28,6 @@ def planted(mode: str, **more: float) -> model.Action:
 def log_of(mode: str, current: bool = True, push_n: float = 22.0, seed: int = 0, **more: float) -> model.drive.DriveLog:
     scene, action = replace(SCENE[mode], values=()), planted(mode, **more)
     return driven_log(action, scene, command_of(action, scene, seed + 1, push_n), seed=seed, current=current)
-
-
-def test_windows_differentiate_without_differences() -> None:
-    t = np.arange(600) / 5000.0
-    x = 0.3 * np.sin(2.0 * np.pi * 40.0 * t)
-    windows = Windows(1.0 / 5000.0)
-    for rates, factor in ((1, 1.0), (2, -1.0)):
-        turn = (2.0 * np.pi * 40.0) ** rates
-        wave = np.cos(2.0 * np.pi * 40.0 * t) if rates == 1 else np.sin(2.0 * np.pi * 40.0 * t)
-        expected = windows.averages(0.3 * factor * turn * wave)
-        np.testing.assert_allclose(windows.averages(x, rates), expected, atol=2e-3 * 0.3 * turn)
-    between = np.interp(np.arange(4 * 599 + 1) / 20000.0, t, x)
-    np.testing.assert_allclose(windows.averages(between, parts=4), windows.averages(x), atol=1e-4)
-    np.testing.assert_allclose(windows.averages(3.0 + 2.0 * t, 1), 2.0, rtol=1e-9)
-
-
-def test_torque_along_a_log_is_that_of_the_run() -> None:
-    action, scene = planted("torque", current_limit=3.0, supply=25.0), replace(SCENE["torque"], values=())
-    log = driven_log(action, scene, command_of(action, scene, 3, 30.0), EXACT)
-    d = {k: action[f"motor_drive.{k}"] for k in (*TRUTH["torque"], "current_limit", "supply", "limit_gain")}
-    whole, k = d["resistance"] + d["loop_gain"], d["torque_constant"]
-    lumps = [k * d["current_gain"], d["inductance"] / whole, k * k / whole, k * d["current_limit"]]
-    lumps += [d["supply"] * k / whole, d["resistance"] / whole, d["limit_gain"] / whole]
-    torque = motor_torque(np.array([lumps]), log.command_v, log.arm_rad, log.interval_s, "torque", 0.05)[0, ::4]
-    assert log.current_a is not None
-    np.testing.assert_allclose(torque[:-1], k * log.current_a[:-1], atol=4e-3)
-    assert np.sqrt(np.mean((torque - k * log.current_a) ** 2)) < 5e-4 * np.abs(torque).max()
 
 
 def test_planted_numbers_are_found_within_their_uncertainty_and_what_is_open_is_named() -> None:

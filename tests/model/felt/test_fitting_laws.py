@@ -34,7 +34,6 @@ class Scaled(HuntCrossleyLaw):
     numbers = {"times": Number(1.0, "1", 0.1, 0.5, 4.0, "a number of this test's own")}
 
     def force(self, felt: Felt) -> tuple[Expression, Expression]:
-        """See above."""
         return super().force(replace(felt, damping=felt.damping * felt.numbers[0]))
 
 

@@ -73,41 +73,6 @@ def test_motion_and_joint_forces_of_single_states(action: model.Action, effects:
         np.testing.assert_allclose(state.turning[0, :5], turning, rtol=1e-9, atol=1e-9 * np.abs(a).max())
 
 
-def test_sliding_speed_is_that_of_the_material_points(action: model.Action, twin: Twin) -> None:
-    """Two points painted on the surfaces where they touch; how far they move apart along them in a short time."""
-    scene = model.build_scene(action)
-    observer = Observer(scene)
-    step, seen = 1e-7, set()
-    for q, v, _ in random_states(60, 22):
-        state = observer.evaluate(q[None], v[None], np.zeros(1)).contact[0]
-        for c, name in enumerate(scene.contacts):
-            twin._place(q, v)
-            depth, n, middle, first, second = twin.gap(name)
-            assert state[c, 2] == pytest.approx(depth, abs=1e-15)
-            if depth <= 0.0:
-                assert state[c, 3] == 0.0 and state[c, 0] == 0.0
-                continue
-            point = middle - (action[f"{name}.first.radius"] - depth / 2) * n
-            np.testing.assert_allclose(state[c, 8:10], point, atol=1e-14)
-            local = {}
-            for body in (first, second):
-                turn, away = twin.angle[body], point - twin.pivot[body]
-                local[body] = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]) @ away
-            apart = []
-            for s in (step, -step):
-                twin._place(q + s * v, v)
-                at = []
-                for body in (first, second):
-                    turn = twin.angle[body]
-                    spin = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-                    at.append(twin.pivot[body] + spin @ local[body])
-                apart.append(at[0] - at[1])
-            speed = (apart[0] - apart[1]) @ np.array([-n[1], n[0]]) / (2 * step)
-            assert state[c, 3] == pytest.approx(speed, rel=1e-6, abs=1e-8)
-            seen.add(name)
-    assert len(seen) >= 10, sorted(seen)
-
-
 def test_what_contacts_and_joints_lose_is_the_audits(forte: model.Solution) -> None:
     """The audit is integrated with the motion, step by step, by another kernel."""
     inside, energy = forte.inside, forte.energy

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from model import Scene, Simulation
-from model.codegen.load import load_kernel, load_kernels
+from model.codegen.load import load_kernels
 from model.kernels import workspace as W
 from tests.model.conftest import random_states
 
@@ -66,27 +66,6 @@ def states(count: int, scene: Scene, seed: int) -> list[tuple[np.ndarray, np.nda
         at, speeds = np.array(more).reshape(-1, 2).T
         out.append((np.append(q, at), np.append(v, speeds), 0.01 * u if "motor" in scene.bodies else u))
     return out
-
-
-def touched(scene: Scene, places: Iterable[int]) -> set[int]:
-    """Those of ``places`` of the workspace that the scene's kernels read or write, at some random state."""
-    kernels, energy = load_kernels(scene.tables), load_kernel(scene.tables, "energy")
-    found = set[int]()
-    for place in places:
-        for q, v, u in states(10, scene, 9):
-            ends = []
-            for value in (0.25, 0.5):
-                w = placed(scene, q, v)
-                w[place] = value
-                kernels.linearise(w, scene.vector, u)
-                kernels.prepare(w, 1e-5)
-                kernels.skip(w, scene.vector)
-                kernels.stage(w, scene.vector, np.zeros(64), np.zeros(64), 0, 1e-5, 2.5e4, u, 0.0, 0)
-                energy(w, scene.vector, u)
-                found |= {place} if w[place] != value else set()
-                ends.append(np.delete(w, place))
-            found |= set() if np.array_equal(*ends, equal_nan=True) else {place}
-    return found
 
 
 def off_differences(scene: Scene, where: Iterable[tuple[np.ndarray, np.ndarray, float]]) -> tuple[float, float]:

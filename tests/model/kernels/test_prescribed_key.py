@@ -11,7 +11,7 @@ from model.kernels import workspace as W
 from model.motion_driven.prescribed_key import key_load
 from model.simulation.statics import solve_rest
 from tests.model.conftest import random_states
-from tests.model.kernels.linearised import Evaluation, touched
+from tests.model.kernels.linearised import Evaluation
 from tests.model.verification.reference_equations import Twin
 
 ORDER = [1, 2, 3, 4, 0]  # key last
@@ -70,39 +70,6 @@ def test_accelerations_force_and_rail_equal_the_twin(action: model.Action, twin:
         arm = twin._point("key", "key.center_of_mass") - twin.pivot["key"]
         reaction = key_mass * (a * arm[0] - v[0] ** 2 * arm[1]) - up
         assert rail[0] == pytest.approx(reaction, rel=1e-9, abs=1e-12 * size), count
-
-
-def test_derivatives_by_state_and_time(action: model.Action) -> None:
-    """K and D are those of the whole scene; df/dt is the difference quotient along the key's motion."""
-    whole = build_scene(action)
-    worst = []
-    for q, v, u in random_states(150, seed=6):
-        a, jerk = 20.0 * (u - 30.0), 1e4 * (u - 20.0)
-        scene = build_scene(action, key_motion=taylor(q[0], v[0], a, jerk))
-        at, full = Evaluation(scene, q[1:], v[1:], 0.0), Evaluation(whole, q, v, 0.0)
-        # (dM/dq) a in K holds the accelerations: the key's, which couples to nothing by inertia, is the same to K
-        for ours, theirs in ((at.stiff, full.stiff[1:, 1:]), (at.damp, full.damp[1:, 1:])):
-            np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-9 * np.abs(theirs).max())
-        # curvature spoils a wide difference, rounding a narrow one: the best of three counts
-        errors = []
-        for h in (1e-6, 1e-7, 1e-8):
-            before, after = (Evaluation(scene, q[1:], v[1:], t).a for t in (-h, h))
-            rate = at.mass @ (after - before) / (2.0 * h)
-            errors.append(np.abs(at.f_u - rate).max() / max(1.0, np.abs(at.f_u).max()))
-        worst.append(min(errors))
-    assert len(worst) == 150 and np.quantile(worst, 0.9) < 3e-5 and max(worst) < 1e-3, sorted(worst)[-5:]
-
-
-def test_what_a_prescribed_key_does_not_need_is_not_in_the_kernels(action: model.Action) -> None:
-    scene = build_scene(action, key_motion=taylor(0.0, 0.0, 0.0))
-    # the key's own pads are left to the outputs
-    assert scene.solved_contacts == 11 and len(scene.contacts) == 13
-    beyond = {W.STIFF + W.WIDTH * 4, W.ROOM + 11, W.M_DIAG + 4}  # neither rows nor contacts
-    assert touched(build_scene(action), beyond) == beyond and not touched(scene, beyond)
-    # another motion with any number of pieces is the same structure
-    fine = KeyMotion(np.linspace(0.0, 1.0, 8), np.zeros((7, 6)))
-    same = build_scene(action, key_motion=fine).tables
-    assert all(np.array_equal(a, b) for a, b in zip(scene.tables, same, strict=True))
 
 
 def test_states_without_the_key_are_not_taken_for_whole_ones(action: model.Action) -> None:

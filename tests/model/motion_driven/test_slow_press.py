@@ -64,13 +64,6 @@ def test_speed_is_checked(action: model.Action) -> None:
         slow_press(action, hand_set_rest(action), [1e-3], speed_m_per_s=0.0)
 
 
-def test_hammer_let_down_finds_the_jack_where_the_plain_search_slips(action: model.Action) -> None:
-    raised = action.with_values({"contact01.first.y": action["contact01.first.y"] + 0.43e-3})
-    rest = hand_set_rest(raised)
-    height = float(model.observables.hammer_height_m(raised, rest))
-    assert height == pytest.approx(0.048 - 10.5 * 0.37e-3, abs=4e-4)  # 10.5 mm a millimetre
-
-
 def test_a_press_that_cannot_go_on_says_when(action: model.Action, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("model.simulation.run.STEPS_AT_LEAST", 3)
     monkeypatch.setattr("model.simulation.run.STEPS_PER_SECOND", 0)

@@ -6,8 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import model
 from model.parameters.action import ACTIONS, TEMPLATE
@@ -108,13 +106,6 @@ def test_overrides_and_off_switches(action: model.Action) -> None:
 def test_bad_overrides_are_refused(action: model.Action, path: str, value: float, words: str) -> None:
     with pytest.raises(model.InputError, match=words):
         action.with_values({path: value})
-
-
-@settings(max_examples=30)  # each reads a whole set
-@given(st.floats(min_value=1e-6, max_value=1.0))
-def test_a_written_value_is_read_back_exactly(value: float) -> None:
-    action = model.load_action(overrides={"hammer.mass": value})
-    assert action["hammer.mass"] == value
 
 
 def test_a_normal_may_be_as_long_along_an_axis_as_across() -> None:

@@ -198,15 +198,6 @@ def test_an_action_file_may_carry_an_effect(action: model.Action, tmp_path: Path
         model.load_action(path)
 
 
-def test_what_rests_and_is_prescribed_takes_no_force(action: model.Action) -> None:
-    """At its angle at rest."""
-    driven = model.simulate_motion(
-        action, np.linspace(0.0, 0.1, 101), np.zeros(101), from_rest=True, scene="motor-drive", members=2
-    )
-    assert np.abs(driven.force_n).max() < 1e-6 and not driven.lifted.any()
-    assert "torque_nm" in driven.columns()
-
-
 def test_force_of_a_prescribed_key_with_a_bending_shank(action: model.Action, forte: np.ndarray) -> None:
     """Round trip: the motion that a force gave, prescribed, takes that force again, and bends the shank the same."""
     at = np.arange(0.0, 0.6, 1.0 / 5000.0)

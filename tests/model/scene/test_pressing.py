@@ -6,51 +6,10 @@ import numpy as np
 import pytest
 
 import model
-from model.compiler.expressions import ONE, as_expression, differentiator
-from model.elements.drives import amplifier, soft_limit
 from model.scene.build import build_scene
-from model.scene.pressing import RAMP_S, AmplifierCommand, FingerCommand, amplifier_voltage, steady_current
-from tests.model.compiler.machine import given, machine
+from model.scene.pressing import RAMP_S, AmplifierCommand, FingerCommand, steady_current
 
 DRIVE = model.SCENES["motor-drive"]
-H = 1e-6
-
-
-def test_soft_limit_is_smooth_to_the_fourth_derivative_and_exact_below() -> None:
-    limit, x = 3.0, given(0)
-    held = soft_limit(x, as_expression(limit), as_expression(0.1))
-    run = machine([held, differentiator({x: ONE})(held)])
-
-    def limited(x: float) -> tuple[float, float]:
-        value, slope = run(np.array([x]))[:2]
-        return float(value), float(slope)
-
-    for at in (0.0, 1.5, -2.69, 2.7):
-        assert limited(at) == (at, 1.0)
-    assert 2.7 < limited(2.9)[0] < 2.9
-    assert limited(1e4)[0] == pytest.approx(limit, abs=1e-12)
-    assert limited(-1e4)[0] == -limited(1e4)[0]
-    # next to where it sets in it leaves x as the fifth power
-    off = [at - limited(2.7 + at)[0] + 2.7 for at in (0.02, 0.04)]
-    assert off[1] / off[0] == pytest.approx(32.0, rel=0.01)
-    for at in (2.71, 2.95, 3.3, -3.1):
-        slope = (limited(at + H)[0] - limited(at - H)[0]) / (2.0 * H)
-        assert limited(at)[1] == pytest.approx(slope, abs=1e-8)
-
-
-def test_amplifier_never_leaves_its_supply_and_its_slopes_are_right() -> None:
-    numbers = (20.0, 12.0, 3.0, 100.0, 0.05)
-    random = np.random.default_rng(1)
-    u, i = given(0), given(1)
-    volts = amplifier((u, i), *map(as_expression, numbers))
-    run = machine([volts, differentiator({u: ONE})(volts), differentiator({i: ONE})(volts)])
-    for at in np.column_stack([60.0 * random.normal(size=200), 2.0 * random.normal(size=200)]):
-        found, of_source, of_current = run(at)[:3]
-        assert abs(found) <= 12.0
-        plain = amplifier_voltage(np.array([0.0, 0.0, *numbers]), at[:1], at[1:])[0]
-        assert found == pytest.approx(plain, rel=1e-12, abs=1e-12)
-        for slope, way, near in ((of_source, [H, 0.0], 1e-6), (of_current, [0.0, H], 1e-3)):
-            assert slope == pytest.approx((run(at + way)[0] - run(at - way)[0]) / (2.0 * H), abs=near)
 
 
 def test_commands_are_cut_off_at_the_limit_where_they_reach_it() -> None:

@@ -12,10 +12,9 @@ import model
 from model.codegen.evaluate_observables import contacts_at
 from model.codegen.observable_columns import DEPTH
 from model.felt import Hysteresis, Stulov
-from model.kernels import workspace as W
 from model.parameters.action import CONTACTS
 from model.simulation.run import Simulation, State
-from tests.model.kernels.linearised import stages_off, touched
+from tests.model.kernels.linearised import stages_off
 
 # a memory of each kind, two in one contact (string), with friction and on a chain of three joints (knuckle)
 MIXED = {"contact02": "stulov", "contact07": "hysteresis", "contact12": "hysteresis"}
@@ -44,7 +43,6 @@ def test_the_thesis_s_law_named_is_the_thesis_s_law() -> None:
     assert named.content() == plain.content()
     scene, same = (model.build_scene(a) for a in (plain, named))
     assert all(np.array_equal(a, b) for a, b in zip(scene.tables, same.tables, strict=True))
-    assert not touched(scene, [W.Z])
     times, force = model.force_table("forte")
     ours, theirs = (model.simulate(a, times, force) for a in (named, plain))
     assert np.array_equal(ours.angle_rad, theirs.angle_rad)

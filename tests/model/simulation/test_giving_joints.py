@@ -45,22 +45,6 @@ def released(action: model.Action, choice: model.SceneChoice, memory: list[float
     return model.simulate(action, [0.0, end], [0.0, 0.0], scene=choice, initial=first, tolerance=1e-9, output_time_s=at)
 
 
-def test_a_body_on_a_bushing_swings_as_the_closed_form(action: model.Action) -> None:
-    """Its centre in its joint: a mass on a damped spring, which turns on as it did."""
-    k, c, mass = 2e4, 6.0, action["hammer.mass"]
-    bare, choice = loose_hammer(action, stiffness=k, damping=c)
-    bare = bare.with_values({"hammer.center_of_mass.x": 0.0, "hammer.center_of_mass.y": 0.0})
-    found = released(bare, choice, [2e-4, -1e-4, 0.0, 0.0], 0.01)
-    decay = 0.5 * c / mass
-    omega = np.sqrt(k / mass - decay**2)
-    shape = np.exp(-decay * found.time_s) * (
-        np.cos(omega * found.time_s) + decay / omega * np.sin(omega * found.time_s)
-    )
-    assert found.give is not None and found.give.directions == ("hammer_pin_x", "hammer_pin_y")
-    np.testing.assert_allclose(found.give.way_m, np.outer(shape, [2e-4, -1e-4]), rtol=0, atol=1e-10)
-    np.testing.assert_allclose(found.angle_rad, 0.0, atol=1e-12)
-
-
 def test_a_pendulum_on_a_spring_swings_as_the_closed_form(action: model.Action) -> None:
     """Its centre beside its joint at r: across the arm omega^2 = k (I + m r^2) / (m I), along it k / m."""
     k, r = 1e5, 0.04

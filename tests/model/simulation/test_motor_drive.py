@@ -64,18 +64,6 @@ def test_current_and_voltage_stay_within_their_limits() -> None:
     assert current[1] == pytest.approx(-20.0 * np.expm1(-1e-4 / 3e-3), rel=0.01)
 
 
-def test_the_limit_keeps_the_order_of_the_method() -> None:
-    """Fixed steps across the current's limit: half the step, at least twelve times less error."""
-    at = np.array([4e-3])
-    values = LIMITED | HELD | {"motor_drive.limit_softness": 0.5, "motor_drive.limit_gain": 5.0}
-    exact = _bare(VOLTAGE, values, 4.0, at, tolerance=1e-12)[1][-1]
-    errors = [
-        abs(_bare(VOLTAGE, values, 4.0, at, tolerance=1e-2, largest_step_s=h)[1][-1] - exact)
-        for h in (1e-4, 5e-5, 2.5e-5)
-    ]
-    assert errors[0] > 12.0 * errors[1] > 144.0 * errors[2] > 0.0, errors
-
-
 def hand(depth_m: float, duration_s: float = 0.08) -> tuple[np.ndarray, np.ndarray]:
     """Way of a hand that sinks smoothly, holds and comes back."""
     t = np.linspace(0.0, 1.0, 25)
@@ -105,7 +93,7 @@ def closes_and_keeps(
     """The finest run and what the drive of another lost."""
     runs = {
         tolerance: model.simulate(action, times, values, scene=choice, tolerance=tolerance, energy=True, **options)
-        for tolerance in (1e-3, 1e-5, 1e-7, 1e-9, 1e-11)
+        for tolerance in (1e-3, 1e-6, 1e-9, 1e-11)
     }
     finest = runs.pop(1e-11)
     for tolerance, found in runs.items():

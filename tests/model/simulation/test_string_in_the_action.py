@@ -17,7 +17,6 @@ from model.scene.string_terms import moved_modes, string_of
 from model.simulation.run import Simulation, State
 from model.simulation.statics import solve_rest
 from model.simulation.string_motion import string_loss, string_motion
-from tests.model.kernels.linearised import touched
 
 STRUNG = model.load_scene("string")
 FORTE = model.force_table("forte")
@@ -32,11 +31,6 @@ def action() -> model.Action:
 def started(action: model.Action, tolerance: float = 1e-5, **keywords: bool) -> Simulation:
     scene = model.build_scene(action, STRUNG)
     return Simulation(scene, State(0.0, solve_rest(scene), np.zeros(scene.size)), tolerance, **keywords)
-
-
-def test_a_scene_without_a_string_has_nothing_of_it(action: model.Action) -> None:
-    assert not touched(model.build_scene(action), [W.S_AWAKE])
-    assert touched(model.build_scene(action, STRUNG), [W.S_AWAKE])
 
 
 def test_a_stage_solves_the_system_with_the_jacobian_of_differences(action: model.Action) -> None:

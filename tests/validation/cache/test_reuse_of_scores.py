@@ -128,45 +128,36 @@ def altered(folder, change):
     return new.path
 
 
-def test_one_altered_count_of_one_encoder_makes_again_what_saw_it(bench):
+def one_count(trial):
+    count = trial.encoder_count.copy()
+    count[3000, 2] += 1
+    return replace(trial, encoder_count=count)
+
+
+def one_sample_of_the_force(trial):
+    force = trial.raw_force_n.copy()
+    force[3000] += 1e-3
+    return replace(trial, raw_force_n=force)
+
+
+def new_calibration(trial):
+    return replace(trial, encoders=(replace(trial.encoders[0], u_scale_relative=1e-3), *trial.encoders[1:]))
+
+
+@pytest.mark.parametrize(
+    ("change", "again_made"),
+    [
+        (one_count, {"events": "5 of 6", "curve scores": "10 of 11", "force sign and unit": "2 of 3"}),
+        (
+            one_sample_of_the_force,
+            {"predictions": "2 of 3", "events": "5 of 6", "curve scores": "8 of 11", "force sign and unit": "2 of 3"},
+        ),
+        (new_calibration, {"events": "5 of 6"}),
+    ],
+)
+def test_what_is_altered_in_a_trial_makes_again_what_saw_it(bench, change, again_made):
     folder, action = bench
-
-    def change(trial):
-        count = trial.encoder_count.copy()
-        count[3000, 2] += 1
-        return replace(trial, encoder_count=count)
-
-    assert again(altered(folder, change), action) == all_of(3) | {
-        "events": "5 of 6",
-        "curve scores": "10 of 11",
-        "force sign and unit": "2 of 3",
-    }
-
-
-def test_one_altered_sample_of_the_force_makes_the_prediction_again(bench):
-    folder, action = bench
-
-    def change(trial):
-        force = trial.raw_force_n.copy()
-        force[3000] += 1e-3
-        return replace(trial, raw_force_n=force)
-
-    found = again(altered(folder, change), action)
-    assert found == all_of(3) | {
-        "predictions": "2 of 3",
-        "events": "5 of 6",
-        "curve scores": "8 of 11",
-        "force sign and unit": "2 of 3",
-    }
-
-
-def test_a_new_calibration_of_an_encoder_is_seen(bench):
-    folder, action = bench
-
-    def change(trial):
-        return replace(trial, encoders=(replace(trial.encoders[0], u_scale_relative=1e-3), *trial.encoders[1:]))
-
-    assert again(altered(folder, change), action) == all_of(3) | {"events": "5 of 6"}
+    assert again(altered(folder, change), action) == all_of(3) | again_made
 
 
 def test_another_track_of_a_film_scores_the_film_again(bench):
@@ -195,7 +186,7 @@ def test_other_code_makes_scores_again_and_another_model_everything(bench, monke
     assert again(folder, action)["predictions"] == "0 of 3"
 
 
-def test_the_budget_is_made_once(bench, predict):
+def test_the_budget_is_made_once(bench, predict, fewer_draws):
     folder, action = bench
     options = {"budget": True, "progress": None}
     compare_session(folder, action, **SIMPLE | options)
@@ -214,7 +205,7 @@ def test_the_budget_is_made_once(bench, predict):
     assert found.provenance["reused"]["predictions"] == "3 of 3"
 
 
-def test_a_further_trial_is_the_only_one_that_is_drawn_if_any_is(bench, predict):
+def test_a_further_trial_is_the_only_one_that_is_drawn_if_any_is(bench, predict, fewer_draws):
     folder, action = bench
     first = Session.open(folder).trials[0].read()
     options = SIMPLE | {"budget": True}

@@ -13,7 +13,6 @@ from validation.measurement.trial import measure
 from validation.scores.traces import differentiate_between_contacts, find_contact_times, make_speed_table
 
 RATE_HZ = 5000.0
-COUNT_RAD = 2 * np.pi / 163_840
 
 
 def test_a_cubic_on_each_side_of_a_contact_is_differentiated_exactly_up_to_the_contact():
@@ -36,18 +35,6 @@ def test_between_contacts_too_close_for_a_fit_nothing_is_stated():
     np.testing.assert_array_equal(np.flatnonzero(lost), [50, 51, 52])
     np.testing.assert_array_equal(lost, np.isnan(u))
     np.testing.assert_allclose(speed[~lost], 2.0)
-
-
-def test_noise_of_the_counts_is_stated():
-    rng = np.random.default_rng(4)
-    time = np.arange(4000) / RATE_HZ
-    z = []
-    for _ in range(10):
-        angle = np.floor((0.6 * time + 0.05 * np.sin(9 * time)) / COUNT_RAD + rng.uniform()) * COUNT_RAD
-        speed, u = differentiate_between_contacts(time, angle, [0.3], COUNT_RAD / np.sqrt(12))
-        z.append((speed - 0.6 - 0.45 * np.cos(9 * time)) / u)
-    assert np.mean(np.abs(z) < 2) > 0.95
-    assert np.sqrt(np.mean(np.square(z))) > 0.35
 
 
 @pytest.mark.parametrize("kind", ["forte", "piano", "double"])

@@ -44,7 +44,7 @@ class Stage:
 def stage(make, tmp_path_factory):
     session = Session.create(tmp_path_factory.mktemp("stage") / "forte", make.info())
     for number in range(1, N_TRIALS + 1):
-        stroke = stroke_of("forte", SEED, number, "printed", ())
+        stroke = stroke_of("forte", SEED, number)
         data, table = stroke.data, None
         if number == 2:
             camera, table = film(stroke, 0.0, np.random.default_rng(1))

@@ -16,7 +16,7 @@ from validation.report.page import section_tables
 from validation.report.view import SessionView
 
 
-def test_inputs_are_drawn_on_a_sound_trial(make, tmp_path):
+def test_inputs_are_drawn_on_a_sound_trial(make, tmp_path, fewer_draws):
     session, truth = make.session(tmp_path / "right", n_trials=3, filmed=())
     broken = Session.create(tmp_path / "broken", make.info())
     for trial in session.trials:

@@ -147,7 +147,7 @@ def test_a_spike_while_the_key_rings_is_told_by_other_trials(stage):
 def test_a_bounce_that_the_model_misses_is_no_unanswered_spike(tmp_path, make):
     """Of two quick strikes the model misses how the key lands the second time, and so what each spike does there."""
     session = Session.create(tmp_path / "double", make.info())
-    session.add_trial(replace(stroke_of("double", 7, 4, "printed", ()).data, number=1))
+    session.add_trial(replace(stroke_of("double", 7, 4).data, number=1))
     options = ComparisonOptions.from_keywords({"keep_predictions": False, "rivals": (), "budget": False})
     tested = model_under_test(session, model.load_action(), options)
     predicted = predict_session(measure_session(session, tested.geometry_at, 6e-5), tested)

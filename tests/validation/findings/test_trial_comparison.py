@@ -47,14 +47,6 @@ def test_two_kinds_of_stroke_are_told_apart(stage, by):
     assert find_single_strokes(trials, kinds) == []
 
 
-def test_three_kinds_of_two_strokes_are_told_apart(stage):
-    trials = [scaled_force(m, (1.0, 2.0, 0.4)[i // 2]) for i, m in enumerate(stage.trials)]
-    kinds = group_strokes(trials)
-    assert kinds == ((1, 2), (3, 4), (5, 6))
-    (found,) = find_mixed_strokes(trials, kinds)
-    assert found.value == 3 and "3 kinds of stroke: trials 1, 2" in found.text
-
-
 def test_one_odd_stroke_and_a_small_difference_are_no_two_kinds(stage):
     every = (1, 2, 3, 4, 5, 6)
     assert group_strokes(stage.trials) == (every,)

@@ -47,6 +47,7 @@ def refused(error: pytest.ExceptionInfo[ValidationInputError]) -> str:
         ("hammer.parent", "fixed by the geometry"),
         ("contact99.friction", "no such parameter"),
         ("contact02.friction", "no prior"),
+        ("hammer.jiont_friction.A", "did you mean hammer.joint_friction.A"),
     ],
 )
 def test_a_parameter_that_cannot_be_free_is_refused_by_name(name: str, said: str) -> None:
@@ -66,18 +67,6 @@ def test_a_set_without_a_rest_state_is_refused_in_one_line() -> None:
     with pytest.raises(ValidationInputError) as error:  # a comparison says the same
         compare_session(Session.open(SESSIONS / "example_forte"), floating, budget=False, explain=False)
     assert refused(error) == said
-
-
-def test_tables_are_refused_by_a_set_without_a_rest_state_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Tables are read without the action: it is asked first for the derivatives of laws that are held."""
-
-    def stuck(*_: object) -> None:
-        raise model.StaticsError("rest state: none")
-
-    monkeypatch.setattr("validation.infer.identify.at_start", stuck)
-    with pytest.raises(ValidationInputError, match="identify: hirschkorn2004: rest state: none; use other") as error:
-        identify([SESSIONS / "example_forte"], ["hammer.joint_friction"], fixed=("*",), phases=5)
-    refused(error)
 
 
 def test_a_pattern_leaves_out_what_the_geometry_fixes_and_fix_does_not() -> None:
@@ -131,7 +120,6 @@ def test_sessions_of_different_actions_are_refused(what: str, make: SimpleNamesp
 
 
 def made(n: int = 3) -> Problem:
-    """A toy problem."""
     return toy.problem(toy.made(np.zeros(3), n, np.random.default_rng(1)))
 
 
@@ -149,7 +137,6 @@ class Stuck(toy.Toy):
     limit = 2.0
 
     def curves(self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None) -> list[list[Array] | None]:
-        """As in `Response`."""
         found = super().curves(points, own)
         return [None if z[0] >= self.limit else one for z, one in zip(points, found, strict=True)]
 

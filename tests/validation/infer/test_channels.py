@@ -13,7 +13,6 @@ from validation.infer.blocks import INSTRUMENT
 from validation.infer.causes.responses import Point, Responses
 from validation.infer.channels import CHANNEL_ERRORS, ERROR_BY_NAME, SCALE, ZERO, error_shape
 from validation.infer.hypotheses import ALL, ONE, STEP, TREND, sources
-from validation.infer.observations import ObservedTrial
 from validation.prediction.model_under_test import ModelUnderTest
 
 ACTION = model.load_action()
@@ -28,26 +27,14 @@ def test_shapes_of_errors_are_those_of_their_definitions() -> None:
 def test_an_error_of_an_encoder_has_one_name_in_the_fit_and_in_the_search() -> None:
     shared = [e for e in CHANNEL_ERRORS if e.kind in (SCALE, ZERO)]
     assert len(shared) == 6 and {e.name for e in shared} <= set(INSTRUMENT)
-    listed = {s.name: s for s in sources(ACTION, trial()) if s.error}
+    listed = {s.name: s for s in sources(ACTION, toy.short_forte(0.05)) if s.error}
     assert list(listed) == [e.name for e in CHANNEL_ERRORS] == list(ERROR_BY_NAME)
     assert listed["key encoder delay"].profiles == listed["force gain"].profiles == (ALL, ONE, TREND, STEP)
 
 
-def trial() -> ObservedTrial:
-    """A short forte without noise."""
-    (made,) = toy.made(np.zeros(3), 1, np.random.default_rng(1))
-    time_s, force_n = model.force_table("forte")
-    inside = time_s < 0.16
-    out = np.linspace(0.02, 0.15, 40)
-    return replace(
-        made, force_time_s=time_s[inside], force_n=0.05 + force_n[inside], preload_n=0.05, time_s=out,
-        change_rad=np.zeros((out.size, 3)),
-    )  # fmt: skip
-
-
 @pytest.mark.parametrize("encoder", [0, 2])
 def test_a_search_reads_the_run_with_errors_of_one_encoder_alone(encoder: int) -> None:
-    name, seen = ("key", "whippen", "hammer")[encoder], trial()
+    name, seen = ("key", "whippen", "hammer")[encoder], toy.short_forte(0.05)
     listed = [s for s in sources(ACTION, seen) if s.name.startswith(f"{name} encoder")]
     responses = Responses(ModelUnderTest(ACTION), [seen], listed)
     base = responses.base

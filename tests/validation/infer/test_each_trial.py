@@ -10,11 +10,10 @@ import pytest
 
 from tests.validation.infer import toy
 from validation.conventions import Array
-from validation.infer import fit as fitting
 from validation.infer.estimates import profiles
 from validation.infer.fit import fit, fit_conditional
 from validation.infer.problem import Problem, curves_at, residuals_there
-from validation.infer.response import Own, make_nothing_own
+from validation.infer.response import Own
 
 TRUTH = np.array([0.8, -0.5, 0.3])
 
@@ -23,12 +22,10 @@ class Bent(toy.Toy):
     """A toy that bends ten times as far."""
 
     def curve(self, z: Array) -> Array:
-        """Curves (m, 3)."""
         total = self.parts(z).sum(axis=2)
         return np.asarray(0.1 * np.sin(12 * toy.TIME)[:, None] + total + 20.0 * total**2)
 
     def slope(self, z: Array) -> Array:
-        """Derivatives (m, 3, p) of `curve`."""
         return np.asarray(self.parts(np.ones(z.size)) * (1.0 + 40.0 * self.parts(z).sum(axis=2)[:, :, None]))
 
 
@@ -99,30 +96,3 @@ def test_what_a_trial_does_after_a_fork_is_left_out_and_the_rest_settles_on_the_
     found = fit_conditional(replace(problem, response=Forked(problem.trials)), fit(problem))
     assert found.bifurcations == {1: first} and found.converged
     assert np.all(np.abs(found.z - TRUTH) < 3.0 * np.sqrt(np.diag(found.covariance)))
-
-
-def test_no_more_than_a_third_of_the_trials_have_an_early_fork_found_at_once_or_in_turn() -> None:
-    problem, _ = played(0)
-    found = fit(problem)
-
-    class Forked(Bent):
-        """The fourth trial meets a stop in its first half just where the fit ended."""
-
-        def curves(
-            self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None
-        ) -> list[list[Array] | None]:
-            out = super().curves(points, own)
-            for z, curves in zip(points, out, strict=True):
-                if curves is not None and z[0] != found.z[0]:
-                    curves[3] = curves[3] + 5e-3 * (np.arange(toy.M) >= 5)[:, None]
-            return out
-
-    here = [r - b.moved @ found.z for r, b in zip(found.linear, found.marginal.blocks, strict=True)]
-    own = make_nothing_own(found.marginal.blocks)
-    place = fitting._Iterate(found.z, own, here, found.linear, here, found.marginal, np.ones(6))
-    forked = replace(problem, response=Forked(problem.trials))
-    assert fitting._find_bifurcations(forked, place, {0: 5}) == {0: 5, 3: 5}
-    assert fitting._find_bifurcations(forked, place, {0: 5, 1: 5}) == {
-        0: 5,
-        1: 5,
-    }  # a third: the model

@@ -5,18 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from scipy.optimize import minimize
 
 from tests.validation.infer import toy
-from validation import ValidationInputError
 from validation.conventions import Array
 from validation.infer.blocks import residuals
 from validation.infer.estimates import IDENTIFIED, NOT_IDENTIFIABLE, estimate_all, profiles
 from validation.infer.fit import fit, starts
-from validation.infer.identifiability import directions, warnings_of
-from validation.infer.identify import look_before
-from validation.infer.problem import Columns
 from validation.infer.scatter import factors, jackknife, lacking, widen_by_jackknife
 
 TRUTH = np.array([0.8, -0.5, 0.3])
@@ -51,40 +46,14 @@ def test_what_the_model_lacks_is_learnt_and_widens() -> None:
     assert np.all(np.diag(wrong.covariance) > 2 * np.diag(right.covariance))
 
 
-def test_two_parameters_that_act_as_one_are_named_and_not_identified() -> None:
-    p = toy.problem(toy.made(np.array([0.8, -0.5, 0.0]), 6, np.random.default_rng(2)), alike=True)
-    columns = Columns(p)
-    before = look_before(p, columns)
-    assert any("hammer.joint_friction.A" in line and "contact07.friction.A" in line for line in before)
-    found = fit(p, columns=columns)
-    undetermined, determined = directions(toy.ASKED, found.covariance)
-    assert len(undetermined) == 1 and set(undetermined[0].weights) == set(toy.ASKED[1:])
-    assert undetermined[0].weights["hammer.joint_friction.A"] == pytest.approx(
-        -0.6 * undetermined[0].weights["contact07.friction.A"], rel=0.1
-    )
-    assert any(set(d.weights) == {"key.joint_friction.A"} for d in determined)
-    verdicts = {e.name: e.verdict for e in estimate_all(p, found, None, silent)}
-    assert verdicts["contact07.friction.A"] == NOT_IDENTIFIABLE
-    assert verdicts["key.joint_friction.A"] == IDENTIFIED
-
-
-def test_a_parameter_that_can_be_told_is_not_named() -> None:
-    found = fit(toy.problem(toy.made(TRUTH, 6, np.random.default_rng(1))))
-    assert warnings_of(toy.ASKED, found.covariance) == []
-
-
-def test_a_parameter_without_effect_is_refused_by_name() -> None:
-    p = toy.problem(toy.made(TRUTH, 3, np.random.default_rng(1)), idle=True)
-    with pytest.raises(ValidationInputError, match=r"contact07.friction.A: has no effect in these strokes"):
-        look_before(p, Columns(p))
-
-
-def test_a_flat_profile_is_called_open() -> None:
+def test_a_flat_profile_is_called_open_and_its_parameter_not_identified() -> None:
     p = toy.problem(toy.made(np.array([0.8, -0.5, 0.0]), 6, np.random.default_rng(2)), alike=True)
     found = fit(p)
     factor = factors(found)
     told, flat = profiles(p, found, {0: float(factor[0]), 2: float(factor[2])})
     assert flat.interval.startswith("open") and told.interval == "two-sided"
+    verdicts = {e.name: e.verdict for e in estimate_all(p, found, None, silent)}
+    assert verdicts["contact07.friction.A"] == NOT_IDENTIFIABLE and verdicts["key.joint_friction.A"] == IDENTIFIED
 
 
 def test_jackknife_sees_the_scatter_of_trials() -> None:

@@ -111,17 +111,6 @@ def test_the_felt_of_a_contact_that_is_promising_otherwise_is_let_in_too() -> No
     assert [row[1].name for row in lacks._rank_changes([held[1:], []], 0.03)] == ["key.joint_friction.A"]
 
 
-def test_lines_name_what_takes_the_lack_away_and_what_is_known() -> None:
-    one, other = let_in(0.0), let_in(0.1, -1.0)
-    estimates, _ = lacks._combine_estimates([one, other])
-    p = one.problem.unknowns.asked[0]
-    first, known = Supported((replace(one, parameter=p), other), estimates, (), 7, "shows at the blow").lines
-    assert "each of these, let in alone, takes it away: key.joint_friction.A = " in first and "or nothing" in first
-    assert known.startswith("Known in spite of the lack, whichever it is, are: key.joint_friction.A 0.0")
-    none, _ = Supported((one,), estimates, (), 7, "shows at the blow").lines
-    assert "none of the 7 changes that were let in takes it away" in none
-
-
 def test_a_model_that_no_force_drives_is_not_asked() -> None:
     one = let_in(0.0)
     assert supported(one.problem, one.fitted, lambda text: None) is None

@@ -154,11 +154,9 @@ class Kinked(toy.Toy):
     """A toy with a kink where its first value is 0.8."""
 
     def curve(self, z: Array) -> Array:
-        """Curves (m, 3)."""
         return super().curve(z) + 4e-3 * abs(z[0] - 0.8) * np.cos(31 * toy.TIME)[:, None]
 
     def slope(self, z: Array) -> Array:
-        """On the side where z is."""
         out = super().slope(z)
         out[:, :, 0] += 4e-3 * np.sign(z[0] - 0.8 + 1e-12) * np.cos(31 * toy.TIME)[:, None]
         return out

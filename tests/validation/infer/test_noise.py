@@ -9,7 +9,6 @@ import pytest
 from numpy.random import Generator
 from scipy.stats import multivariate_normal
 
-from tests.validation.infer import toy
 from validation.conventions import Array
 from validation.infer.blocks import INSTRUMENT, Block
 from validation.infer.noise import FLOOR, Marginal, Sizes, held_out_score, scores, select_noise_model
@@ -137,13 +136,6 @@ def test_a_discrepancy_that_one_kind_hides_is_made_larger_by_the_kind_kept_aside
         assert held_out_score(Marginal(blocks, true.grown(factor)), y) < right
 
 
-def test_no_size_is_below_its_floor() -> None:
-    sizes = planted(made_blocks(np.random.default_rng(6), 1, 1, 4), 0.0 + 1e-9, 1e-9, 1e-9).at_least(FLOOR)
-    assert np.all(sizes.by_family >= 1e-6)
-    tiny = replace(sizes, common=np.full_like(sizes.common, 1e-5)).at_least(FLOOR)
-    np.testing.assert_allclose(tiny.discrepancy, FLOOR)
-
-
 def test_what_a_trial_has_of_its_own_is_in_each_channel_as_large_as_stated() -> None:
     blocks = made_blocks(np.random.default_rng(7), 1, 1, 4)
     sizes = planted(blocks, 0.1, 0.03, 0.2)
@@ -153,8 +145,3 @@ def test_what_a_trial_has_of_its_own_is_in_each_channel_as_large_as_stated() -> 
     change = np.diag(wide @ wide.T - plain @ plain.T).reshape(3, SMALL)
     np.testing.assert_allclose(change[1], (3e-2**2 - 3e-3**2) * blocks[0].size[1] ** 2, rtol=1e-5)
     np.testing.assert_allclose(change[[0, 2]], 0.0, atol=1e-12 * change.max())
-
-
-def test_two_laws_of_an_action_are_of_the_family_their_names_say() -> None:
-    p = toy.problem(toy.made(np.zeros(3), 2, np.random.default_rng(1)))
-    assert list(p.families[:3]) == [1, 1, 0]  # key's and hammer's joint, friction of a contact

@@ -27,19 +27,6 @@ def test_groups_and_felts_stand_for_their_members() -> None:
     assert expand(ACTION, ["jack_spring"]) == ["jack_spring.torque"]
 
 
-@pytest.mark.parametrize(
-    ("asked", "said"),
-    [
-        ("hammer.jiont_friction.A", "did you mean hammer.joint_friction.A"),
-        ("contact02.friction", "no prior"),
-        ("felt:contact99", "no such parameter"),
-    ],
-)
-def test_what_cannot_be_identified_is_refused_by_name(asked: str, said: str) -> None:
-    with pytest.raises(ValidationInputError, match=said):
-        unknowns(ACTION, [asked])
-
-
 def test_a_law_known_to_printed_digits_gets_a_wide_prior_and_says_so() -> None:
     p = parameter_of(ACTION, "hammer.joint_friction.A", NAMES["hammer.joint_friction.A"])
     assert p is not None and p.factor and p.u == LAW_U and "printed digits" in p.basis

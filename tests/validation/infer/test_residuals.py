@@ -6,14 +6,12 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from tests.validation.infer import toy
-from validation.infer.blocks import residuals
 from validation.infer.residuals import ResidualProblem, problem_at_start
 
 TRUTH = np.array([0.4, -0.3, 0.2])
 
 
 def made() -> ResidualProblem:
-    """A problem with known truth."""
     return problem_at_start(toy.problem(toy.made(TRUTH, 5, np.random.default_rng(8))))
 
 
@@ -25,17 +23,6 @@ def test_the_jacobian_is_the_derivative_of_the_residual() -> None:
         step = 1e-5 * np.eye(3)[j]
         difference = (p.residual(z + step) - p.residual(z - step)) / 2e-5
         assert np.abs(difference - jacobian[:, j]).max() < 1e-5 * np.abs(jacobian[:, j]).max()
-
-
-def test_the_sum_of_squares_is_the_objective_of_the_fit() -> None:
-    p = made()
-    marginal, problem = p._marginal, p._problem
-    for z in (np.zeros(3), TRUTH):
-        curves = problem.response.curves([z])[0]
-        assert curves is not None
-        np.testing.assert_allclose(
-            np.sum(p.residual(z) ** 2), marginal.objective(residuals(problem.trials, curves), z), rtol=1e-6
-        )
 
 
 def test_an_optimiser_of_scipy_finds_the_truth_with_it() -> None:

@@ -8,17 +8,9 @@ import numpy as np
 import pytest
 
 from validation.infer import scores
-from validation.infer.further import Candidate, Prospect
 from validation.infer.identify import MOST_ASKED, of_many
 from validation.infer.scores import CEILING, NULL, EventScore, why_it_rises
-from validation.infer.sentences import group_by_reason, plain_sentences
-from validation.report.view import as_sentence
-
-
-def test_a_line_becomes_a_sentence_and_names_stay_as_they_are() -> None:
-    assert as_sentence("the model lacks something") == "The model lacks something."
-    assert as_sentence("hammer.mass: the fit stands there.") == "hammer.mass: the fit stands there."
-    assert as_sentence("3 trials fitted") == "3 trials fitted."
+from validation.infer.sentences import plain_sentences
 
 
 def test_scatter_of_trials_is_about_the_mean_of_each_session(monkeypatch) -> None:
@@ -33,21 +25,6 @@ def test_scatter_of_trials_is_about_the_mean_of_each_session(monkeypatch) -> Non
     trials = [*session(0, 4, 1.0), *session(1, 3, 0.6), *session(2, 1, 0.3)]  # one trial alone says nothing
     found = scores.score(trials, {"before": object()}, 1e-5)["scatter of trials"]  # type: ignore[arg-type,dict-item]
     assert list(found.values()) == pytest.approx([1e-4, 2e-4, 3e-4], rel=0.06)
-
-
-def test_what_to_record_is_said_in_words() -> None:
-    stroke = Candidate("forte x 1.4", None, object())  # type: ignore[arg-type]
-    more = Candidate("more of try", None)  # type: ignore[arg-type]
-    assert Prospect("forte x 1.4", {}, stroke, 5).words == "5 trials of forte x 1.4"
-    assert Prospect("more of try", {}, more, 5).words == "5 more of try"
-    assert Prospect("key encoder known twice as well", {}).words == "key encoder known twice as well"
-
-
-def test_one_reason_is_said_once() -> None:
-    assert group_by_reason(["a: rig x: no arm", "b: too strong", "c: rig x: no arm"]) == [
-        "a, c: rig x: no arm",
-        "b: too strong",
-    ]
 
 
 @pytest.mark.parametrize(("after", "said"), [(4.9e-3, "no better"), (2e-3, "better"), (7e-3, "worse")])

@@ -24,31 +24,25 @@ TIME = np.linspace(0.0, 0.24, M)
 class Toy:
     """Curves that bend a little with each of three parameters; ``alike`` makes the last two act as one."""
 
-    def __init__(self, trials: Sequence[ObservedTrial], alike: bool = False, idle: bool = False) -> None:
-        self.trials, self.alike, self.idle = trials, alike, idle
+    def __init__(self, trials: Sequence[ObservedTrial], alike: bool = False) -> None:
+        self.trials, self.alike = trials, alike
 
     def parts(self, z: Array) -> Array:
-        """What each parameter adds, (m, 3, 3)."""
         shapes = np.stack([np.sin(9 * TIME), np.cos(23 * TIME) - 1, np.sin(47 * TIME + 1)])
-        if self.idle:
-            shapes[2] = 0.0
         weights = np.array([[1.0, 0.3, 0.5], [0.2, 1.0, 0.6], [0.4, 0.7, 1.2]])
         if self.alike:
             shapes[2], weights[:, 2] = 0.6 * shapes[1], weights[:, 1]
         return 0.01 * np.einsum("pt,cp,p->tcp", shapes, weights, z)
 
     def curve(self, z: Array) -> Array:
-        """Curves (m, 3)."""
         total = self.parts(z).sum(axis=2)
         return np.asarray(0.1 * np.sin(12 * TIME)[:, None] + total + 2.0 * total**2)
 
     def curves(self, points: Sequence[Array], own: Sequence[Sequence[Own]] | None = None) -> list[list[Array] | None]:
-        """As in `Response`."""
         every = zip(points, len(points) * [None] if own is None else own, strict=True)
         return [[self.curve(at) for at in self.places(z, o)] for z, o in every]
 
     def places(self, z: Array, own: Sequence[Own] | None) -> Array:
-        """Where each trial is, (trials, p)."""
         laws = [np.zeros(z.size) if own is None else own[k].laws[: z.size] for k in range(len(self.trials))]
         return z + np.array(laws).reshape(len(self.trials), z.size)
 
@@ -61,17 +55,14 @@ class Toy:
         return [np.dstack([self.slope_of(k, at)[:, :, list(which)], force]) for k, at in every]
 
     def of_trials(self, which: Sequence[int]) -> Toy:
-        """As in `Response`."""
         some = copy(self)
         some.trials = [self.trials[k] for k in which]
         return some
 
     def slope_of(self, k: int, z: Array) -> Array:
-        """Derivatives (m, 3, p) of one trial."""
         return self.slope(z)
 
     def slope(self, z: Array) -> Array:
-        """Derivatives (m, 3, p) of `curve`."""
         total = self.parts(z).sum(axis=2)
         return np.asarray(self.parts(np.ones(z.size)) * (1.0 + 4.0 * total[:, :, None]))
 
@@ -82,7 +73,6 @@ def free(fixed: Sequence[str] = ("*",)) -> Unknowns:
 
 
 def trial(number: int, change: Array, session: int = 0) -> ObservedTrial:
-    """A trial with these curves."""
     return ObservedTrial(
         label=f"toy {session}, trial {number}", session=session, number=number, force_time_s=TIME, force_n=0 * TIME,
         time_s=TIME, change_rad=change, u_white_rad=np.full(3, 1e-5), u_zero_rad=np.zeros(3),
@@ -104,16 +94,23 @@ def made(
     return out
 
 
-def problem(trials: Sequence[ObservedTrial], alike: bool = False, idle: bool = False) -> Problem:
-    """The fit of the toy to trials."""
-    return Problem(model.load_action(), free(), tuple(trials), Toy(trials, alike, idle))
+def short_forte(preload_n: float) -> ObservedTrial:
+    """A trial with the force of a forte, without curves."""
+    time_s, force_n = model.force_table("forte")
+    inside, out = time_s < 0.16, np.linspace(0.02, 0.15, 40)
+    return replace(
+        trial(1, np.zeros((out.size, 3))), force_time_s=time_s[inside], force_n=preload_n + force_n[inside],
+        preload_n=preload_n, time_s=out,
+    )  # fmt: skip
+
+
+def problem(trials: Sequence[ObservedTrial], alike: bool = False) -> Problem:
+    return Problem(model.load_action(), free(), tuple(trials), Toy(trials, alike))
 
 
 def blocks_of(p: Problem, z: Array) -> list[Block]:
-    """The linear model at z."""
     return Columns(p).blocks(z)
 
 
 def rows_of(curves: Array) -> Array:
-    """Channel after channel."""
     return rows(curves)

@@ -17,12 +17,10 @@ NO_PLACES = pd.DataFrame({"trial": [], "fitted": [], "why_outside": []})
 
 
 def rivals(places: pd.DataFrame = NO_PLACES, skill: dict[str, Skill] | None = None) -> Rivals:
-    """Rivals with as much as is looked at."""
     return Rivals(pd.DataFrame(), skill or {}, places, (), (), "")
 
 
 def found(kind: str, trial: float = math.nan, channel: str = "hammer", value: float = 1.1e-3) -> SessionFinding:
-    """A finding."""
     return SessionFinding(kind, trial, channel, value, 0.0, "text")
 
 
@@ -36,20 +34,6 @@ def test_every_finding_but_a_lifting_key_has_its_sentence_and_no_other_has() -> 
     for kind in advice.MEND:
         (said,) = advice.mend([found(kind, 3.0), found(kind, 5.0)])
         assert said.endswith((".", ").")) and "{" not in said
-
-
-def test_every_unusable_trial_and_channel_is_named_and_no_other() -> None:
-    findings = [
-        found("encoder return", 5.0, "key"),
-        found("no motion", 2.0, "whippen"),
-        found("duplicated trial", 7.0, ""),
-        found("force saturation", 7.0, "force"),
-        found("hum", 1.0, "force"),
-        found("outlying residual", 3.0, "hammer"),
-    ]
-    said = advice.what_to_do(findings, Explained(), rivals(), DIFFERS)
-    assert said[0].endswith("trial 2 (whippen: no motion), trial 5 (key: encoder return), trial 7 (duplicated trial).")
-    assert not any(character.isdigit() for sentence in said[1:] for character in sentence)
 
 
 def test_a_fault_that_spoils_the_comparison_is_all_that_is_said() -> None:
@@ -94,13 +78,6 @@ def test_strokes_outside_of_what_was_fitted() -> None:
     assert advice.advise_on_domain({3: "", 7: "fastest way down of the key 2, fitted up to 1 1/s", 5: "x"}) == [
         "Record strokes like trials 5, 7 and identify again before you trust the model there."
     ]
-
-
-def test_a_rival_is_named_only_where_its_interval_says_so() -> None:
-    sure, not_sure = Skill("fir", -0.4, -0.6, -0.2, 6), Skill("null", -0.4, -0.9, 0.1, 6)
-    few = Skill("null", -0.4, math.nan, math.nan, 2)
-    (said,) = advice.nearer({"key": sure, "hammer": not_sure, "whippen": few})
-    assert "for key on" in said and "the FIR filter is nearer" in said
 
 
 def test_at_most_three_and_nothing_to_do() -> None:

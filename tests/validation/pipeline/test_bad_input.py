@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import model
 from rig import Session
 from rig.session.sealed_trial import Content
 from tests.validation.prediction.test_trial_prediction import SIMPLE
@@ -18,14 +19,7 @@ QUICK = {"keep_predictions": False, **SIMPLE}
 @pytest.fixture(scope="module")
 def strokes(make):
     """Time, force and encoder angles of one blow, computed once."""
-    import model
-
-    action = model.load_action("hirschkorn2004")
-    rest = model.rest_state(action, force_n=make.preload_n)
-    time = np.arange(int(1.3 * make.rate_hz)) / make.rate_hz
-    force = make.preload_n + make.force(time)
-    run = model.simulate(action, time, force, initial=rest)
-    return time, force, (run.angle_rad - rest.angle_rad)[:, [0, 1, 4]]
+    return make.play(model.load_action())
 
 
 def reasons(session):

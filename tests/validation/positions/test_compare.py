@@ -68,7 +68,7 @@ def test_each_condition_of_an_imported_session_is_compared_on_its_own(tmp_path) 
     assert found < 0.5 * plain
 
 
-def test_one_command_takes_values_scene_tolerance_and_several_models(tmp_path, capsys) -> None:
+def test_one_command_takes_values_scene_tolerance_and_several_models(tmp_path, capsys, fewer_draws) -> None:
     session = some_strokes(tmp_path, 7)
     actions = ("--action", SET, "--action", f"{SET}: --set hammer.mass=0.02")
     assert run("validate", session, *actions, "--tolerance", "1e-4", "--out", tmp_path / "out", "--json") == 0
@@ -111,11 +111,6 @@ def test_the_shipped_set_belongs_to_the_shipped_trials() -> None:
 def test_the_option_that_is_gone_says_the_new_way(capsys) -> None:
     assert run("validate", SHIPPED, "--identified", SHIPPED) == 2
     assert "--identified is gone: an identified set is an action; give --action" in capsys.readouterr().err
-
-
-def test_a_trial_without_force_drives_no_simulation(tmp_path, capsys) -> None:
-    assert run("simulate", "--force", SHIPPED / "trial_0003.h5", "--out", tmp_path / "s.csv") == 2
-    assert "no force was recorded, positions only" in capsys.readouterr().err
 
 
 def test_a_session_without_usable_strokes_is_named(tmp_path) -> None:

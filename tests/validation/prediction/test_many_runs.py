@@ -24,17 +24,6 @@ def angles(tested, runs):
     return run_many(tested, runs, lambda _, solution: np.array(solution.angle_rad))
 
 
-def test_numbers_do_not_depend_on_what_else_is_run(run):
-    tested = ModelUnderTest(run.action)
-    runs = [replace(run, force_n=f * run.force_n) for f in np.linspace(0.9, 1.1, 9)]
-    together = angles(tested, runs)
-    alone = [angles(tested, [one])[0] for one in runs[:3]]
-    for one, other in zip(alone, together, strict=False):
-        np.testing.assert_array_equal(one, other)
-    single = model.simulate(run.action, run.time_s, runs[0].force_n, tolerance=3e-5, output_time_s=run.output_time_s)
-    assert np.abs(alone[0] - single.angle_rad).max() < 3e-5
-
-
 def test_what_cannot_be_run_is_none_in_its_place(run):
     bad = replace(run, force_n=np.full_like(run.force_n, 1e7))
     found = angles(ModelUnderTest(run.action), [None, run, bad, run])

@@ -48,8 +48,8 @@ def test_gain_is_part_of_the_stated_uncertainty():
     assert 0 < with_gain["within_95_share"] < 1
 
 
-def test_the_force_of_a_known_specimen_is_found_again(recorded):
-    session, truth = recorded
+def test_the_force_of_a_known_specimen_is_found_again(make, tmp_path):
+    session, truth = make.session(tmp_path / "forte", n_trials=1, filmed=())
     options = {"keep_predictions": False, "rivals": (), "budget": False, "explain": False, "by_motion": True}
     row = compare_session(session, truth.specimen, **options).motion_driven.iloc[0]
     assert row["rmse_over_peak"] < 0.02

@@ -65,18 +65,6 @@ def test_each_trial_is_driven_by_its_own_corrected_force_from_rest(small, make):
     assert lost[-1]
 
 
-def test_an_unchanged_trial_is_not_simulated_again(small):
-    session, truth = small
-    predict = Counting()
-    first = compare_session(session, truth.action, predict=predict, **SIMPLE)
-    again = compare_session(session, truth.action, predict=predict, **SIMPLE)
-    assert len(predict.calls) == 2
-    assert not first.trials["reused"].any()
-    assert again.trials["reused"].all()
-    for number in (1, 2):
-        assert first.traces[number].equals(again.traces[number])
-
-
 def test_what_a_prediction_depends_on_makes_it_anew(small):
     session, truth = small
     predict = Counting()
@@ -118,15 +106,6 @@ def test_a_damaged_prediction_is_made_again(small):
     result = compare_session(session, truth.action, predict=predict, **SIMPLE)
     assert len(predict.calls) == 3
     assert list(result.trials["reused"]) == [False, True]
-
-
-def test_a_prediction_that_cannot_be_kept_is_said_and_used(small):
-    session, truth = small
-    (session.path / "derived").rename(session.path / "elsewhere")
-    (session.path / "derived").write_text("a file where a folder is needed")
-    result = compare_session(session, truth.action, predict=Counting(), **SIMPLE)
-    assert any("2 predictions not kept" in text for text in result.warnings)
-    assert np.isfinite(result.channels.set_index("channel").loc["key", "rmse_rad"])
 
 
 def test_a_prediction_of_the_wrong_shape_is_refused(small):

@@ -14,6 +14,7 @@ import pandas as pd
 import pytest
 from matplotlib import rc_context
 
+from tests.validation.report.conftest import HOSTILE
 from validation import InputError, validate_session, write_report
 from validation import compare as compare_session
 from validation.conventions import BODIES
@@ -88,20 +89,6 @@ def test_the_verdict_comes_first_and_limits_and_provenance_are_there(page, compa
 
 QUICK = {"rivals": (), "budget": False, "explain": False}
 """What these tests do not look at."""
-HOSTILE = "<script>alert('x')</script>&\"quote\""
-
-
-@pytest.fixture(scope="module")
-def lonely(make, shared):
-    """One trial, no film, hostile text in the session; reported into its own folder."""
-    from rig.session import Session
-
-    def reported(folder):
-        session, truth = make.session(folder / "s", n_trials=1, filmed=(), operator=HOSTILE, name=HOSTILE)
-        return session.path, validate_session(session, truth.action, rivals=(), explain=False)
-
-    path, result = shared(reported)
-    return Session.open(path), result
 
 
 @pytest.mark.usefixtures("without_figures")
@@ -195,21 +182,6 @@ def test_a_blow_too_soft_for_the_string_and_a_film_without_a_frame_are_reported(
     assert "1 (no frame tracked)" in render_html(present_alone(result))
 
 
-def test_rejected_and_damaged_trials_are_named_and_the_rest_is_compared(make, tmp_path, without_figures):
-    session, truth = make.session(tmp_path / "s", n_trials=3, filmed=())
-    session.annotate(2, "reject", "double <b>strike</b>")
-    session.trial_path(3).chmod(0o644)
-    session.trial_path(3).write_bytes(session.trial_path(3).read_bytes()[:5000])
-    with pytest.warns(UserWarning, match=r"trial 3 is left out: .*trial_0003\.h5"):
-        result = compare_session(session, truth.action, **QUICK)
-    used = result.trials.set_index("trial")["used"]
-    assert list(used) == [True, False, False]
-    assert result.trials.set_index("trial").loc[2, "reason"] == "rejected: double <b>strike</b>"
-    assert "trial_0003.h5" in result.trials.set_index("trial").loc[3, "reason"]
-    assert sum("is not used" in text for text in result.warnings) == 2
-    assert "&lt;b&gt;strike" in render_html(present_alone(result))
-
-
 def test_a_session_without_trials_and_a_missing_one_are_refused_in_one_line(make, tmp_path):
     from rig.errors import RigInputError
     from rig.session import Session
@@ -223,15 +195,6 @@ def test_a_session_without_trials_and_a_missing_one_are_refused_in_one_line(make
     with pytest.raises(InputError, match="no usable trial"):
         compare_session(empty, "hirschkorn2004")
     assert not (empty.path / "report.html").exists()
-
-
-def test_a_channel_that_is_missing_is_named(make, tmp_path):
-    session, truth = make.session(tmp_path / "s", n_trials=1, filmed=())
-    change = np.zeros((truth.time_s.size, 3))
-    data = make.trial(7, truth.time_s, truth.force_n[1], change, names=("key", "whippen", "damper"))
-    session.add_trial(data)
-    result = compare_session(session, truth.action, **QUICK)
-    assert "encoder 'hammer' is missing" in result.trials.set_index("trial").loc[7, "reason"]
 
 
 def test_lost_film_frames_are_left_out_and_counted(compared):

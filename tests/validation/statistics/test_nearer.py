@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from validation.pipeline import advice
@@ -29,11 +27,3 @@ def test_headline_and_advice_rest_on_one_interval() -> None:
     assert "in key the null model" in said and "in hammer the null model" in said
     assert 1 - sure.high > 1 > 1 - doubtful.high  # the interval of the second holds 1
     assert len(advice.nearer({"key": sure})) == 1 and advice.nearer({"hammer": doubtful}) == []
-
-
-def test_few_strokes_have_no_interval_and_a_model_that_is_nearer_is_not_named() -> None:
-    few = compute_skill(np.array([1.0, 1.0]), {"null": np.array([0.5, 0.5])})
-    better = compute_skill(np.array([1.0, 1.0]), {"null": np.array([2.0, 2.0])})
-    assert few is not None and better is not None and math.isnan(few.low)
-    assert describe_nearer_rivals({"key": few, "hammer": better}).endswith("large; of 2 strokes no interval).")
-    assert describe_nearer_rivals({"hammer": better}) == ""

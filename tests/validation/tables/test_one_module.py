@@ -40,7 +40,7 @@ def added(tmp_path, monkeypatch):
     sys.modules.pop("validation.tables.swings", None)
 
 
-def test_one_file_adds_a_table_to_results_schema_and_page(added, compared):
+def test_one_file_adds_a_table_to_results_schema_and_page(added, compared, without_figures):
     made = Comparison(*[None] * 8)  # its rows ask for nothing
     result = compared.with_tables(swings=made.table("swings"))
     assert result.swings["swing_rad"].tolist() == [0.1, 0.2]

@@ -107,7 +107,6 @@ NOT_DRAWN = undecided_verdict("the uncertainties were not drawn")
 
 
 def lines_of(channels, summary, n, verdict=NOT_DRAWN, nearer=""):
-    """Verdict of ``n`` trials."""
     used = pd.DataFrame({"trial": range(1, n + 1), "used": True})
     return verdict_lines(
         "s", "m", {"trials": used, "channels": channels, "event_summary": summary}, verdict, (), nearer

@@ -134,7 +134,6 @@ def test_a_branch_that_no_draw_takes_is_resolved_and_one_that_many_take_is_not()
 
 
 def two_conditions(one: ErrorSample, other: ErrorSample) -> ErrorSample:
-    """A session of both."""
 
     def apart(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         return np.block([[a, np.full((len(a), QUANTITIES), np.nan)], [np.full((len(b), QUANTITIES), np.nan), b]])

@@ -24,16 +24,7 @@ PRELOAD_N = 0.05
 
 @pytest.fixture(scope="module")
 def responses() -> Responses:
-    """A short forte without noise."""
-    (made,) = toy.made(np.zeros(3), 1, np.random.default_rng(1))
-    time_s, force_n = model.force_table("forte")
-    inside = time_s < 0.16
-    out = np.linspace(0.02, 0.15, 40)
-    trial = replace(
-        made, force_time_s=time_s[inside], force_n=PRELOAD_N + force_n[inside], preload_n=PRELOAD_N,
-        time_s=out, change_rad=np.zeros((out.size, 3)),
-    )  # fmt: skip
-    return Responses(ModelUnderTest(ACTION), [trial], (SHANK, RAIL, BY_NAME[JOINTS]))
+    return Responses(ModelUnderTest(ACTION), [toy.short_forte(PRELOAD_N)], (SHANK, RAIL, BY_NAME[JOINTS]))
 
 
 def test_half_the_stiffness_is_twice_the_effect() -> None:

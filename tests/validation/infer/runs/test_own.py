@@ -49,7 +49,6 @@ def own(laws: dict[int, float], drive: Array | None = None) -> list[Own]:
 
 
 def curves(response: Response, z: Array, of: Sequence[Own] | None = None) -> list[Array]:
-    """Curves of both trials."""
     (found,) = response.curves([z], None if of is None else [of])
     assert found is not None
     return found
