@@ -23,6 +23,7 @@ BENCH = Path(__file__).parents[2] / "rig" / "simulated" / "bench.toml"
 FINE = 20
 FRAMES = 700
 """Of the film: until the hammer is held in check."""
+QUICK = {"explain": False, "budget": False}
 
 
 def replay(bench: Path, trial: int, command_v: np.ndarray) -> PlantTruth:
@@ -47,14 +48,14 @@ class Closed:
 @pytest.fixture(scope="session")
 def closed(shared: Callable[..., Closed]) -> Closed:
     def make(folder: Path) -> Closed:
-        """A third of its film, no explanation of the difference and no figures: the slow test has all of them."""
+        """A third of its film; no explanation of the difference, no uncertainty of the prediction and no figures."""
 
         def film_blow(path: Path, times: np.ndarray, *given: Any, **options: Any) -> FilmTruth:
             return film_trial(path, times[:FRAMES], *given, **options)
 
         validate = validation.validate_session
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(validation, "validate_session", lambda *of, **how: validate(*of, **how | {"explain": False}))
+            patch.setattr(validation, "validate_session", lambda *of, **how: validate(*of, **how | QUICK))
             leave_out_figures(patch)
             patch.setattr(bench_record, "film_trial", film_blow)
             demo = run_demo(folder / "session", trials=5)

@@ -17,7 +17,7 @@ import model
 import validation
 from rig.simulated import load_plant
 from tests.command_line import run
-from tests.system.conftest import BENCH, FINE, Closed, fine_height
+from tests.system.conftest import BENCH, FINE, QUICK, Closed, fine_height
 
 ENCODED = {"key": 0, "whippen": 1, "hammer": 4}
 
@@ -199,7 +199,7 @@ def test_second_validation_simulates_nothing_again(closed: Closed, monkeypatch: 
 
     monkeypatch.setattr("model.simulation.run.Simulation.advance", simulated)  # each run of the model
     monkeypatch.setattr("validation.prediction.many_runs.run_jobs", simulated)  # many side by side
-    again = validation.compare(closed.demo.session, "hirschkorn2004", explain=False)
+    again = validation.compare(closed.demo.session, "hirschkorn2004", **QUICK)
     pd.testing.assert_frame_equal(again.scores, closed.demo.result.scores)
     assert again.trials["reused"].all()
     assert replace(again, files={}).verdict == closed.demo.result.verdict
