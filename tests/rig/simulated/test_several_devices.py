@@ -69,24 +69,6 @@ def thesis(devices) -> Devices:
     return devices("thesis")
 
 
-@pytest.mark.parametrize(
-    ("counter", "device", "by"),
-    [("Dev1/ctr0", 0, "Dev1/ctr1"), ("Dev2/ctr5", 1, "Dev2/ctr0"), ("Dev3/ctr1", 2, "Dev3/ctr0")],
-)
-def test_the_skew_of_two_timebases_is_what_counting_one_against_the_other_finds(thesis, counter, device, by) -> None:
-    made = thesis.pulses(100e3, counter)
-    counted = thesis.count(by, f"/{counter[:4]}/Ctr{counter[-1]}InternalOutput", "/Dev1/ai/SampleClock")
-    made.triggers.start_trigger.cfg_dig_edge_start_trig("/Dev1/ai/StartTrigger")
-    force = thesis.force()
-    counted.start()
-    made.start()
-    force.start()
-    n = 20_001
-    values = np.asarray(counted.read(n, timeout=30.0))
-    measured = (values[-1] - values[0]) / ((n - 1) / RATE_HZ) / 100e3 - 1.0
-    assert measured == pytest.approx(CLOCK_ERRORS[device], abs=1.5 / (100e3 * 4))
-
-
 def test_an_output_on_its_own_timebase_drifts_and_one_on_the_shared_clock_does_not(thesis) -> None:
     wanted = 100_000
     for source, ahead in (("", CLOCK_ERRORS[2]), ("/Dev1/ai/SampleClock", 0.0)):

@@ -68,22 +68,6 @@ def test_the_filter_of_the_bridge_delays_whatever_began_the_trial(cdaq, bridge) 
     np.testing.assert_allclose(force[[140, 143]], [0.05, 12.05], atol=1e-3)
 
 
-def test_what_is_written_before_the_start_follows_what_was_written_before_it(card) -> None:
-    task = card.task()
-    task.ao_channels.add_ao_voltage_chan("Dev1/ao1")
-    task.timing.cfg_samp_clk_timing(1000.0, sample_mode=CONTINUOUS, samps_per_chan=200)
-    task.out_stream.output_buf_size = 200
-    for run, (first, second) in enumerate(((1.0, 2.0), (3.0, 4.0))):
-        task.write(np.full(100, first), auto_start=False)
-        task.write(np.full(100, second), auto_start=False)
-        task.start()
-        card.advance(50)
-        assert card.device.output_v["Dev1/ao1"] == first, run
-        card.advance(100)
-        assert card.device.output_v["Dev1/ao1"] == second, run
-        task.control(ni.TaskMode.TASK_UNRESERVE) if run else task.stop()
-
-
 def test_counts_move_while_nobody_reads(paced) -> None:
     bench, wait = paced
     task = bench.inputs("Dev1/ai0", 500)

@@ -124,16 +124,3 @@ def test_jpeg_in_another_container_states_the_same_steps(tmp_path: Path) -> None
             found.append(film.compression.steps)
     assert found[0].shape == (8, 8) and found[0].mean() > 1.0
     assert np.array_equal(found[0], found[1]) and np.array_equal(found[0], found[2])
-
-
-def test_interframe_codec_is_warned_about(tmp_path: Path) -> None:
-    path = tmp_path / "film.mp4"
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 25.0, (WIDTH, HEIGHT), False)
-    if not writer.isOpened():
-        pytest.skip("this OpenCV cannot write mp4v")
-    for frame in frames_with_numbers():
-        writer.write(frame)
-    writer.release()
-    with pytest.warns(VisionWarning, match="codec"):
-        film = open_film(path)
-    film.close()

@@ -11,16 +11,6 @@ from rig.simulated.rpc.messages import request_class
 FINITE, CONTINUOUS = ni.AcquisitionType.FINITE, ni.AcquisitionType.CONTINUOUS
 
 
-def test_a_continuous_output_repeats_its_buffer(card) -> None:
-    task = card.task()
-    task.ao_channels.add_ao_voltage_chan("Dev1/ao1")
-    task.timing.cfg_samp_clk_timing(1000.0, sample_mode=CONTINUOUS)
-    task.write([float(i) for i in range(10)])
-    task.start()
-    card.advance(23)
-    assert card.device.output_v["Dev1/ao1"] == 2.0 and not task.is_task_done()
-
-
 def test_input_and_output_with_clocks_of_their_own_start_on_one_trigger(card) -> None:
     inputs, outputs = card.inputs("Dev1/ai1", 1000, 10_000.0), card.task()  # wired to ao0
     outputs.ao_channels.add_ao_voltage_chan("Dev1/ao0")
