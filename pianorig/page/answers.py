@@ -84,7 +84,7 @@ class About(Reply):
 
     async def get(self, *names: str) -> None:
         served = self.served
-        about = {"folder": str(served.catalogue.root), "may_write": served.access.control}
+        about = {"folder": str(served.catalogue.root.resolve()), "may_write": served.access.control}
         self.send({**about, "colours": BODY_COLOURS, "other_colours": OTHERS})
 
 

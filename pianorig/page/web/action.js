@@ -112,7 +112,7 @@ export async function showAction(main, values) {
       range.value = change;
       if (document.activeElement !== number) number.value = change;
       const share = change !== 0 && one.value && one.unit !== "m" && !count ? `, × ${(value / one.value).toPrecision(4)}` : "";
-      told.textContent = `${change === 0 ? "as given" : "now"}: ${Number((times * value).toPrecision(6))}${of}${share}`;
+      told.textContent = `${change === 0 ? "as given" : "now"}: ${`${Number((times * value).toPrecision(6))}`.replace("-", "−")}${of}${share}`;
       range.setAttribute("aria-valuetext", `${change > 0 ? "+" : ""}${change}${of}, ${told.textContent}`);
     }
     range.addEventListener("input", () => take(Number(range.value)));
@@ -185,7 +185,7 @@ export async function showAction(main, values) {
   }
 
   function tell() {
-    const text = (event) => (event.value === null ? event.note || "–" : `${Number.isInteger(event.value) ? event.value : event.value.toPrecision(5)} ${event.unit}`);
+    const text = (event) => (event.value === null ? event.note || "–" : `${Number.isInteger(event.value) ? event.value : event.value.toPrecision(5)} ${event.unit === "count" ? "" : event.unit}`);
     if (events.childElementCount === latest.events.length) { // only what can change: rows are costly to lay out
       latest.events.forEach((event, i) => { const cell = events.children[i].lastChild; if (cell.textContent !== text(event)) cell.textContent = text(event); });
       return;
@@ -210,7 +210,7 @@ export async function showAction(main, values) {
   const ink = getComputedStyle(document.documentElement).getPropertyValue("--soft").trim();
   const panels = [{ title: "Force on the key", unit: "N", height: 80, lines: [{ label: "", ...line(base, base.force_n), color: ink }] },
     ...Object.entries(latest.channels).map(([body, channel]) => ({
-      title: channel.title, unit: "°", height: 90, digits: 3,
+      title: channel.title[0].toUpperCase() + channel.title.slice(1), unit: "°", height: 90, digits: 3,
       lines: [{ label: givenAs, ...line(base, base.channels[body].value), color: ink, dash: "dotted", width: 1.2 }, { label: "now", ...line(latest, channel.value), color: channel.color, width: 2, live: true }],
     }))];
   const time = panels[0].lines[0].time, from = time[0], to = time[time.length - 1];

@@ -277,7 +277,7 @@ export class Curves {
     for (const { panel, told } of this.views) {
       panel.lines.forEach((line, i) => {
         const value = valueAt(line.time, line.value, this.hovered ?? t);
-        told[i].textContent = Number.isFinite(value) ? value.toFixed(panel.digits ?? 2) : "–";
+        told[i].textContent = Number.isFinite(value) ? value.toFixed(panel.digits ?? 2).replace("-", "−") : "–";
       });
     }
   }

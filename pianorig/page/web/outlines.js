@@ -107,7 +107,7 @@ export async function showOutlines(main, values) {
 
   function showWorst() {
     worst.replaceChildren(...known.worst.map((one) => make("li", {}, make("button", { type: "button", onclick: () => go(one.frame) }, `frame ${one.frame}`), ` ${one.words}`)));
-    if (!known.worst.length) worst.replaceChildren(make("li", {}, "Not tracked yet."));
+    if (!known.worst.length) worst.replaceChildren(make("li", { class: "none" }, "Not tracked yet."));
   }
 
   async function reload() {

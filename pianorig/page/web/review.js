@@ -141,7 +141,7 @@ function panelsOf(view) {
     if (!lines.length) continue;
     panels.push({ title: named(channel), unit: "°", height: 96, digits: 3, lines });
     if (channel.residuals.length) {
-      panels.push({ title: `${channel.title}: model less measured`, unit: "°", height: 56, digits: 3,
+      panels.push({ title: `${named(channel)}: model less measured`, unit: "°", height: 56, digits: 3,
         lines: channel.residuals.map((line, k) => ({ label: view.models[k], ...curve(line), color: channel.color, dash: k ? DASHES[1] : "solid", width: 1.2 })) });
     }
   }

@@ -77,6 +77,17 @@ def test_sorting_by_keyboard(browser: Any, folder: Path, looking: Page) -> None:
         assert tab.get_by_role("button", name="Write").count() == 0
 
 
+def test_a_narrow_page_shows_trials_findings_and_verdict(browser: Any, looking: Page) -> None:
+    with opened(browser, looking) as tab:
+        tab.set_viewport_size({"width": 700, "height": 900})
+        tab.locator("#sessions tbody tr").first.wait_for()
+        shown = [head.inner_text() for head in tab.locator("#sessions thead th").all() if head.is_visible()]
+        assert [text.split()[0] for text in shown] == [
+            *("Session", "Recorded", "Trials", "Status", "Findings", "Verdict", "Compare")
+        ]
+        assert tab.evaluate("(e => e.scrollWidth - e.clientWidth)(document.querySelector('.scroll'))") == 0
+
+
 def test_several_sessions_are_ticked_and_what_was_compared_is_shown(
     browser: Any, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
