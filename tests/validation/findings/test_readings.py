@@ -44,16 +44,6 @@ def spiked(stage, number, at_s, newton, length_s=1e-3):
     return m, predict_trial(m, stage.tested)
 
 
-def test_sound_trials_have_neither(stage):
-    for m in stage.trials:
-        p = stage.predictions(m.number)
-        assert find_encoder_faults(m, p) == []
-        until_s = stage.events.trial[m.number]["key_release"].value
-        every = [(one, stage.predictions(one.number)) for one in stage.trials]
-        bottom_s = {number: events["key_bottom"].value for number, events in stage.events.trial.items()}
-        assert find_unanswered_spikes(stage.tested, m, p, until_s, align_like_trials(m, every, bottom_s)) == []
-
-
 @pytest.mark.parametrize("column", range(3))
 @pytest.mark.parametrize("after_onset_s", [0.03, 0.05, 0.065])
 def test_an_encoder_frozen_in_motion_stands_still(stage, column, after_onset_s):
