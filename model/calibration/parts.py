@@ -53,15 +53,15 @@ class FrictionFit:
     b2: float = B2
 
 
-def peak_ratio(b1: float, b2: float = B2) -> float:
-    """Largest value over s >= 0 of tanh(s) + b1 s / (1 + b2 s**4): static over kinetic coefficient, eq. 2.10."""
+def peak_ratio(b1: float) -> float:
+    """Largest value over s >= 0 of tanh(s) + b1 s / (1 + B2 s**4): static over kinetic coefficient, eq. 2.10."""
     if b1 == 0.0:
         return 1.0  # only approached, at infinite speed
     s = np.geomspace(1e-3, 1e3, 2001)  # shares of the speed scale: the largest lies within, a step is 0.7 %
-    values = np.tanh(s) + b1 * s / (1.0 + b2 * s**4)
+    values = np.tanh(s) + b1 * s / (1.0 + B2 * s**4)
     k = int(np.clip(np.argmax(values), 1, len(s) - 2))
     best = minimize_scalar(
-        lambda r: -(math.tanh(r) + b1 * r / (1.0 + b2 * r**4)),
+        lambda r: -(math.tanh(r) + b1 * r / (1.0 + B2 * r**4)),
         bounds=(s[k - 1], s[k + 1]),
         method="bounded",
         options={"xatol": RESOLVED},

@@ -140,7 +140,7 @@ def band(
     axes.fill_between(t, a, b, color=GREY, alpha=alpha, linewidth=0, label=label, gid=gid)
 
 
-def shade_lifts(axes: Axes, marked: pd.DataFrame, trials: list[int], label: str = "left out: key may lift") -> None:
+def shade_lifts(axes: Axes, marked: pd.DataFrame, trials: list[int]) -> None:
     """Shade and hatch the intervals of these trials that are left out of the scores."""
     for i, row in enumerate(marked[marked["trial"].isin(trials)].itertuples()):
         axes.axvspan(
@@ -151,5 +151,5 @@ def shade_lifts(axes: Axes, marked: pd.DataFrame, trials: list[int], label: str 
             alpha=0.25,
             hatch="////",
             linewidth=0,
-            label=label if i == 0 else None,
+            label="left out: key may lift" if i == 0 else None,
         )

@@ -10,8 +10,20 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from validation.conventions import Array
+
+
+def find_runs(mask: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """First sample and end of each stretch in which a mask (n,) holds, (k, 2)."""
+    return np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8))).reshape(-1, 2)
+
+
+def find_equal_runs(values: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """First and last samples (k,) of the stretches of equal values that make up a signal (n,)."""
+    edges = np.flatnonzero(np.diff(values) != 0)
+    return np.concatenate([[0], edges + 1]), np.concatenate([edges, [values.size - 1]])
 
 
 def up_crossings(time_s: Array, signal: Array, level: float, hysteresis: float = 0.0) -> list[float]:
@@ -73,7 +85,7 @@ def select_first_after(times: list[float], after_s: float) -> float | None:
 
 
 def read_level_with_uncertainty(
-    find: Callable[[float], float | None], level: float, u_level: float, u_time_s: float = 0.0
+    find: Callable[[float], float | None], level: float, u_level: float
 ) -> tuple[float | None, float]:
     """Value of a finder at a level and its standard uncertainty, by moving the level up and down by its own.
 
@@ -83,7 +95,6 @@ def read_level_with_uncertainty(
     Parameters
     ----------
     find : takes a level, returns a value or None
-    u_time_s : a further independent standard uncertainty, added in quadrature
 
     Returns
     -------
@@ -95,7 +106,7 @@ def read_level_with_uncertainty(
     if value is None:
         return None, float("nan")
     if u_level <= 0:
-        return value, u_time_s
+        return value, 0.0
     sides = [find(level - u_level), find(level + u_level)]
     if any(other is None for other in sides):
         return value, float("nan")
@@ -103,7 +114,7 @@ def read_level_with_uncertainty(
     wide = [find(level - 3 * u_level), find(level + 3 * u_level)]
     spread = max(abs(other - value) for other in sides if other is not None)
     spread = max([spread, *(abs(other - value) / 3 for other in wide if other is not None)])
-    return value, float(np.hypot(spread, u_time_s))
+    return value, float(spread)
 
 
 LevelReading = Callable[[Callable[[float], float | None], float, float], tuple[float | None, float]]

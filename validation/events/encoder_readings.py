@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from validation.conventions import ENCODER_CHANNELS, Array
+from validation.events.crossings import find_equal_runs
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.predict_session import PredictedAngles
 
@@ -90,8 +91,7 @@ def _estimate_rest_noise(steps: Array, quiet_stop: int) -> float:
 
 def _find_standstills(change: Array, time_s: Array) -> list[tuple[int, int]]:
     """First and last sample of each stretch of `LEAST_S` or more in which the reading stays the same."""
-    edges = np.flatnonzero(np.diff(change) != 0)
-    starts, ends = np.concatenate([[0], edges + 1]), np.concatenate([edges, [change.size - 1]])
+    starts, ends = find_equal_runs(change)
     long = time_s[ends] - time_s[starts] >= LEAST_S
     return [(int(first), int(last)) for first, last in zip(starts[long], ends[long], strict=True)]
 

@@ -29,7 +29,7 @@ from scipy.special import chdtri
 
 from validation.conventions import Array
 
-LENGTHS_S = (2e-3, 3e-3, 4e-3, 5e-3, 6e-3)  # of the flight that is fitted: choice, in whole milliseconds
+LENGTHS_S = tuple(1e-3 * k for k in range(2, 7))  # of the flight that is fitted: choice, in whole milliseconds
 WINDOW_S, LONGEST_S = LENGTHS_S[0], LENGTHS_S[-1]
 MINIMUM_SAMPLES = 4  # beyond the numbers of the smallest fit, so that its residuals say something
 NEAR_MISS_M = 2e-3  # a string may be so much lower than the geometry says: choice, the range of an adjustment

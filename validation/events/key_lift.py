@@ -81,7 +81,7 @@ class Capstan:
     gap_per_lift: float
 
 
-def make_capstan(action: model.Action, scale_radius_m: float = SCALE_RADIUS_M) -> Capstan:
+def make_capstan(action: model.Action) -> Capstan:
     """Capstan of an action of the `model` package.
 
     The free fall is that of whippen, jack and repetition lever together about the whippen's pivot; a hammer resting on
@@ -102,7 +102,7 @@ def make_capstan(action: model.Action, scale_radius_m: float = SCALE_RADIUS_M) -
     def gap(angle: Array) -> Array:
         return np.asarray(model.observables.capstan_gap_m(action, angle), dtype=float)
 
-    return Capstan(gap, float(fall), 1 + lever / scale_radius_m)
+    return Capstan(gap, float(fall), 1 + lever / SCALE_RADIUS_M)
 
 
 def find_lifts(

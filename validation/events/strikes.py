@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from validation.conventions import Array
+from validation.events.crossings import find_runs
 
 PHASES = ("rest", "strike", "hold", "release")
 REST, STRIKE, HOLD, RELEASE = range(4)
@@ -58,6 +59,4 @@ STRUCK = 0.5
 
 def find_key_strikes(key: Array, at: NDArray[np.int64]) -> list[tuple[int, int]]:
     """First sample and end of every strike of a key (n,) with these phases (n,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], at == STRIKE, [False]]).astype(np.int8)))
-    pairs = zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
-    return [(a, b) for a, b in pairs if key[a:b].max() > STRUCK * float(key.max())]
+    return [(a, b) for a, b in find_runs(at == STRIKE).tolist() if key[a:b].max() > STRUCK * float(key.max())]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from model.errors import ModelError
 from rig.session.force_correction import correlation_inflation
 from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, KEY, Array
+from validation.events.crossings import find_runs
 from validation.events.miswired_encoders import MISSED
 from validation.findings.encoders import is_at_rest_again, select_last_samples
 from validation.findings.finding import (
@@ -87,12 +88,8 @@ def find_force_saturation(m: MeasuredTrial) -> list[SessionFinding]:
 
 
 def _find_longest_run(flat: NDArray[np.bool_]) -> tuple[int, int]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flat.astype(np.int8), [0]])))
-    if not edges.size:
-        return 0, 0
-    runs = edges[1::2] - edges[::2]
-    longest = int(runs.argmax())
-    return int(edges[::2][longest]), int(runs[longest])
+    first, end = max(find_runs(flat).tolist(), key=lambda run: run[1] - run[0], default=(0, 0))
+    return first, end - first
 
 
 LEAVES = 0.4  # of the error: choice, what a factor that explains it may leave

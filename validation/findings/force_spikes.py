@@ -17,6 +17,7 @@ from scipy.ndimage import median_filter
 
 from model.errors import ModelError
 from validation.conventions import BODIES, Array, rms
+from validation.events.crossings import find_runs
 from validation.events.encoder_readings import measure_step_excess
 from validation.findings.finding import PREDICTION, SessionFinding, register_kinds
 from validation.findings.limits import NOISE_SIGMAS
@@ -97,8 +98,7 @@ def _find_stretches(excess: Array, least: Array | float, max_samples: int) -> li
     """Stretches of at most so many samples in which a force exceeds what is usual."""
     found = []
     for sign in (1.0, -1.0):
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], sign * excess > least, [False]]).astype(np.int8)))
-        pairs = zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+        pairs = find_runs(sign * excess > least).tolist()
         found += [Spike(first, excess[first:end]) for first, end in pairs if end - first <= max_samples]
     return found
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from validation.events.crossings import find_equal_runs
 from validation.events.encoder_readings import are_simultaneous, find_reading_faults, measure_step_excess
 from validation.findings.finding import BLOW, CURVES, SessionFinding, register_kinds
 from validation.findings.limits import END_S, NOISE_SIGMAS
@@ -73,8 +74,7 @@ def find_force_standstill(m: MeasuredTrial) -> list[SessionFinding]:
     steps = np.diff(force[: m.quiet.stop])
     if steps.size < 2 or not steps.std() > 0 or float(np.mean(steps == 0)) >= COARSE:
         return []
-    edges = np.flatnonzero(np.diff(force) != 0)
-    starts, ends = np.concatenate([[0], edges + 1]), np.concatenate([edges, [force.size - 1]])
+    starts, ends = find_equal_runs(force)
     length = ends - starts + 1
     inside = (force[starts] < force.max()) & (force[starts] > force.min())
     inside |= np.array(

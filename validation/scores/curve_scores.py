@@ -56,26 +56,21 @@ def score_curve(time_s: Array, trial: Array, model: Array) -> dict[str, float]:
     }
 
 
-def choose_trial_pairs(
-    n: int, max_pairs: int = MOST_PAIRS, seed: int = PAIR_SEED, kinds: Sequence[int] | None = None
-) -> list[tuple[int, int]]:
-    """Pairs of n trials of one kind of stroke, all of them or a seeded sample of `most`."""
+def choose_trial_pairs(n: int, seed: int = PAIR_SEED, kinds: Sequence[int] | None = None) -> list[tuple[int, int]]:
+    """Pairs of n trials of one kind of stroke, all of them or a seeded sample of `MOST_PAIRS`."""
     pairs = [(i, j) for i, j in combinations(range(n), 2) if kinds is None or kinds[i] == kinds[j]]
-    if len(pairs) <= max_pairs:
+    if len(pairs) <= MOST_PAIRS:
         return pairs
-    chosen = np.random.default_rng(seed).choice(len(pairs), max_pairs, replace=False)
+    chosen = np.random.default_rng(seed).choice(len(pairs), MOST_PAIRS, replace=False)
     return [pairs[i] for i in sorted(chosen)]
 
 
-def compute_pair_rmse(
-    curves: Array, *, most_pairs: int = MOST_PAIRS, seed: int = PAIR_SEED, kinds: Sequence[int] | None = None
-) -> tuple[float, int]:
+def compute_pair_rmse(curves: Array, *, kinds: Sequence[int] | None = None) -> tuple[float, int]:
     """Repeatability ceiling of the RMSE: root mean square difference of one trial against another.
 
     Parameters
     ----------
     curves : (n_samples, n_trials)
-    most_pairs : with more pairs than this a seeded sample of them is used
     kinds : number of the kind of stroke of each trial; trials of different kinds are no pair
 
     Returns
@@ -85,7 +80,7 @@ def compute_pair_rmse(
     pairs : int
         Number of pairs used.
     """
-    pairs = np.array(choose_trial_pairs(curves.shape[1], most_pairs, seed, kinds), dtype=int).reshape(-1, 2)
+    pairs = np.array(choose_trial_pairs(curves.shape[1], kinds=kinds), dtype=int).reshape(-1, 2)
     difference = curves[:, pairs[:, 0]] - curves[:, pairs[:, 1]]
     if not np.isfinite(difference).any():
         return float("nan"), 0

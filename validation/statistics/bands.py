@@ -213,7 +213,7 @@ def roughness_length(residual: Array, u_sample: float = 0.0) -> float:
         stride *= 2
 
 
-def repeatability_band(curves: Array, *, u_sample: float = 0.0, confidence: float = CONFIDENCE) -> RepeatabilityBand:
+def repeatability_band(curves: Array, *, u_sample: float = 0.0) -> RepeatabilityBand:
     """Simultaneous band for the mean of curves that scatter in value and in time.
 
     Parameters
@@ -237,12 +237,12 @@ def repeatability_band(curves: Array, *, u_sample: float = 0.0, confidence: floa
     scale = float(np.abs(values[known]).max())
     is_clear = s > max(CLEAR_SCATTER * u_sample, 1e-12 * scale)
     if not is_clear.any():
-        half[known] = critical_value(n - 1, 0.0, 1, confidence) * u_sample / np.sqrt(n)
+        half[known] = critical_value(n - 1, 0.0, 1) * u_sample / np.sqrt(n)
         return RepeatabilityBand(mean, half, float("nan"), 0.0, n)
     path = np.full(values.shape, np.nan)
     path[np.flatnonzero(known)[is_clear]] = residual[is_clear]
     length = roughness_length(path, u_sample)
-    factor = critical_value(n - 1, length, int(is_clear.sum()), confidence)
+    factor = critical_value(n - 1, length, int(is_clear.sum()))
     of_values = factor * np.maximum(s, u_sample) / np.sqrt(n)
     of_times = extend_in_time(mean[known], estimate_time_scatter(values[known], u_sample), n)
     half[known] = np.maximum.reduce([of_values, of_times + u_sample, np.full(s.size, ROUNDING * u_sample)])

@@ -22,6 +22,7 @@ import numpy as np
 import pandas as pd
 
 from validation.conventions import Array
+from validation.events.crossings import find_runs
 from validation.events.strikes import RELEASE, find_key_phases, find_key_strikes
 from validation.measurement.trial import trials_in_words
 
@@ -77,9 +78,9 @@ def extract_features(time_s: Array, key: Array, unit: str, force_n: Array | None
         return {}
     speed, phase = (place[reach:] - place[:-reach]) / SPEED_OVER_S, find_key_phases(place, STEP_S)
     every = _select_notes(place, find_key_strikes(place, phase))
-    down = np.flatnonzero(np.diff(np.concatenate([[False], place > DOWN * deepest, [False]]).astype(np.int8)))
+    down = find_runs(place > DOWN * deepest)
     out: dict[str, Any] = {"speed": float(speed.max()), "depth": deepest,
-                           "hold": float((down[1::2] - down[::2]).max()) * STEP_S}  # fmt: skip
+                           "hold": float((down[:, 1] - down[:, 0]).max()) * STEP_S}  # fmt: skip
     names = ["strike"] if every else []
     if np.any(phase == RELEASE):
         out["release"] = float(-speed.min())

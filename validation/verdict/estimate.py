@@ -23,6 +23,7 @@ from scipy.special import gammaincinv
 from validation.conventions import CONFIDENCE, LEVEL, Array
 
 EQUIVALENCE = 1.0 - 2.0 * LEVEL  # coverage of an interval inside a limit: two one-sided tests of `LEVEL` each
+LEAST_SHARE = 0.2  # of the variance of a quantity, from which an input is named for it: choice
 POWER = 0.80  # at which an error counts as detectable: usual in the planning of tests
 PRIOR_FREEDOM = 3.0  # few, so that six trials outweigh what is declared; one trial has Student's factor 3.2
 FEWEST_FOR_INTERVAL = 39  # 95 % of ranks
@@ -253,15 +254,14 @@ def divide_variance(errors: Array, inputs: Array, middle: Array, lower: Array, u
     return slopes, other
 
 
-def strongest_inputs(errors: Array, inputs: Array, names: Sequence[str], least: float = 0.2) -> list[str]:
-    """Name of the input that explains most of each quantity's draws by rank correlation, where that is ``least`` of it.
+def strongest_inputs(errors: Array, inputs: Array, names: Sequence[str]) -> list[str]:
+    """Name of the input that explains most of each quantity's draws by rank correlation, where that is `LEAST_SHARE`.
 
     Parameters
     ----------
     errors : (N, V), NaN where not known
     inputs : (N, q)
     names : q texts
-    least : share of the variance
     """
     known = np.isfinite(errors)
     enough = known.sum(axis=0) >= FEWEST_FOR_INTERVAL
@@ -275,7 +275,7 @@ def strongest_inputs(errors: Array, inputs: Array, names: Sequence[str], least: 
     square = np.maximum(known.T @ ranks**2 - count[:, None] * mean**2, 1e-9)
     share = (rank.T @ ranks) ** 2 / (np.maximum((rank**2).sum(axis=0), 1e-9)[:, None] * square)
     best = np.argmax(share, axis=1)
-    return [names[b] if ok and s[b] >= least else "" for b, ok, s in zip(best, enough, share, strict=True)]
+    return [names[b] if ok and s[b] >= LEAST_SHARE else "" for b, ok, s in zip(best, enough, share, strict=True)]
 
 
 def _nan_mean(values: Array) -> Array:
