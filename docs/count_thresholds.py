@@ -28,10 +28,10 @@ EXEMPTIONS = {
     "sizes of plots": "files, figure sizes, fonts, lines, columns of a terminal",
     "instruments of the virtual bench": "what is simulated there: constants, fields, defaults that say unit and source",
     "indices and shapes": "subscripts, ranges, shapes, axes, type annotations",
-    "form of a formula": "halves, squares, powers of ten of a unit, inside an expression",
+    "form of a formula": "halves, squares, twelfths, powers of ten of a unit, inside an expression",
     "range of a double": "up to 1e-12 or from 1e100 inside an expression: they keep it finite",
 }
-FORM = {0.25, 0.5, 1.5, 2.0, 3.0, 4.0, 60.0, 100.0, 180.0, 360.0, 1e3, 1e6, 1e9, 1e-3, 1e-6, 1e-9}
+FORM = {0.25, 0.5, 1.5, 2.0, 3.0, 4.0, 12.0, 60.0, 100.0, 180.0, 360.0, 1e3, 1e6, 1e9, 1e-3, 1e-6, 1e-9}
 MATHEMATICAL = {1.4826, 0.6745, 0.4549, 0.158655, 1.96, 700.0, 0.3186}
 FULL_SCALE = {255.0, 1023.0, 4095.0, 65535.0}
 PHYSICAL = {9.81, 9.80665, 9.80665e-3, 4.448222, 4.4482216152605}
@@ -50,11 +50,12 @@ BITS = r".*\b(bits?|bit_depth|itemsize)\b.*"
 NAMES = {
     "units and physical constants": r"_?(DEG|RAD|UNITS?|UNIT_\w+|G|NEWTON\w*|SECONDS|FACTORS|OUTLINES_M)",
     "formats and codes": r"_?(SCHEMA\w*|VERSION\w*|\w*FORMAT\w*|CODES?|EXIT\w*|exit_code|\w*PORT|\w*SEED|\w*STREAM"
-    r"|ALLOWED_M|DOTS|\w*BITS|DEPTHS|\w+_CODES|INTERRUPTED|GONE|KINDS|(self\.)?bit_depth)",
+    r"|ALLOWED_M|AWAKE|UNTOUCHED|QUIET|BYTES_PER_VALUE|DOTS|\w*BITS|DEPTHS|\w+_CODES|INTERRUPTED|GONE|KINDS"
+    r"|(self\.)?bit_depth)",
     "tableaux and series": r"_?(GAUSS\w*|QUARTIC|BASIS)",
     "published standards": r"GRADES",
     "declared physical data": r"DIP_M",
-    "indices and shapes": r"N_[A-Z_]+|\w+_COLUMNS_OF_ROW",
+    "indices and shapes": r"N_[A-Z_]+|PRESS_NUMBERS|STAGES",
     "sizes of plots": r"(SIZE_IN|ROW_IN|WIDTH_IN|DPI|MODEL_DASHES)",
 }
 ARGUMENTS = {

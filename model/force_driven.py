@@ -29,7 +29,7 @@ from model.simulation.string_motion import count_modes, string_motion
 
 Array = NDArray[np.float64]
 
-HIGHEST_RATE_HZ = 1e7  # of outputs: beyond, a blow of a second does not fit into memory
+HIGHEST_RATE_HZ = 1e7  # of outputs: a second of them takes a gigabyte
 COMPANION = 0.1  # tolerance of the run that an error is estimated with, of the requested one
 SECOND_COMPANION = 0.01  # of another one, where the first leaves doubt
 

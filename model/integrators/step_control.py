@@ -13,7 +13,7 @@ SAFETY = 0.75  # of the step that the error norm permits
 GROW = 5.0  # largest factor from step to step
 SHRINK = 0.15  # smallest factor from step to step
 FAILED = 0.2  # factor after a step whose equations have no solution
-BOUND_SLACK = 1e-7  # rad or m, beyond the bound on a motion: what the bound itself leaves out of a short step
+BOUND_SLACK = 1e-7  # rad or m, beyond the bound on a motion: a coordinate at rest has room too
 SMALLEST_STEP = 1e-12  # s; below it a run ends with an error
 
 

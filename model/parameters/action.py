@@ -44,7 +44,7 @@ LEVER_KNUCKLE, DROP_SCREW, STRING = "contact10", "contact11", "contact12"
 
 LAW = "law"  # last part of the path that names a contact's law of felt
 
-UNIT_ERROR = 0.1  # of a unit vector's length: directions are printed to two digits
+UNIT_ERROR = 0.1  # of a unit vector's length: choice, above rounding of printed directions
 MOST_CHANGED = 4  # shown by `repr`
 
 _STRUCTURE_KEYS = {"parent", "body", "shape", "description", "name"}

@@ -30,7 +30,7 @@ PUSH = 1e-5  # rad: felts that only touch open under it, by far more than roundi
 SOFTEST = 1e-4  # N m/rad that hold a rest: rounding leaves 1e-10, its own weight gives a hanging hammer 1e-2
 NO_REST = "rest state: no balance found that a small push cannot leave; check gravity, masses, springs and geometry"
 LARGEST_INPUT = 1e4  # N or N m
-MOST_ITERATIONS, MOST_ESCAPES = 2000, 10  # then the rest is refused: usual ones take tens, and none
+MOST_ITERATIONS, MOST_ESCAPES = 2000, 10  # then the rest is refused
 
 
 @dataclass(frozen=True)

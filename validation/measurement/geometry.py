@@ -113,7 +113,7 @@ def geometry_of(action: model.Action, rest_angle_rad: Array) -> ActionGeometry:
 
 def touch_dip(rest_rad: Array, dip: Callable[[Array], Array], key_gap: Callable[[Array], Array]) -> float:
     """Key dip at which the gap under the key front closes, found by turning the key alone from rest."""
-    turn = np.linspace(0.0, -0.2, 401)  # rad: three times a dip, half a milliradian a step
+    turn = np.linspace(0.0, -0.2, 401)  # rad: some four times a dip, half a milliradian a step
     angle = np.tile(rest_rad, (turn.size, 1))
     angle[:, KEY] += turn
     gap = key_gap(angle)

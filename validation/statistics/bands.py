@@ -135,7 +135,7 @@ def extend_in_time(mean: Array, scatter: Array, n: int) -> Array:
 FEWEST_FOR_BAND = 5  # trials: three would need a factor of 136
 LARGEST_U = 1e6  # beyond any factor that is used
 FEWEST_STEPS = 40  # of the path, however noisy the samples are
-CLEAR_OF_NOISE = 4.0  # squared step over that of noise alone: a length is then long by an eighth at most
+CLEAR_OF_NOISE = 4.0  # squared step over that of noise alone: a length is then long by a seventh at most
 ROUNDING = np.sqrt(6.0)  # a count, in standard deviations of a rounded sample less its rounded zero
 CLEAR_SCATTER = 3.0  # times the noise of a sample: above it the scatter of a few trials is that of the trials
 

@@ -8,7 +8,7 @@ from validation.numbers import between, number
 from validation.statistics.repeatability import event_repeatability
 from validation.tables.comparison import Comparison
 from validation.tables.events import event_label
-from validation.tables.table import OF_ROW, SHOWN, UNIT, Column, Page, Row, Table
+from validation.tables.table import OF_ROW, UNIT, UNIT_SHOWN, Column, Page, Row, Table
 
 
 def _found(row: Row) -> str:
@@ -16,7 +16,7 @@ def _found(row: Row) -> str:
 
 
 def _interval(row: Row) -> str:
-    factor = SHOWN.get(row["unit"], ("", 1.0))[1]
+    factor = UNIT_SHOWN.get(row["unit"], ("", 1.0))[1]
     return between(number(factor * row["s_low"], 2), number(factor * row["s_high"], 2))
 
 

@@ -10,7 +10,7 @@ from validation.conventions import BODIES
 from validation.curves.display_signs import TITLE
 from validation.events.definitions import EVENTS
 from validation.numbers import DASH, number
-from validation.tables.table import OF_ROW, SHOWN, UNIT, Column, Page, Row, Table
+from validation.tables.table import OF_ROW, UNIT, UNIT_SHOWN, Column, Page, Row, Table
 
 SETS = {"before": "before", "identified": "identified", "null model": "null", "scatter of trials": "scatter"}
 """Set of values → its column."""
@@ -22,7 +22,7 @@ def _score(column: str) -> Callable[[Row], str]:
         if not math.isfinite(value):
             return DASH
         seen = f" in {both} of {row['n_trials']} trials" if 0 <= both < row["n_trials"] else ""
-        return f"{number(SHOWN[row['unit']][1] * value, 2)}{seen}"
+        return f"{number(UNIT_SHOWN[row['unit']][1] * value, 2)}{seen}"
 
     return cell
 
@@ -36,7 +36,9 @@ def _of(name: str, words: str, head: str) -> tuple[Column, Column]:
 
 COLUMNS = (
     Column("set", "", "Fitted trials, or a session of which trials were held out", str, head="trials"),
-    Column("what", "", "Body, or event", str, head="what", text=lambda row: f"{row['what']} ({SHOWN[row['unit']][0]})"),
+    Column(
+        "what", "", "Body, or event", str, head="what", text=lambda row: f"{row['what']} ({UNIT_SHOWN[row['unit']][0]})"
+    ),
     UNIT,
     Column("n_trials", "1", "Trials that have the event; of an angle 0", int),
     *_of("before", "model − trial with the values before", "values before"),

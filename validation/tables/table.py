@@ -1,6 +1,6 @@
 """What a table is: its columns with unit and meaning, how its rows are made, and how a page shows it.
 
-Conventions: values in SI and rad; a page shows degrees, millimetres, milliseconds and millijoules (`SHOWN`).
+Conventions: values in SI and rad; a page shows degrees, millimetres, milliseconds and millijoules (`UNIT_SHOWN`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from validation.numbers import DASH, number, with_u
 if TYPE_CHECKING:
     from validation.result import ValidationResult
 
-SHOWN = {
+UNIT_SHOWN = {
     "rad": ("°", 180.0 / math.pi),
     "m": ("mm", 1e3),
     "s": ("ms", 1e3),
@@ -68,14 +68,14 @@ class Column:
     u: str = ""
     """The column of its standard uncertainty."""
     shown: tuple[str, float] | None = None
-    """Unit and factor on a page, where not those of `SHOWN`."""
+    """Unit and factor on a page, where not those of `UNIT_SHOWN`."""
     text: Callable[[Row], str] | None = None
     """Cell of a page from the whole row, where the value alone does not say it."""
 
     @property
     def heading(self) -> str:
         """Heading with the unit shown."""
-        unit = (self.shown or SHOWN.get(self.unit, ("", 1.0)))[0]
+        unit = (self.shown or UNIT_SHOWN.get(self.unit, ("", 1.0)))[0]
         return f"{self.head} ({unit})" if unit and self.text is None else self.head
 
     def cell(self, row: Row) -> str:
@@ -89,7 +89,7 @@ class Column:
             return DASH
         if self.kind is int:
             return str(round(float(value)))
-        factor = (self.shown or SHOWN.get(row["unit"] if self.unit == OF_ROW else self.unit, ("", 1.0)))[1]
+        factor = (self.shown or UNIT_SHOWN.get(row["unit"] if self.unit == OF_ROW else self.unit, ("", 1.0)))[1]
         if self.u and row[self.u] > 0:
             return with_u(factor * value, factor * row[self.u])
         return number(factor * float(value), self.digits)

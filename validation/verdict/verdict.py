@@ -36,7 +36,7 @@ from validation.verdict.quantities import (
     quantity_limits,
 )
 
-FEWEST_DRAWS = 99  # whose ranks still hold 95 %
+FEWEST_DRAWS = 99  # choice: half of `DRAWS`
 SELDOM = 0.05  # share of the draws on the observed branch, below which the first line says so
 MOST_FAILED = 0.2  # of the draws: beyond, those that could be run are a selection
 MOST_NAMED = 3  # quantities in the first line
