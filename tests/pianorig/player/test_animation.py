@@ -12,14 +12,11 @@ import numpy as np
 import pytest
 
 import model
-from model.inside.body_poses import SeenMotion
 from pianorig.page.action import blow_curves
 from pianorig.player.animation import (
     Animation,
     animation_html,
-    motion_start_s,
     scripts,
-    thin_motion,
     write_blow_animation,
 )
 from pianorig.player.moving_action import pack
@@ -84,15 +81,6 @@ def test_no_short_peak_is_lost_between_two_rows(
     shown = numbers(data_of(page)["drawings"][0]["drawing"]["normal_n"])
     np.testing.assert_allclose(shown.max(axis=0), inside.normal_n.max(axis=0), rtol=1e-6)
     assert shown.shape[0] < inside.normal_n.shape[0] / 4
-
-
-def test_what_never_moves_starts_at_its_beginning(blow: tuple[model.Action, model.Solution, np.ndarray]) -> None:
-    inside = blow[1].inside
-    assert inside is not None
-    seen = SeenMotion(inside.scene, inside.time_s, inside.pose, inside.point_m, inside.penetration_m, inside.normal_n)
-    still = thin_motion(seen, np.arange(0, 20))
-    assert motion_start_s(still.time_s, still.pose) == still.time_s[0]
-    assert motion_start_s(still.time_s - 5.0, still.pose) == still.time_s[0] - 5.0
 
 
 def test_a_hostile_title_stays_text() -> None:

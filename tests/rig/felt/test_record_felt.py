@@ -8,13 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import model
 import rig
 from model.calibration import damping_factor, fit_felt, read_curve
-from rig.felt_recording import press_curve
 from rig.guided_calibration import change_table
 from rig.simulated.backend import DEFAULT_BENCH
-from rig.simulated.bench.parts_alone import felt_law
 
 LONG_BLOCKS = {"block_s": 0.1}
 """A fifth of the calls."""
@@ -77,26 +74,6 @@ def test_the_felt_is_recovered_within_its_uncertainty(tmp_path: Path) -> None:
     assert "compliance" in fit.off and fit.law_fits
 
 
-def test_an_uncorrected_compliance_would_be_found_out(tmp_path: Path) -> None:
-    """Left at zero, with a small uncertainty, the stated one is exceeded: the correction is what makes it right."""
-    bench = planted(tmp_path, "contact02", 1.5e5, 0.0, seed=3, u=0.01)
-    order = rig.FeltOrder("contact02", (0.012,), (20.0,), rest_s=0.0)
-    done = rig.record_felt(tmp_path / "s", order, rig_config=bench.rig, backend=bench.address)
-    trial, setup = done.session.trials[1].read(), bench.rig.config.felt
-    assert setup is not None
-    x = 0.5 * done.presses[0].curve.deepest_m
-    truth = float(np.array([x**3, x**2, x]) @ bench.abcd[:3])
-    off = {}
-    for name, value in (("corrected", setup.compliance_m_per_n), ("left", 0.0)):
-        curve = press_curve(trial, setup.model_copy(update={"compliance_m_per_n": value}))
-        file = tmp_path / f"{name}.csv"
-        file.write_text(curve.table(), encoding="utf-8")
-        fit = fit_felt(read_curve(file))
-        row = np.array([x**3, x**2, x])
-        off[name] = abs(float(row @ fit.abc) - truth) / float(np.sqrt(row @ fit.covariance @ row))
-    assert off["corrected"] < 3.0 < 5.0 < off["left"]
-
-
 def test_the_block_gives_the_compliance_and_a_rig_file_with_it(tmp_path: Path) -> None:
     text = DEFAULT_BENCH.read_text("utf-8").replace("contact_c = 2.0e5 ", "contact_c = 1.1e5 ")
     (tmp_path / "bench.toml").write_text(text, encoding="utf-8")
@@ -154,14 +131,3 @@ def test_a_rig_without_felt_is_refused_before_anything_moves(tmp_path: Path) -> 
     with pytest.raises(rig.RigInputError, match=r"has no table \[felt\]"):
         rig.record_felt(tmp_path / "s", rig.FeltOrder("contact02"), rig_config=without)
     assert not (tmp_path / "s").exists()
-
-
-def test_the_arm_follows_the_specimens_law() -> None:
-    """What the plant presses with is the felt of the action at the compression and rate it says."""
-    action = model.load_action()
-    law = felt_law(action, "contact07")
-    rng = np.random.default_rng(1)
-    a, b, c, d = (action[f"contact07.normal.{k}"] for k in "abcD")
-    for x, rate in zip(rng.uniform(-1e-5, 3e-4, 50), rng.uniform(-0.4, 0.4, 50), strict=True):
-        felt = ((a * x + b) * x + c) * x * max(0.0, 1.0 + d * rate) if x > 0.0 else 0.0  # eqs 2.4, 2.5
-        assert law.force_n(float(x), float(rate)) == pytest.approx(felt, rel=1e-12)

@@ -83,29 +83,6 @@ def test_waiting_for_the_end_of_a_task_takes_its_time_and_is_refused_after_the_t
         force.wait_until_done(timeout=0.049)
 
 
-def test_the_bench_follows_whatever_rate_the_clock_has(cdaq, bridge) -> None:
-    cdaq.device.lines["cDAQ1Mod4/port0/line7"] = True
-    task = cdaq.task()
-    bridge(task)
-    task.timing.cfg_samp_clk_timing(50_000, sample_mode=ni.AcquisitionType.CONTINUOUS)
-    task.read(10)
-    cdaq.device.output_v["cDAQ1Mod2/ao0"] = 1.0  # acts from edge 10, felt at 11, read 40.01 + 0.225 samples later
-    force = np.array(task.read(100))
-    np.testing.assert_allclose(force[[40, 42]], [0.05, 12.05], atol=1e-4)
-    assert cdaq.device.bench.clock.now_s == pytest.approx(110 / 50_000)
-
-
-def test_an_output_can_run_on_its_own_clock_and_hold_its_last_value(cdaq) -> None:
-    task = cdaq.task()
-    task.ao_channels.add_ao_voltage_chan("cDAQ1Mod2/ao0")
-    task.timing.cfg_samp_clk_timing(1000, samps_per_chan=100)
-    task.write(np.linspace(0, 3, 100), auto_start=True)
-    while not task.is_task_done():
-        pass
-    assert cdaq.device.output_v["cDAQ1Mod2/ao0"] == 3.0
-    assert cdaq.device.bench.plant.truth().size == 100
-
-
 def test_a_clock_that_nothing_drives_never_ticks(cdaq, bridge, refused) -> None:
     task = cdaq.task()
     bridge(task)
@@ -189,18 +166,6 @@ def test_channels_that_do_not_exist_or_cannot_measure_this(cdaq, card, bridge, r
 def test_bridge_settings_the_9237_does_not_have(changes, cdaq, bridge, refused) -> None:
     with refused(-200077):
         bridge(cdaq.task(), **changes)
-
-
-def test_limits_increase_and_terminal_configurations_exist(cdaq, card, bridge, refused) -> None:
-    with refused(-200082):
-        bridge(cdaq.task(), min_val=111.2)
-    inputs = card.task().ai_channels
-    with refused(-200082):
-        inputs.add_ai_voltage_chan("Dev1/ai0", min_val=1.0, max_val=1.0)
-    with refused(-200077):
-        inputs.add_ai_voltage_chan("Dev1/ai8", terminal_config=ni.TerminalConfiguration.DIFF)
-    with refused(-200077):
-        inputs.add_ai_voltage_chan("Dev1/ai1", terminal_config=ni.TerminalConfiguration.PSEUDO_DIFF)
 
 
 def test_one_converter_serves_one_task_at_a_time(card, refused) -> None:

@@ -7,13 +7,11 @@ import pytest
 
 from rig import InputError
 from rig.simulated.bench.sensors import (
-    DelayLine,
     EncoderSensor,
     EncoderSignals,
     ForceSensor,
     ForceSignal,
     load_sensors,
-    quantise,
 )
 
 CELL = {"sensitivity_mv_per_v": 2.0, "full_scale_n": 100.0, "noise_n": 0.0}
@@ -33,14 +31,6 @@ def newtons(signal: ForceSignal, force_n: np.ndarray) -> np.ndarray:
     return signal.millivolts_per_volt(force_n, np.arange(force_n.size) / 5000.0) * 50.0
 
 
-def test_noise_does_not_depend_on_the_length_of_the_blocks() -> None:
-    sensor = ForceSensor(**{**CELL, "noise_n": 0.03})
-    whole = newtons(ForceSignal(sensor, 1, 1), np.zeros(1000))
-    parts = ForceSignal(sensor, 1, 1)
-    split = np.concatenate([newtons(parts, np.zeros(n)) for n in (1, 99, 400, 500)])
-    np.testing.assert_array_equal(whole, split)
-
-
 def test_offset_and_hum_phase_scatter_from_trial_to_trial_by_the_stated_amount() -> None:
     sensor = ForceSensor(**CELL, hum_n=(0.3,), offset_n=1.0, offset_scatter_n=0.2)
     signals = [ForceSignal(sensor, 5, trial) for trial in range(1, 2001)]
@@ -50,27 +40,6 @@ def test_offset_and_hum_phase_scatter_from_trial_to_trial_by_the_stated_amount()
     assert np.abs(np.exp(1j * phases).mean()) < 0.06
     assert ForceSignal(sensor, 5, 7).offset_n == offsets[6]
     assert ForceSignal(sensor, 6, 7).offset_n != offsets[6]
-
-
-def test_the_cell_saturates() -> None:
-    sensor = ForceSensor(**CELL, saturation_mv_per_v=3.0)
-    assert newtons(ForceSignal(sensor, 1, 1), np.array([1e6, -1e6])) == pytest.approx([150.0, -150.0])
-
-
-def test_a_delay_line_delays_by_whole_and_broken_samples_whatever_the_blocks() -> None:
-    signal = 3.0 + 0.01 * np.arange(300.0)
-    for delay in (0.0, 1.0, 40.03226):
-        line = DelayLine(delay)
-        out = np.concatenate([line.push(part) for part in np.array_split(signal, [1, 2, 50, 51, 200])])
-        expected = np.maximum(3.0 + 0.01 * (np.arange(300.0) - delay), 3.0)
-        np.testing.assert_allclose(out[2:], expected[2:], atol=1e-12)
-    assert DelayLine(2.5).push(np.empty(0)).size == 0
-
-
-def test_quantisation_rounds_to_steps_and_clips_at_the_range() -> None:
-    step = 20 / 2**16
-    got = quantise(np.array([0.0, 0.6 * step, -0.4 * step, 11.0, -11.0]), 10.0, 16)
-    np.testing.assert_allclose(got, [0.0, step, 0.0, 10.0 - step, -10.0], atol=1e-15)
 
 
 def test_sensors_are_read_from_the_bench_tables_and_a_seed_overrides_the_files() -> None:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vision import Body, BodyError, build_masks, load_bodies, save_bodies
-from vision.bodies.outlines import signed_distance, sort_parents_first
+from vision.bodies.outlines import sort_parents_first
 from vision.synthetic import box
 
 names = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
@@ -75,16 +75,6 @@ def test_parents(tmp_path: Path) -> None:
         load_bodies(tmp_path / "absent.toml")
     with pytest.raises(BodyError, match="cannot be written"):
         save_bodies(tmp_path / "absent" / "b.toml", chain)
-
-
-def test_signed_distance_of_a_box() -> None:
-    """Closed form: inside, the distance to the nearest of four lines; outside a corner, Pythagoras."""
-    found = signed_distance(box(10.0, 5.0, 40.0, 25.0), 33, 61)
-    assert found.shape == (33, 61)
-    assert found[15, 12] == pytest.approx(2.0)
-    assert found[7, 30] == pytest.approx(2.0)
-    assert found[15, 60] == pytest.approx(-20.0)
-    assert found[29, 43] == pytest.approx(-5.0)  # 3 to the right, 4 below the corner
 
 
 def test_masks_leave_out_the_rim_and_what_is_in_front() -> None:

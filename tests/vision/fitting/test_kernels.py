@@ -9,7 +9,6 @@ from scipy import ndimage
 
 from tests.vision.known_films import PIVOT, bar_scene, still_bar
 from vision import ArrayFilm
-from vision.fitting.assessment import Blocks, block_ratios, build_blocks
 from vision.fitting.bspline import coefficients, noise_gain
 from vision.fitting.icgn import IcgnFitter
 from vision.fitting.kernels import (
@@ -18,8 +17,6 @@ from vision.fitting.kernels import (
     State,
     Subset,
     fit_rigid,
-    normal_equations,
-    weighted_sums,
 )
 from vision.fitting.pose_covariance import TUKEY
 from vision.fitting.template import Template, build_template
@@ -80,34 +77,3 @@ def test_fit_reports_failure_instead_of_raising() -> None:
     for start in ([0.0, 0.0, 0.0], [0.0, 5000.0, 0.0], [np.nan, 0.0, 0.0]):
         fit = fitter.fit(flat, 0, np.array(start), None)
         assert not fit.converged or fit.zncc < 0.1
-
-
-@pytest.mark.parametrize("offset", [8, 40])
-def test_sums_do_not_depend_on_where_arrays_lie(offset: int) -> None:
-    """Threads and earlier work decide where memory is found; the bits are the same at any offset from 64 bytes."""
-    rng = np.random.default_rng(3)
-
-    def at(values: NDArray[np.generic], shift: int) -> NDArray[np.generic]:
-        raw = np.empty(values.nbytes + 128, dtype=np.uint8)
-        start = -raw.ctypes.data % 64 + shift
-        placed = raw[start : start + values.nbytes].view(values.dtype).reshape(values.shape)
-        placed[...] = values
-        return placed
-
-    x, y = np.meshgrid(np.arange(71.0), np.arange(37.0))
-    blocks, n = build_blocks(np.stack([x.ravel(), y.ravel()]).astype(np.float32)), x.size
-    columns, work = (rng.normal(0.0, 9.0, (rows, n)).astype(np.float32) for rows in (4, 5))
-    weight, influence, white = rng.uniform(0.0, 1.0, n).astype(np.float32), rng.normal(size=(3, 5)), np.ones(3)
-
-    def all_of_it(shift: int, other: int) -> list[bytes]:
-        ratio, count, matrix, right = (at(np.zeros(shape), shift) for shape in ((3, 3), (3, 3), (5, 5), 5))
-        moved = Blocks(*(at(part, other) for part in blocks))
-        a, w, wt = at(columns, shift), at(work, other), at(weight, shift)
-        block_ratios(moved, a, w, wt, at(influence, other), at(white, shift), ratio, count)
-        normal_equations(a, w[0], wt, w[1], matrix, right)
-        sums = weighted_sums(w[2], wt, w[0], w[1], 2.0)
-        return [part.tobytes() for part in (ratio, count, matrix, right, np.array(sums))]
-
-    expected = all_of_it(0, 0)
-    assert all_of_it(offset, 0) == expected
-    assert all_of_it(0, offset) == expected and all_of_it(offset, 56 - offset % 56) == expected

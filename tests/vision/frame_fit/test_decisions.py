@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tests.vision.frame_fit.reference import PlainBody, PlainStandards, plain_flags
 from vision import FrameFlag
 from vision.fitting.template import Template, build_template
-from vision.frame_fit.judgement import Figures, Standards, judge_fit, update_usual_quality
+from vision.frame_fit.judgement import Figures, Standards, judge_fit
 from vision.frame_fit.motion import Motion, expect_bodies, expect_pose, place_body
 
 pytestmark = pytest.mark.processor
@@ -85,16 +85,6 @@ def test_a_child_fixed_to_its_parent_turns_with_it() -> None:
     np.testing.assert_allclose(found, [np.pi / 2, -apart, apart], atol=1e-9)
 
 
-def test_a_body_far_outside_the_picture_has_no_region() -> None:
-    one = template(60, 50)
-    motion, expected = Motion.from_templates([one]), np.zeros((1, 3))
-    region, union = np.zeros((1, 4), dtype=np.int64), np.zeros(4, dtype=np.int64)
-    for shift in (np.array([0.0, 5000.0, 0.0]), np.array([0.0, np.nan, 0.0])):
-        place_body(motion, 0, 0, shift)
-        assert not expect_bodies(motion, 2, np.array([one.box_px]), (200, 260), expected, region, union)
-        assert region[0, 0] == -1
-
-
 share = st.floats(0.0, 1.0)
 
 
@@ -129,19 +119,3 @@ def test_fits_are_judged_as_by_the_plain_rules(
     expected, covariance = np.array([0.1, 4.0, -3.0]), np.diag([u**2, 1e-4, 1e-4])
     flag = judge_fit(standards, 1, figures, expected + step, expected, covariance)
     assert FrameFlag(flag) == plain_flags(plain, figures._asdict(), np.array(step), covariance)
-
-
-def test_standards_follow_from_texture_and_noise() -> None:
-    clean, noisy = template(60, 50, 0.0), template(60, 50, 20.0)
-    standards = Standards.from_templates([clean, noisy])
-    texture = np.var(noisy.columns[3]) - 20.0**2 / 9
-    np.testing.assert_allclose(standards.contrast, [1.0, texture / np.var(noisy.columns[3])])
-    np.testing.assert_allclose(standards.noise_share, [0.0, 20.0**2 / texture])
-    assert standards.least_zncc[0] == 0.6 and standards.chance[1] <= standards.least_zncc[1] < 0.6
-
-
-def test_the_usual_figures_are_running_means_until_a_lamp_is_switched() -> None:
-    standards = Standards.from_templates([template(60, 50)])
-    for zncc, gain, expected in ((0.9, 1.0, (0.9, 1.0)), (0.8, 1.2, (0.89, 1.02)), (0.7, 0.4, (0.7, 0.4))):
-        update_usual_quality(standards, 0, Figures(zncc, 1.0, 2.0, gain, 1.0, 90.0))
-        np.testing.assert_allclose(standards.usual[0], expected)

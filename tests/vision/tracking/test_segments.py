@@ -10,7 +10,6 @@ import vision.tracking.passes
 import vision.tracking.segments
 from tests.vision.known_films import PIVOT, bar_motion, bar_scene, dark, film_of, same_bits, sliding_bar, z_of
 from vision import ArrayFilm, InputError, track
-from vision.film.mmap_window import FileWindow
 
 N = 120
 
@@ -102,18 +101,3 @@ def test_an_error_in_a_thread_ends_the_run() -> None:
     for threads in (1, 3):
         with pytest.raises(InputError, match="frame 100"):
             track(film, known.bodies, threads=threads)
-
-
-def test_a_window_of_a_file_serves_several_threads(tmp_path: object, monkeypatch: pytest.MonkeyPatch) -> None:
-    from concurrent.futures import ThreadPoolExecutor
-
-    path = tmp_path / "bytes"
-    data = np.random.default_rng(1).integers(0, 256, 1_000_000).astype(np.uint8)
-    path.write_bytes(data.tobytes())
-    monkeypatch.setattr("vision.film.mmap_window.WINDOW_BYTES", 8192)
-    window = FileWindow(path)
-    places = np.random.default_rng(2).integers(0, data.size - 5000, 4000)
-    with ThreadPoolExecutor(4) as pool:
-        right = pool.map(lambda k: bool(np.array_equal(window.view(k, k + 5000), data[k : k + 5000])), places.tolist())
-        assert all(right)
-    window.close()
