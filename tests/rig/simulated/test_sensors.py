@@ -1,4 +1,4 @@
-"""Sensors: stated noise, offset, gain, hum and delay are what is read; settings outside their range are refused."""
+"""Sensors: scatter of the cell and errors of the scales are those stated; settings outside their range are refused."""
 
 from __future__ import annotations
 
