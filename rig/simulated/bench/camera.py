@@ -385,8 +385,13 @@ class _Exposures:
         """Noise-free pictures in order, drawn on threads while the ones before become frames and go to disk."""
         with ThreadPoolExecutor(2) as pool:
             drawn: deque[Future[NDArray[np.float32]]] = deque()
+            before = np.empty(0)
             for i in range(self.times.size):
-                drawn.append(pool.submit(self.scene.light, poses(self.geometry, self.settings, self._angles_during(i))))
+                angles = self._angles_during(i)
+                if not np.array_equal(angles, before):  # at rest the picture stays
+                    last = pool.submit(self.scene.light, poses(self.geometry, self.settings, angles))
+                before = angles
+                drawn.append(last)
                 if len(drawn) > AHEAD:
                     yield drawn.popleft().result()
             while drawn:
