@@ -49,20 +49,24 @@ from benchmarks.bench_strokes import (
     stroke_of,
     wrong_at_rest,
 )
-from benchmarks.runner import Key, Run, Table, may_be
+from benchmarks.runner import Key, Run, Table, interval, may_be
 from rig.session import Session, SessionInfo
 from rig.session.info import FileInfo
 from rig.simulated.bench.plant import load_plant
 from validation.conventions import ENCODER_CHANNELS
-from validation.infer.causes.explain import Explained, explain_difference
+from validation.infer.causes.explain import Explained, choose_trials, make_answer
+from validation.infer.causes.responses import Point, Responses
+from validation.infer.causes.search import Fit, Search, find_causes
 from validation.infer.channels import CLOCK, DELAY, ERROR_BY_NAME, FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL, SCALE, ZERO
-from validation.infer.hypotheses import ADDED, ALL, ONE, STEP, TREND, addable
+from validation.infer.hypotheses import ADDED, ALL, ONE, STEP, TREND, addable, sources
+from validation.infer.observations import ObservedTrial, observe
 from validation.infer.unknowns import lead_of, single_names
 from validation.measurement.measure_session import measure_session
 from validation.prediction.model_under_test import ModelUnderTest
 
 TRIALS, MORE = 3, 6
 FAULTY = 4  # the trial that has a fault, or from which on
+SHOWS = 25.0  # twice the log posterior ratio of the truth; the threshold of loud strokes is 17 to 24
 VERDICTS = ("alone", "set", "none", "silent", "wrong")
 APART = {
     FORCE_GAIN: ("5/7/10", (ONE, TREND, STEP)),
@@ -160,10 +164,10 @@ def bench_changes() -> list[Planted]:
     ]
 
 
-def explained(
+def observed(
     kind: str, seed: int, specimen: str, action: model.Action, these: list[Planted], trials: int
-) -> Explained:
-    """What is said of one session of a specimen that differs from the action by these."""
+) -> list[ObservedTrial]:
+    """Trials of one session of a specimen that differs from the action by these, as a search compares them."""
     names, effects = single_names(action), {source.name: source for source in addable(action)}
     scene = next((effects[p.cause].scene(action, p.size) for p in these if p.cause in effects), None)
     with tempfile.TemporaryDirectory() as folder:
@@ -186,7 +190,48 @@ def explained(
             session.add_trial(data)
         tested = ModelUnderTest(action)
         measured = measure_session(session, tested.geometry_at, 6e-5)
-        return explain_difference(tested, measured.trials)
+        return observe("validate", 0, choose_trials(measured.trials))
+
+
+def truths(responses: Responses, search: Search, these: list[Planted]) -> list[tuple[float, float]]:
+    """Of each planted part, what a reader is told of its size, and how it shows.
+
+    That is twice the log posterior ratio of the truth with and without the part, in the noise around the truth.
+    """
+    members: dict[int, float] = {}
+    told = []
+    for p in these:
+        i, source = next(
+            (i, responses.listed[c.source])
+            for i, c in enumerate(responses.candidates)
+            if (responses.listed[c.source].name, c.profile) == (p.cause, p.profile)
+            and (p.profile not in (ONE, STEP) or c.first == FAULTY)
+        )
+        size = p.amount(FAULTY if p.profile == ONE else MORE)
+        members[i] = p.size if source.added else (np.log1p(size) if source.unit == "1" else size) / source.wrong
+        told.append(source.size(members[i], 0.0)[0])
+
+    def start(kept: dict[int, float]) -> Fit:
+        at = tuple(sorted(kept))
+        z = np.array([kept[i] for i in at])
+        each = responses.exact(Point(tuple(zip(at, map(float, z), strict=True))))
+        assert each is not None
+        return Fit(at, z, each, np.zeros((*each.shape, len(at))))
+
+    def refit(kept: dict[int, float]) -> float:
+        fit = start(kept)
+        fit = replace(fit, log_posterior=around.log_posterior(fit.each, fit.z)[0])
+        if not kept:
+            return fit.log_posterior
+        found = around.refit([replace(fit, columns=around.columns_at([fit])[0])])
+        return found[0].log_posterior if found else fit.log_posterior
+
+    if any(responses.listed[responses.candidates[i].source].added for i in members) and not search.effects:
+        search = search.with_effects()
+    around = Search(responses, start(members), search.effects, search)
+    whole = refit(members)
+    without = [refit({j: z for j, z in members.items() if j != i}) for i in members]
+    return [(size, 2.0 * (whole - part)) for size, part in zip(told, without, strict=True)]
 
 
 def judged(found: Explained, these: list[Planted], shared: bool) -> str:
@@ -218,13 +263,18 @@ def case(kind: str, words: str, seed: int) -> dict[str, Any]:
     these = [planted(token, action) for token in tokens if ":" in token]
     specimen = "bench" if own else "printed"
     more = "clean" in tokens or any(p.profile != ALL for p in these)
+    trials = observed(kind, seed, specimen, action, these, MORE if more else TRIALS)
     before = time.process_time()
-    found = explained(kind, seed, specimen, action, these, MORE if more else TRIALS)
+    responses = Responses(ModelUnderTest(action), trials, sources(action, trials[0]))
+    search = find_causes(responses)
+    found = make_answer(search, [t.number for t in trials])
+    seconds = time.process_time() - before
     return {
         "apart": judged(found, these, shared=False) if more else "", "shared": judged(found, these, shared=True),
         "planted": [p._asdict() for p in these],
         "said": "; ".join([*(f.text.split(": this")[0] for f in found.findings), found.sentence]),
-        "changes": [asdict(c) for c in found.changes], "seconds": time.process_time() - before,
+        "changes": [asdict(c) for c in found.changes], "seconds": seconds,
+        "truths": truths(responses, search.search, these) if search.search else [],
     }  # fmt: skip
 
 
@@ -247,11 +297,20 @@ def lots(run: Run) -> Iterator[Key]:
         yield str(rng.choice(run.strokes)), "+".join(sized), run.seed + n
 
 
+def deviations(row: dict[str, Any], p: Planted, size: float) -> Iterator[float]:
+    """How far the sizes named for a planted part are from what was planted, in their standard uncertainties."""
+    for c in row["changes"]:
+        if (c["cause"], c["profile"]) == (p.cause, p.profile):
+            off = np.log(c["change"] / size) if c["unit"] == "1" else c["change"] - size
+            yield float(off / c["u"])
+
+
 def main(run: Run) -> bool:
     """Run the study; whether 95 % of what is said of all or of some trials may name nothing wrong."""
     keys = [(kind, n, run.seed + i) for i, kind, n in product(range(run.sessions), run.strokes, run.changes)]
     verdicts: dict[str, Counter[str]] = {}
-    seconds = []
+    shown: Counter[str] = Counter()
+    seconds, sets, off = [], [], []
     for (kind, words, seed), row in run.cases(lots(run) if run.lots else keys, case):
         print(f"{kind} {words} {seed}: {row['apart'] or '–'}, {row['shared']} | {row['said']}", flush=True)
         these = [Planted(**p) for p in row["planted"]]
@@ -262,11 +321,30 @@ def main(run: Run) -> bool:
             if row[part]:
                 name = f"{of[0].cause}, {of[0].profile}" if len(of) == 1 else f"{len(of) or 'nothing'}, {part}"
                 verdicts.setdefault(name, Counter())[row[part]] += 1
+        for p, (size, ratio) in zip(these, row["truths"], strict=bool(row["truths"])):
+            verdict = row["shared" if p.profile == ALL else "apart"]
+            if ratio > SHOWS:
+                shown[verdict] += 1
+                if verdict in ("alone", "set"):
+                    sets.append(len({c["set"] for c in row["changes"]}))
+                    off += list(deviations(row, p, size))[:1]
         seconds.append(row["seconds"])
-    shown = Table("planted:<40s", *(f"{verdict}:6d" for verdict in VERDICTS))
+    table = Table("planted:<40s", *(f"{verdict}:6d" for verdict in VERDICTS))
     for name in sorted(verdicts):
-        shown.row(name, *(verdicts[name][verdict] for verdict in VERDICTS))
+        table.row(name, *(verdicts[name][verdict] for verdict in VERDICTS))
     total = sum(verdicts.values(), Counter())
-    shown.row("all", *(total[verdict] for verdict in VERDICTS))
+    table.row("all", *(total[verdict] for verdict in VERDICTS))
+    table.row("parts that show", *(shown[verdict] for verdict in VERDICTS))
     print(f"processor time of a session: median {np.median(seconds):.1f} s, most {np.max(seconds):.1f} s")
+    named, wrong = shown["alone"] + shown["set"], total["wrong"]
+    if named:
+        low, high = interval(named, shown.total())
+        least, most = interval(wrong, wrong + total["alone"] + total["set"])
+        near = sum(abs(d) < 2.0 for d in off)
+        run.figure(
+            "explains",
+            f"named {named} of {shown.total()} ({low:.0%} to {high:.0%}), median set {np.median(sets):.0f}; wrong "
+            f"{wrong} of {wrong + total['alone'] + total['set']} ({least:.1%} to {most:.1%}); sizes within 2 u "
+            f"{near} of {len(off)}",
+        )
     return may_be(0.95, total.total() - total["wrong"], total.total())

@@ -107,7 +107,7 @@ def explain_difference(tested: ModelUnderTest, sound: Sequence[MeasuredTrial], e
     if not sound:
         return Explained()
     try:
-        trials = observe("validate", 0, _choose_trials(sound))
+        trials = observe("validate", 0, choose_trials(sound))
     except ValidationInputError:  # no span in common
         return Explained()
     return explain_observed(tested, trials, effects)
@@ -125,7 +125,7 @@ def explain_observed(tested: ModelUnderTest, trials: Sequence[ObservedTrial], ef
     return Explained(found["sentence"], changes, found["nothing"], findings)
 
 
-def _choose_trials(sound: Sequence[MeasuredTrial]) -> list[MeasuredTrial]:
+def choose_trials(sound: Sequence[MeasuredTrial]) -> list[MeasuredTrial]:
     """The trial that stands for all, then the others; so many, evenly chosen, where there are more."""
     first = representative(list(sound))
     others = [m for m in sound if m is not first]
