@@ -25,6 +25,7 @@ from validation.infer.observations import ENCODERS
 REFITTED = 12  # causes of each size that are refitted, the best of the linear model first
 SECOND = 2  # best single causes beside which a second one is looked for
 RUNS = 256  # draws of the scatter between trials that are run: half for the curvature, half for the threshold
+MORE_RUNS, CLEAR = 896, 10.0  # further draws for the threshold, but where it is exceeded so many times
 ROUNDS = 12  # of Gauss–Newton, at most
 FELTS = 4  # whose hereditary laws are tried, those whose damping shows most: each compiles a scene of its own
 AMOUNTS = (0.5, 1.0, 2.0)  # of what their files state, at which effects are first run
@@ -52,6 +53,7 @@ class Search:
     """The linear model around one fit."""
 
     columns: Array  # (n, p) derivatives of the predicted curve with respect to each source
+    drawn: tuple[Array, Array]  # (draws, n) changes of the curves of trials that scatter: as run, and linear
 
     def __init__(
         self, responses: Responses, at: Fit, effects: Sequence[int] = (), before: Search | None = None
@@ -76,11 +78,7 @@ class Search:
             blocks.append((share, block))
             tangents.append(columns)
         columns = tangents[0]
-        if before is None:
-            amounts = np.random.default_rng(0).standard_normal((RUNS, len(listed))) * scatter
-            self.drawn = responses.scattered(amounts, at.each), amounts @ columns.T
-        else:
-            self.drawn = before.drawn
+        self.drawn = self._draw(RUNS, columns) if before is None else before.drawn
         known = known_root(responses.tested.action, listed)
         between = np.where(laws, 0.0, scatter)
         self.noise = BalancedNoise(blocks, families, between, known, len(trials), *self.drawn)
@@ -93,6 +91,20 @@ class Search:
             self.alike = {i: [] for i in self.at.members} | new | before.alike
         self.named = sorted(self.alike)
         self.test = ScoreTest(self.noise, columns, [responses.candidates[i] for i in self.named])
+
+    def _draw(self, count: int, columns: Array, seed: int = 0) -> tuple[Array, Array]:
+        """Changes (count, n) of the curves of trials whose laws and lengths scatter: as run, and linear."""
+        scatter = np.array([s.scatter for s in self.responses.listed])
+        moved = np.flatnonzero(scatter)  # which effects are listed does not change the draws
+        amounts = np.zeros((count, scatter.size))
+        amounts[:, moved] = scatter[moved] * np.random.default_rng(seed).standard_normal((count, moved.size))
+        return self.responses.scattered(amounts, self.at.each), amounts @ columns.T
+
+    def refine_threshold(self) -> Threshold:
+        """Threshold from `MORE_RUNS` further strokes: a rare one of `RUNS` alone would set it, or miss."""
+        more, _ = self._draw(MORE_RUNS, self.columns, seed=1)
+        self.noise.runs = np.concatenate([self.noise.runs, more])
+        return self.test.threshold(self.turned(self.at.each))
 
     def _conditions(self) -> list[tuple[int, float]]:
         """Trials (indices) that have least and most of the fit's causes, with the share of trials each stands for."""
@@ -288,13 +300,13 @@ class Search:
         each = fit.each + self.effect(fit, gone) if gone else fit.each
         return self.test.gains(self.turned(each), [self.named.index(fit.members[k]) for k in kept], fit.z[kept])
 
-    def is_exceeded(self, threshold: Threshold) -> bool:
-        """Whether one cause or a pair gains more than its threshold."""
+    def is_exceeded(self, threshold: Threshold, times: float = 1.0) -> bool:
+        """Whether one cause or a pair gains more than its threshold, so many times."""
         gains, k = self.gains()
-        if gains.max() > threshold.single:
+        if gains.max() > times * threshold.single:
             return True
         gram, b = self.test.gram(k), self.test.products(k, self.noise.whiten(k, self.turned(self.at.each))[None])
-        return float(pair_gains(gram, b)[0]) > threshold.pair
+        return float(pair_gains(gram, b)[0]) > times * threshold.pair
 
     def first_round(self) -> list[Fit]:
         """Every source in all trials, and the best as some trials may have it, one step of Gauss–Newton from none."""
@@ -357,6 +369,8 @@ def find_causes(responses: Responses, effects: bool = True) -> Found:
         return Found()
     search = Search(responses, Fit((), np.zeros(0), base, np.zeros((*base.shape, 0))))
     threshold = search.test.threshold(search.turned(base))
+    if search.is_exceeded(threshold) and not search.is_exceeded(threshold, CLEAR):
+        threshold = search.refine_threshold()
     if not search.is_exceeded(threshold):
         return Found(search=search)
     if effects:
