@@ -334,7 +334,7 @@ def limit_command(
     return limited
 
 
-GROWN = 1.2  # times the least error: a blow whose error exceeds it began to diverge, which noise does not
+GROWN = 1.2  # times the least error: choice; a blow of a larger one is taken to diverge
 GAIN = 0.8  # of the error that one stroke corrects: below 1, so that noise is not learnt whole
 GOAL = 0.03  # relative error of the force at which learning ends; needs a peak of 33 times the noise
 MARGIN = 0.75  # of the goal, to which learning goes on while blows improve: a replay must follow as well

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-HARMONICS = 3  # of the mains: rectifiers make odd ones, higher than the third are below a cell's noise
+HARMONICS = 3  # of the mains: choice; rectifiers make odd ones
 SEARCH_HZ = 0.2  # largest steady deviation from 50 Hz that Europe's grid code allows
 
 

@@ -205,7 +205,7 @@ def join_blocks(blocks: list[Block]) -> Block:
 FITTED_S = 0.012  # of a push after half its plateau: one period of the slowest ringing
 EARLIEST_S, LATEST_S = -2e-3, 15e-3  # of the edge, against when it is due: a delay of 8 ms that was forgotten is seen
 RINGING_HZ = (80.0, 2400.0)  # of arm and cell: slower is no ringing, faster is above half the sample rate
-STARTS = 6  # frequencies from which the fit begins: each resonance is within a factor 1.3 of one
+STARTS = 6  # frequencies from which the fit begins: a factor 1.6 apart
 SHAPE_SAMPLES = 0.1  # standard uncertainty for a bench that rings unlike the fitted curve
 Array = NDArray[np.float64]
 

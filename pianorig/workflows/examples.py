@@ -104,7 +104,7 @@ def table_text(columns: Table) -> str:
 
 
 CAMERA = CameraSettings(width=280, height=212, scale_px_per_m=2240.0)  # 0.7 of the virtual bench's: a smaller file
-FRAMES = 150  # of the film: 75 ms, to the check
+FRAMES = 150  # of the film: 75 ms
 START_S = 0.045  # the example force begins at 0.05 s, the bodies move from 0.065 s on
 GRID, PITCH_M = (9, 6), 5e-3  # inner corners of the target, and their distance: it fits the picture
 VIEWS = 12  # of the target, round a circle

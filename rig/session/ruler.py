@@ -30,7 +30,7 @@ STRETCHES = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 10.0)  # c of the axis log(x
 """Sensors of light and of magnetism fall off like that; with 10 the axis is as good as straight."""
 STIFFNESSES = tuple(np.logspace(-7.0, 0.0, 15).tolist())  # of the spline: through all points to a straight line
 KEPT = 1e6  # weight of the first and last point against the others': they move by a millionth
-GRID = 513  # places at which a curve is asked whether it rises: 40 and more between two points of a ruler
+GRID = 513  # places at which a curve is asked whether it rises: choice, many between two points
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from vision.item_map import ItemMap, serial_map
 
 EROSION_PX = 4.0  # width of the rim that is not used: edge pixels mix the body with what lies behind it
 CLEARANCE_PX = 4.0  # distance kept from the outline of a body that lies in front
-SATURATED_REACH_PX = 2  # around a saturated area: its light spills over, the spline's slopes too
+SATURATED_REACH_PX = 2  # around a saturated area: choice: its light spills over
 MIN_PIXELS = 100  # below this a five-parameter fit is not worth starting
 
 

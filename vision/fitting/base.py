@@ -19,6 +19,7 @@ from vision.kernel_cache import cached_njit
 MARGIN_PX = 14  # read around the body: 8 px for the spline filter, the rest for motion beyond the prediction
 LEAST_PX = 16  # side of a region
 NO_REGION = -1
+MEDIAN_U = 1.25  # standard error of a median of normal noise over a mean's: sqrt(pi / 2)
 ROUNDING_GREY = 0.3  # standard deviation of rounding to whole grey values, 1 / sqrt 12
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.fitting.assessment import COHERENT, HIDDEN_SHARE
-from vision.fitting.base import Fit
+from vision.fitting.base import MEDIAN_U, Fit
 from vision.fitting.bspline import noise_gain
 from vision.fitting.kernels import F32, F64, I32, I64
 from vision.fitting.slow_changes import MOST_LIGHT, Changes, illumination_factor
@@ -70,7 +70,6 @@ SAME_TEXTURE = 2.5
 """Difference of neighbouring residuals over that of noise up to which a square shows the same texture: an edge of the
 light lies between few of them, another surface between all."""
 USABLE = 8.0  # residuals over the noise up to which they tell whether light is added or multiplied
-MEDIAN_U = 1.25  # standard error of a median of normal noise over a mean's: sqrt(pi / 2)
 SIGNIFICANT_U = 6.0  # a square's change over its standard uncertainty from which it counts
 LEAST_CELLS = 4  # of significant squares: fewer may be a glint
 BETTER = 0.9  # misfit of all pixels with the local light taken out over that without, at most

@@ -8,9 +8,9 @@ from all over the film. A film without any is not touched.
 Row flicker, light that differs between even and odd rows, is taken off before anything is fitted. A camera that reads
 two half pictures one after the other sees a flickering lamp twice: even rows are brighter by some per cent, or darker,
 another amount in each frame. No gain and no gradient follows that; it counts as noise, widens the uncertainty and ends
-the still frames. Method: what rows differ by from the mean of their neighbours, regressed on that mean, is the
-amplitude; texture adds the same to all frames at rest, so that a film is touched only where the amplitude changes among
-its first frames by far more than pixels explain.
+the still frames. Method: the median, over a row and then over the rows, of what pixels differ by from the mean of their
+neighbours, over that mean, is the amplitude; texture adds the same to all frames at rest, so that a film is touched
+only where the amplitude changes among its first frames by far more than pixels explain.
 
 Coarse steps of grey: a film whose grey values were rounded to steps that its noise does not blur shows a contour where
 there was a slope; contours move with the body by whole pixels at a time, and residuals do not tell how far that moves
@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.film.source import Corrected, FrameSource, saturated_grey
-from vision.fitting.base import ROUNDING_GREY
+from vision.fitting.base import MEDIAN_U, ROUNDING_GREY
 from vision.fitting.template import Template
 from vision.reference.rectified_film import RectifiedFilm
 
@@ -111,8 +111,6 @@ def _classify_outliers(frame: NDArray[Any], bit_depth: int) -> NDArray[np.int8]:
 FIRST = 8  # frames at the start that are looked at, and rows of a body at least: a scatter needs some
 SURE = 5.0  # scatter of the amplitude over its standard uncertainty from which it is believed
 LEAST = 0.002  # smallest scatter that matters: a quarter of a grey level in a hundred
-OUTLYING = 3.0  # pixels that differ by more than this many times the usual difference are texture, not flicker
-ROUNDS = 3  # of the regression, each without what the one before left out: the share settles
 
 
 class FlickerCorrectedFilm(Corrected):
@@ -166,17 +164,15 @@ def row_flicker_share(grey: NDArray[Any], first_row: int, top: int) -> tuple[flo
     off *= row_parity(first_row + 1, first_row + grey.shape[0] - 1)[:, None]
     below = light < top
     use = below[1:-1] & below[:-2] & below[2:] & (mean > 0.0)
-    share = 0.0
-    for _ in range(ROUNDS):
-        left = off - share * mean
-        near = use & (np.abs(left) <= OUTLYING * max(float(np.median(np.abs(left[use]))), 1e-9) if use.any() else use)
-        power = float(np.sum(mean[near] ** 2))
-        if not power > 0.0:
-            return 0.0, float("inf")
-        share = float(np.sum(mean[near] * off[near])) / power
+    whole = use.any(axis=1)
+    use, off, mean = use[whole], off[whole], mean[whole]
+    if len(off) < 2:
+        return 0.0, float("inf")
     # row by row: what a row is read with is common to its pixels
-    left = np.sum(np.where(near, mean * (off - share * mean), 0.0), axis=1)
-    return share, float(np.sqrt(np.sum(left**2))) / power
+    share = np.nanmedian(np.where(use, off / np.where(use, mean, 1.0), np.nan), axis=1)
+    middle = float(np.median(share))
+    scatter = 1.4826 * float(np.median(np.abs(share - middle)))
+    return middle, MEDIAN_U * scatter / float(np.sqrt(share.size))
 
 
 OF_TEXTURE = 0.25  # step over the texture's standard deviation from which it is coarse

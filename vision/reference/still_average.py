@@ -139,7 +139,7 @@ def _matched_difference(
     return frame - design @ solution, float(solution[0])
 
 
-WINDOWS = (1, 2, 4, 8, 16)  # frames whose mean is compared: a motion four times slower is seen with each second one
+WINDOWS = (1, 2, 4, 8, 16)  # frames whose mean is compared: slow motion shows in long ones
 LIMIT = 5.0  # standard deviations of a pose at which motion begins
 GUARD = 2  # frames left out before a motion that is seen
 SCATTER_FRAMES = 12  # least static frames whose own scatter of poses is used

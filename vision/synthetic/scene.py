@@ -67,7 +67,7 @@ def transform_points(points: ArrayLike, phi_rad: float, pivot: tuple[float, floa
     return np.asarray(points, dtype=float) @ turn_matrix(phi_rad).T + np.asarray(pivot, dtype=float)
 
 
-OVERSAMPLING = 4  # points of a texture's table a pixel: the spline between them is exact to 1e-3 grey
+OVERSAMPLING = 4  # points of a texture's table a pixel: choice; a spline lies between them
 RIM_PX = 3.0  # of the table around an outline: what blending and the spline reach
 
 

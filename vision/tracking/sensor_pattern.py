@@ -30,7 +30,7 @@ from vision.results.pose_table import PoseTable
 from vision.tracking.film_tracker import FilmTracker
 
 MOVED_PX = 1.5  # in the middle or half way to the rim, from which a body has moved: a grain of texture and more
-LEAST_ROWS = 8  # of a body that has moved: their median variance is known to a fifth
+LEAST_ROWS = 8  # of a body that has moved, for their median: choice
 MOST_ROWS = 120  # of each body that are looked at: the pattern is then known to a tenth of the noise
 SCATTER = 1.6  # of a pixel's differences over what noise and pattern explain: more, and something else moves there
 APART_PX = 3.0  # between the least and the most moved third of the rows: other texture lies there then
@@ -250,7 +250,7 @@ def _difference(
     return (frame - light).astype(np.float32), inside
 
 
-ROUNDS = 8  # at most, of estimating and fitting the sampled rows again: most films need three
+ROUNDS = 8  # at most, of estimating and fitting the sampled rows again: choice
 WORTH = 0.995  # residual variance of a round over that of the one before from which no further one is tried
 TRACKED_AGAIN = 2  # times that the whole film is tracked again at most
 
