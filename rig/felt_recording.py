@@ -49,7 +49,8 @@ from rig.session.trial_data import TrialData
 BINS = 160  # points of a phase at most, means over equal times: a curve file of some 300 lines
 FEWEST_SAMPLES = 3  # of a point, so that a spike is averaged
 FEWEST_POINTS = 10  # of a phase: a cubic with its loop and first touch has five unknowns
-LOWEST, HIGHEST = 0.07, 0.92  # share of the way that counts: between reaching the speed and leaving it
+EASE = 0.12  # share of the way over which the speed is reached, and left: choice; shorter rings more
+LOWEST, HIGHEST = 0.5 * EASE, 1.0 - 0.5 * EASE  # share of the way that counts: at full speed
 SETTLED_S = 0.15  # at the end of a press, in which the arm rests: seven periods of 50 Hz
 HUM_GRID = 41  # mains frequencies that are tried: 0.01 Hz apart, a tenth of a turn in ten seconds
 LEAST_COUNTS = 20  # turn of the encoder: the rounding of a count, u = 0.29, is then at most 1.5 % of it
@@ -416,7 +417,6 @@ def press_settings(config: RigConfig, felt: FeltConfig, peak_n: float) -> RigCon
 
 RAMP_S = 1.5  # of the first press, each way
 HOLD_S = 0.08  # at the deepest point, between loading and unloading
-EASE = 0.12  # share of the way over which the speed is reached, and left: choice; shorter rings more
 POINTS = 60  # key points of a press, straight lines between them
 SLEW_SHARE = 0.9  # of the rig file's slew limit that a press may ask for
 
