@@ -1,4 +1,4 @@
-"""Drives identified from logs of known ones: circuit, planted values, what a log leaves open, refusals."""
+"""Drives identified from logs of known ones: planted values, what a log leaves open, refusals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The inside view against the twin, finite differences, Newton's law, the energy audit and a pendulum."""
+"""The inside view against the twin, finite differences, Newton's law and the energy audit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Coefficients satisfy the order conditions of Rosenbrock methods and show their order on a known problem."""
+"""Coefficients satisfy the order conditions of Rosenbrock methods and are stiffly accurate."""
 
 from __future__ import annotations
 

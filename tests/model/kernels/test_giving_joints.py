@@ -1,4 +1,4 @@
-"""A hammer's joint that gives, in the kernels: against bodies that are all free, against differences."""
+"""A hammer's joint that gives, in the kernels: against bodies that are all free, and by dense algebra."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Machine code is made of what Python calls; what compiled code calls has none, and Python can still call it."""
+"""Machine code is made of what Python calls; what compiled code calls has none."""
 
 from __future__ import annotations
 

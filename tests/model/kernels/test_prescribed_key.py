@@ -1,4 +1,4 @@
-"""Scenes whose key is prescribed: equations against the twin, derivatives, order of the methods, what is left out."""
+"""Scenes whose key is prescribed: the motion itself, equations against the twin, what is refused."""
 
 from __future__ import annotations
 

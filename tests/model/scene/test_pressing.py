@@ -1,4 +1,4 @@
-"""Motor drive and finger without a run: limits, input tables, refusals."""
+"""Motor drive and finger without a run: input tables, steady current, refusals."""
 
 from __future__ import annotations
 

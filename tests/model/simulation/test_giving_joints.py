@@ -1,4 +1,4 @@
-"""Joints that give under way: closed forms, the limit of rigid joints, energy, errors, rest, what is said."""
+"""Joints that give under way: a closed form, the limit of rigid joints, energy, errors, rest, what is said."""
 
 from __future__ import annotations
 
