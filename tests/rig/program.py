@@ -12,7 +12,8 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-DEADLINE_S = 60.0
+DEADLINE_S = 180.0
+"""Where something hangs; on a busy machine a process that loads the model may take a minute to begin."""
 END = "end\n"
 
 
