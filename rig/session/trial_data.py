@@ -119,6 +119,11 @@ class TrialData(Tabular, ArrayRecord):
 
         It is what ``validate`` drives the model with, and ``model.simulate(action, trial)``.
 
+        Returns
+        -------
+        CorrectedForce
+            ``time_s``, ``force_n`` and ``u_force_n`` (n,); also ``to_frame()``, ``plot()`` and ``save()``.
+
         Raises
         ------
         RigInputError

@@ -74,6 +74,13 @@ def test_every_figure_of_the_thesis_is_there_with_title_and_description(page):
     assert len(page.encode()) < 1_200_000
 
 
+def test_words_are_set_to_the_left_and_numbers_to_the_right(page):
+    (table,) = re.findall(r'<table id="table-trials-events".*?</table>', page, re.DOTALL)
+    head = re.findall(r'<th scope="col"(?: class="(\w+)")?>([^<]+)', table)
+    assert head[:5] == [("", "trial"), ("word", "source"), ("word", "event"), ("", "value"), ("word", "status")]
+    assert '<td class="word">String impact (ms)</td><td>' in table
+
+
 def test_the_verdict_comes_first_and_limits_and_provenance_are_there(page, compared):
     lead, rest = verdict_parts(compared)
     first, table, folded = page.index(lead), page.index("<table"), page.index("<details")
