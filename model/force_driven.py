@@ -217,6 +217,7 @@ class ForceDrivenRun:
     fewer_modes: Scene | None = None
 
     def from_state(self, state: State) -> Solution:
+        """Solution of the run from ``state``, with the outputs and the error estimate that were requested."""
         energy = "energy" in self.outputs
         under_way = self._run(state, energy=energy)
         stored = under_way.stored_energy() if energy else 0.0

@@ -262,6 +262,7 @@ class _Table:
 
 
 def _make_table(name: str, given: tuple[ArrayLike, ArrayLike] | Recorded, options: ForceDrivenOptions) -> _Table:
+    """Force table, output times and preload of one trial, given as (time s, force N) or as a record."""
     preload_n, sampled, is_recorded = 0.0, None, not isinstance(given, tuple | list)
     if isinstance(given, tuple | list):
         times, forces = check_force_table(*given, f"trial {name}")

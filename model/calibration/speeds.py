@@ -124,6 +124,7 @@ def mean_normal_speeds(
 
 
 def _differentiate(t: Array, q: Array) -> Array:
+    """Rates (n, k), per s, of columns q (n, k) at evenly spaced times t (n,), s, by a Savitzky–Golay filter."""
     # start-up: scipy.signal costs 0.4 s, and only measured angles without speeds need it
     from scipy.signal import savgol_filter
 

@@ -113,6 +113,7 @@ def _path(tables: Kind, functions: dict[str, Any], lanes: int) -> Path | None:
 
 
 def _compile_kernels(tables: Kind, functions: dict[str, Any], lanes: int) -> dict[str, Kernel]:
+    """Kernels by name, their machine code read from the disk cache or compiled and written to it."""
     path = _path(tables, functions, lanes)
     machine = _target_machine()
     code = read_entry(path) if path is not None else None
@@ -136,6 +137,7 @@ def _compile_kernels(tables: Kind, functions: dict[str, Any], lanes: int) -> dic
 
 
 def write_kernel(program: Program, module: ir.Module, name: str, lanes: int = 1) -> None:
+    """Add the kernel ``name`` of a program, for ``lanes`` members side by side, to ``module``."""
     writer = KernelWriter(module, name, program.arguments, lanes, has_wide_vectors(), program.exact)
     writer.write(program.statements)
     result = program.result
@@ -192,6 +194,7 @@ def link_kernels(tables: Kind, functions: dict[str, Any], lanes: int, machine: A
 
 
 def optimise_module(module: ir.Module, machine: Any, side_by_side: bool = False) -> Any:
+    """The module parsed, verified and optimised by LLVM; ``side_by_side`` lets it vectorise straight code."""
     parsed = binding.parse_assembly(str(module))
     parsed.verify()
     options = binding.create_pipeline_tuning_options(speed_level=2)

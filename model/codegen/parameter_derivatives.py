@@ -180,7 +180,7 @@ class ParameterDerivatives:
         return Program(dict.fromkeys("wp", "array"), e.string_seen(), [(k, ~one) for k, one in enumerate(holds)])
 
     def propagate_modes(self) -> Program:
-        """Of each mode that was left free for the time ``u``, s: `CARRIED` numbers."""
+        """Program of the `CARRIED` transition coefficients of each mode that vibrates freely for the time ``u``, s."""
         out: list[Statement] = []
         for m in (contact.modes for contact in self._e.strings):
 

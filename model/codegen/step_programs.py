@@ -157,6 +157,7 @@ class StepPrograms:
     # linearise ----------------------------------------------------------------------------------------------------
 
     def linearise(self) -> Program:
+        """Program that writes accelerations, K, D, df/du, open gaps and their rates to the workspace."""
         s, moving = self._s, ONE - read("w", W.STATIC)
         find, (pq, pv, pa, jerk) = self._prescribed_motion(moving)
         z = [read("w", W.Z + m) for m in range(len(s.memory))]
@@ -417,6 +418,7 @@ class StepPrograms:
     # the matrix of a step -----------------------------------------------------------------------------------------
 
     def _pattern(self) -> tuple[Elements, set[tuple[int, int]]]:
+        """Elements at the workspace's state, and the entries (i, j) of the matrix that can differ from zero."""
         s = self._s
         spare = [read("w", W.Q + i) for i in range(s.own, len(s.bodies))]
         z = [read("w", W.Z + m) for m in range(len(s.memory))]
@@ -482,6 +484,7 @@ class StepPrograms:
         return self._filled
 
     def skip(self) -> Program:
+        """Program of the mask of contacts that cannot touch within the step."""
         s = self._s
         out: list[Statement] = []
         mask: list[tuple[int, Expression]] = []
@@ -514,6 +517,7 @@ class StepPrograms:
     # stages -------------------------------------------------------------------------------------------------------
 
     def stage(self) -> Program:
+        """Program of stage ``k``: accelerations and the stage of each state; returns where the mask was cleared."""
         s = self._s
         rate, k = self._condition("rate"), argument("k")
         find, (pq, pv, pa, _) = self._prescribed_motion(ONE)
@@ -535,6 +539,7 @@ class StepPrograms:
         return Program(given, [*out, *self._solve_stage(e, k)], "exceeded")
 
     def _stage_state(self, k: Expression, moved: tuple[Row, Row]) -> tuple[list[Statement], Row, Row, Row]:
+        """Statements that sum the stages before ``k``; coordinates, speeds and internal variables at stage ``k``."""
         s = self._s
         rows = [(f"{i}", W.Q + i, W.V + i, W.U + i, W.U + W.WIDTH + i, 2 * W.WIDTH) for i in range(s.own)]
         at_z, at_u = s.pin_places(W.Z), s.pin_places(W.Z_U)
@@ -566,6 +571,7 @@ class StepPrograms:
         return out + [Assign(variable("on the string"), read("w", W.S_FORCE)) for _ in s.string]
 
     def _stage_statements(self, e: Elements, pa: Row) -> list[Statement]:
+        """Statements of all forces at a stage, and of the accelerations ``a0``, ``a1``, … that follow from them."""
         s = self._s
         friction = [rub for i, rub in e.bodies.joint_friction().items() if i < s.own]
         out: list[Statement] = [
@@ -651,6 +657,7 @@ class StepPrograms:
         differentiators: Differentiators,
         ease: dict[int, Expression],
     ) -> list[Statement]:
+        """Statements of the contact with the string: force and derivatives where it touches, else the open gap."""
         s = self._s
         place, chain = s.place[contact.c], list(contact.ways)
         pressing, force = contact.felt
@@ -697,6 +704,7 @@ class StepPrograms:
     # energy -------------------------------------------------------------------------------------------------------
 
     def energy(self) -> Program:
+        """Program of the energy of a state, the power put in and the powers lost, written to the workspace."""
         s, prescribed = self._s, list(self._s.bodies)[self._s.own :]
         find, (pq, pv, pa, _) = self._prescribed_motion(ONE)
         z = [read("w", W.AUDIT_Z + m) for m in range(len(s.memory))]

@@ -62,6 +62,7 @@ class StepUpdate:
     # events -------------------------------------------------------------------------------------------------------
 
     def fit(self) -> Program:
+        """Program that shortens the step to where a surface touches or parts, or friction turns, within it."""
         bound = _w(W.SPEED_LIMIT)
 
         def body(i: Expression) -> list[Statement]:
@@ -146,6 +147,7 @@ class StepUpdate:
         return Program(given, out, finite & (value_of("error") < INFINITE), exact=True)
 
     def dense(self) -> Program:
+        """Program that sums the stages, weighted by ``dense``, to the polynomial of the step in the workspace."""
         stages = argument("stages")
 
         def state_row(m: Expression) -> list[Statement]:
@@ -184,6 +186,7 @@ class StepUpdate:
         return Program(given, out, exact=True)
 
     def interpolate(self) -> Program:
+        """Program of the state at the fraction `W.FRACTION` of the step, from the polynomial of ``dense``."""
         x, rows = _w(W.FRACTION), argument("rows")
 
         def reversed_row(m: Expression) -> Expression:

@@ -55,6 +55,7 @@ def _reduce_argument(x: Expression) -> tuple[Expression, Expression]:
 
 
 def _exponential(x: Expression) -> Expression:
+    """exp(x) as an expression: range reduction to a power of two, then Taylor's series to r^13."""
     shifted, r = _reduce_argument(x)
     square = r * r
     # Taylor's series: beyond r^13 it is below 2^-57

@@ -173,6 +173,7 @@ def _value(e: Expression) -> float | None:
 
 
 def _add(a: Expression, b: Expression) -> Expression:
+    """a + b as an expression, simplified: zeros, constants and negatives are folded."""
     if a is ZERO:
         return b
     if b is ZERO:
@@ -187,6 +188,7 @@ def _add(a: Expression, b: Expression) -> Expression:
 
 
 def _subtract(a: Expression, b: Expression) -> Expression:
+    """a - b as an expression, simplified: zeros, constants, and terms that cancel, are folded."""
     if b is ZERO:
         return a
     if a is ZERO:
@@ -211,6 +213,7 @@ def _subtract(a: Expression, b: Expression) -> Expression:
 
 
 def _negate(a: Expression) -> Expression:
+    """-a as an expression, simplified: constants and double negatives are folded."""
     if a.op == "constant":
         return constant(-a.args[0])
     if a.op == "negative":
@@ -221,6 +224,7 @@ def _negate(a: Expression) -> Expression:
 
 
 def _multiply(a: Expression, b: Expression) -> Expression:
+    """a b as an expression, simplified: zeros, ones, constants and negatives are folded."""
     if a is ZERO or b is ZERO:
         return ZERO
     if a.op == b.op == "constant":
@@ -236,6 +240,7 @@ def _multiply(a: Expression, b: Expression) -> Expression:
 
 
 def _divide(a: Expression, b: Expression) -> Expression:
+    """a / b as an expression, simplified: by a constant it becomes a product."""
     if a is ZERO:
         return ZERO
     if b is ONE:
@@ -436,6 +441,7 @@ _RULES: dict[str, Callable[..., Expression]] = {
 
 
 def _apply_chain_rule(e: Expression, d: Callable[[Expression], Expression]) -> Expression:
+    """Derivative of ``e`` along a direction, from the derivatives ``d`` of its arguments."""
     op, a = e.op, e.args
     if op in ("constant", "read", "argument", "counter"):
         return ZERO

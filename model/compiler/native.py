@@ -167,6 +167,7 @@ class KernelWriter:
     # statements --------------------------------------------------------------------------------------------------
 
     def _write_assignment(self, s: Assign | Accumulate, where: Any) -> None:
+        """Write code that stores or adds a value, only in the lanes of ``where`` (None: in all)."""
         value, pointer = self.value(s.value), self._pointer(s.place)
         if isinstance(s, Accumulate):
             if where is not None:  # adding -0 changes no bit
@@ -177,6 +178,7 @@ class KernelWriter:
         self.b.store(value, pointer, align=8)
 
     def _write_branch(self, s: If, where: Any) -> None:
+        """Write code of an If, a branch in lanes that take it; ``where`` are the lanes that take part (None: all)."""
         truth = self.value(s.condition)
         uniform = self.lanes == 1 or truth.type == TRUTH
         if uniform:
@@ -196,6 +198,7 @@ class KernelWriter:
                     self.write(statements, here)
 
     def _write_loop(self, s: For | While, where: Any) -> None:
+        """Write code of a For or While; ``where`` are the lanes that take part (None: all)."""
         around, changing = self.b.block, _modified_places(s.body)
         head, body, after = (self._function.append_basic_block(n) for n in ("head", "loop", "after"))
         counter: Any = None
@@ -257,6 +260,7 @@ class KernelWriter:
         return known.get(e)
 
     def _operation(self, e: Expression, a: list[Any]) -> Any:
+        """LLVM value of one operation with the values ``a`` of its arguments; writes its code here."""
         b, op = self.b, e.op
         if op in ("named", "law"):
             return a[0]
@@ -295,6 +299,7 @@ class KernelWriter:
         return self._lower_arithmetic(op, a)
 
     def _lower_arithmetic(self, op: str, a: list[Any]) -> Any:
+        """LLVM value of an arithmetic operation or comparison ``op`` with the values ``a``."""
         b = self.b
         if op in ROUNDED:
             return getattr(b, ROUNDED[op])(*a, flags=self._flags)
@@ -314,6 +319,7 @@ class KernelWriter:
         return call_intrinsic(self.b, INTRINSICS[op], *a)
 
     def _lower_conditional(self, truth: Any, compute: Any) -> Any:
+        """LLVM value of ``compute()`` where ``truth`` holds, else 0; computed in a block of its own."""
         before = self.b.block
         with self.b.if_then(self._any_lane(truth)):
             with self._block():
@@ -327,6 +333,7 @@ class KernelWriter:
         return out
 
     def _lower_newton(self, e: Expression) -> Any:
+        """LLVM value of the root of a residual, by Newton's method in a loop, each lane until it has converged."""
         unknown, residual, steep, start = e.args
         b, first, around = self.b, self.value(start), self.b.block
         head, after = (self._function.append_basic_block(n) for n in ("newton", "found"))
@@ -364,6 +371,7 @@ class KernelWriter:
         return out
 
     def _rotation(self, x: Any, *near: Any) -> dict[str, Any]:
+        """LLVM values of cosine and sine of x: those ``near``, but the C library's beyond an eighth of a turn."""
         far = self.b.fcmp_ordered(">", call_intrinsic(self.b, "fabs", x), self._number(elementary.EIGHTH_TURN))
         before = self.b.block
         with self.b.if_then(self._any_lane(far), likely=False):
@@ -407,6 +415,7 @@ class KernelWriter:
         return self._memo[es]
 
     def _row_of(self, es: tuple[Expression, ...]) -> Any:
+        """LLVM vector of as many expressions, made of vectors of their arguments where they are alike."""
         first, kind = es[0], ir.VectorType(DOUBLE, BUNDLE)
         if all(e is first for e in es):
             if first.op == "constant":
@@ -494,6 +503,7 @@ class KernelWriter:
         return self.b.fptosi(value, INTEGER)
 
     def _pointer(self, place: Place) -> Any:
+        """LLVM pointer to a place: a variable, or an element (a row of lanes) of an array argument."""
         array, k, further = place
         if array == "local":
             return self._name(str(k))

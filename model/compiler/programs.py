@@ -126,27 +126,28 @@ def as_integer_per_lane(e: Expression) -> Expression:
 
 
 def map_assignments(
-    statements: list[Statement], one: Callable[[Assign | Accumulate], list[Statement]]
+    statements: list[Statement], replacement: Callable[[Assign | Accumulate], list[Statement]]
 ) -> list[Statement]:
-    """The same blocks with other statements in place of each that puts or adds; what is left empty goes."""
+    """Copy with each Assign or Accumulate replaced by ``replacement`` of it; an If that is left empty is dropped."""
     out: list[Statement] = []
     for s in statements:
         if isinstance(s, Assign | Accumulate):
-            out += one(s)
+            out += replacement(s)
         elif isinstance(s, If):
-            then, otherwise = map_assignments(s.then, one), map_assignments(s.otherwise, one)
+            then, otherwise = map_assignments(s.then, replacement), map_assignments(s.otherwise, replacement)
             if then or otherwise:
                 out.append(If(s.condition, then, otherwise))
         elif isinstance(s, For):
-            out.append(For(s.counter, s.count, map_assignments(s.body, one)))
+            out.append(For(s.counter, s.count, map_assignments(s.body, replacement)))
         elif isinstance(s, While):
-            out.append(While(s.condition, map_assignments(s.body, one)))
+            out.append(While(s.condition, map_assignments(s.body, replacement)))
         else:
             out.append(s)
     return out
 
 
 def accumulated_places(statements: list[Statement]) -> list[Place]:
+    """Places that the statements, or blocks within them, add to, in order and with repeats."""
     out: list[Place] = []
 
     def one(s: Assign | Accumulate) -> list[Statement]:

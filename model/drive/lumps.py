@@ -39,7 +39,7 @@ SLIP_RAD_PER_S = 0.02  # over which friction turns round: choice, slow against a
 UNREACHED_LIMIT = 10.0  # times the largest torque asked for: a limit that is never met
 LOG_PRIOR_WIDTH, HARDLY_SEEN_WIDTH = 4.0, 1.5  # of a logarithm before the log is looked at; of share and firmness
 DIFFERENCE = 1e-4  # of a logarithm, of the central differences: exact to 1e-8, far above rounding
-ROUNDS = 40  # of a search, at most
+MOST_EVALUATIONS = 40  # of the residuals in a search
 LAG = 15  # windows of 3 samples beyond which residuals count as independent: choice, 45 samples
 LEAST_IMPROVEMENT = 150.0  # fall of the sum of squares from which a limit is believed: windows overlap some sixfold
 U_SOFTNESS = 0.03  # of `motor_drive.limit_softness`, as its source states
@@ -179,14 +179,14 @@ def fit_lumps(log: DriveLog, options: DriveOptions) -> LumpFit:
     """The numbers under which the log's torques balance best."""
     problem = _Problem(log, options)
     starts = _initial_guesses(problem)
-    x, prior = _fit_least_squares(problem, starts[0], starts[0], ROUNDS)[0], starts[0]
+    x, prior = _fit_least_squares(problem, starts[0], starts[0], MOST_EVALUATIONS)[0], starts[0]
     _set_residual_scale(problem, x)
-    found = [_fit_least_squares(problem, start, start, ROUNDS) for start in starts]
+    found = [_fit_least_squares(problem, start, start, MOST_EVALUATIONS) for start in starts]
     best = min(range(len(found)), key=lambda k: found[k][1] + LEAST_IMPROVEMENT * (k > 0))
     x, prior = found[best][0], starts[best]
     for _ in range(2):  # scatter and numbers in turn
         _set_residual_scale(problem, x)
-        x, _ = _fit_least_squares(problem, x, prior, ROUNDS)
+        x, _ = _fit_least_squares(problem, x, prior, MOST_EVALUATIONS)
     left = float(problem.scale[0] / np.sqrt(np.mean(problem.tip**2)))
     if left > UNEXPLAINED:
         raise InputError(
@@ -247,8 +247,8 @@ def _free_indices(problem: _Problem) -> NDArray[np.int64]:
     return np.flatnonzero(np.concatenate([problem.free, np.ones(len(ARM), dtype=bool)]))
 
 
-def _fit_least_squares(problem: _Problem, x: Array, prior: Array, rounds: int) -> tuple[Array, float]:
-    """Least squares from ``x``, held near ``prior`` by its weights; what they find and the sum of squares there."""
+def _fit_least_squares(problem: _Problem, x: Array, prior: Array, max_evaluations: int) -> tuple[Array, float]:
+    """Weighted least squares of misfit and prior from ``x`` (k,): best (k,), and its sum of squares, prior included."""
     weight, moving = _prior(problem), _free_indices(problem)
     hold = np.diag(weight)[:, moving]
 
@@ -260,7 +260,7 @@ def _fit_least_squares(problem: _Problem, x: Array, prior: Array, rounds: int) -
     found = least_squares(
         lambda y: np.concatenate([problem.rest(full_vector(y)), weight * (full_vector(y) - prior)]), x[moving],
         jac=lambda y: np.concatenate([problem.jacobian(full_vector(y))[:, moving], hold]),
-        x_scale="jac", ftol=1e-9, max_nfev=rounds,
+        x_scale="jac", ftol=1e-9, max_nfev=max_evaluations,
     )  # fmt: skip
     return full_vector(found.x), 2.0 * float(found.cost)
 

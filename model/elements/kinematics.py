@@ -68,6 +68,7 @@ class Kinematics:
             self.pose[i] = self._body_pose(i)
 
     def _body_pose(self, i: int) -> _Pose:
+        """Pivot, orientation and speed of body ``i`` as expressions, and how each coordinate moves its points."""
         s, q, v = self.s, self.state.q, self.state.v
         w, at = s.parent[i], (s.body(i, L.PIVOT_X), s.body(i, L.PIVOT_Y))
         if i in s.guided:

@@ -127,7 +127,7 @@ class _Record:
 def observe(
     scene: Scene, states: States, time_s: ArrayLike, start: float, input_time_s: ArrayLike, value: ArrayLike
 ) -> Inside:
-    """Forces, sliding, losses and accelerations along a motion.
+    """Forces, accelerations, and sliding and losses accumulated from ``start`` (s), along a motion.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def observe(
     states : gives angles and speeds, (m, n) each, and, where felt, joints or a string remember, rows (m, z) of that, at
         increasing times (m,) s from ``start``; called a few times
     time_s : (m,) times of the rows to return
-    start : where the run began, s; sums count from here
+    start : time at which the run began, s; sliding and losses accumulate from here
     input_time_s, value : (k,) input of the run, linear between its points
 
     Returns

@@ -97,6 +97,7 @@ def fill_lane_outputs(lane, width, until, members, space):
 
 @uncounted
 def load_lane(lane, width, m, members, space):
+    """Copy state, parameters and limits of member ``m`` into the lane, and fill its outputs up to the start."""
     memory, numbers, number, whole, _, _ = space
     n_z = members.memory.shape[1]
     for k in range(LANE_SIZE if n_z == 0 else WITH_MEMORY):
@@ -242,6 +243,7 @@ def read_start_input(bits, width, n_contacts, members, space):
 
 @inlined_uncounted
 def read_stage_input(bits, width, node, members, space):
+    """Set the input of every lane at the fraction ``node`` of its step; lanes of ``bits`` past a kink look it up."""
     number, whole, memory = space.number, space.whole, space.step
     late = 0
     for lane in range(width):  # of all lanes, so that they are computed together
@@ -340,6 +342,7 @@ def write_rows(bits, width, members, space):
 
 @inlined_uncounted
 def store_accepted(within, width, members, space):
+    """Replace state and time by those at the end of the step, in the lanes of ``within``."""
     memory = space.step
     for start, end, n in (
         (Q, Q1, members.angle.shape[1]),
@@ -394,6 +397,8 @@ def retire_finished_lanes(busy, rejected, sound, width, members, space):
 
 @cache
 def compile_lane_loop(width: int) -> Any:
+    """Compiled step loop of ``width`` members side by side; see ``integrate`` inside."""
+
     @uncounted_loop(INTEGRATE_LANES)
     def integrate(members, parent, n_contacts, kernels, method, space):
         """Advance every member to its end, or as far as it comes; returns how many attempts that took."""

@@ -98,6 +98,7 @@ def cache_root() -> Path:
 
 
 def _writable_cache() -> Path | None:
+    """Folder of this key's cache, made if need be; None where it cannot be written to."""
     try:
         folder = cache_root() / cache_key()
         folder.mkdir(parents=True, exist_ok=True)

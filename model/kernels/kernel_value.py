@@ -97,6 +97,7 @@ def _address(kind: KernelType, value: Any, c: Any) -> NativeValue:
 
 @lower_builtin(KernelType, KernelType, types.VarArg(types.Any))
 def _lower_call(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    """LLVM value of a call of a kernel by its address; arrays are passed by the address of their first number."""
     of = sig.args[0].of
     given = []
     for kind, of_kind, value in zip(sig.args[1:], of.args, args[1:], strict=True):

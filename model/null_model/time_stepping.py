@@ -68,6 +68,7 @@ def restitution(speed_m_per_s: float, damping: float) -> float:
 
 @kernel
 def _restitution(speed_m_per_s: float, damping: float) -> float:
+    """Rebound speed over impact speed (m/s) of a mass on felt with the damping factor ``damping`` (s/m)."""
     z = damping * speed_m_per_s
     if z < 1e-6:
         return 1.0 - 2.0 / 3.0 * z

@@ -204,6 +204,7 @@ _OFF_SWITCHES = {"friction": ("A",), "joint_friction": ("A",)}
 
 
 def _expand(path: str, value: float, quantities: Mapping[str, Quantity]) -> list[str]:
+    """Parameter paths that an override sets: its path, or for 0 those that switch a contact, spring or friction off."""
     if path in quantities:
         return [path]
     last = path.split(".")[-1]
@@ -232,6 +233,7 @@ def _parse_toml(text: str) -> dict[str, Any]:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
+    """Parsed table of a TOML file, not to be changed; `InputError` where it cannot be read."""
     try:
         return _parse_toml(path.read_text(encoding="utf-8"))
     except OSError as problem:
@@ -274,6 +276,7 @@ def _template() -> tuple[dict[str, str], dict[str, str]]:
 
 
 def find_action(name_or_path: str | Path) -> Path:
+    """File of a built-in parameter set, or the path of a file; `InputError` lists the built-in names."""
     text = str(name_or_path)
     built_in = ACTIONS / f"{text}.toml"
     if built_in.parent == ACTIONS and built_in.is_file():

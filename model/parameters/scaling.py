@@ -34,6 +34,7 @@ def _names(action: Action) -> dict[str, list[str]]:
 
 
 def _all_names(action: Action) -> dict[str, list[str]]:
+    """Parameter paths by every name that stands for some: paths, owners of laws, contacts and groups."""
     paths = [*action.quantities, *action.effects]
     names = {path: [path] for path in paths}
     for path in paths:

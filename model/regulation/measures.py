@@ -317,17 +317,17 @@ def measure(action: ActionLike, progress: Callable[[str], None] | None = None) -
     let-off 12.1 mm
     """
     action = as_action(action)
-    report = progress or (lambda _: None)
+    say = progress or (lambda _: None)
     choice_of(action).need_played_key(action.name)
-    report("at rest")
+    say("at rest")
     rest = hand_set_rest(action)
     values = measure_at_rest(action, rest)
-    report("slow press")
+    say("slow press")
     if values["dip"] > 0.0:
         pressed, press_remarks, _ = measure_press(action, rest, values["dip"])
     else:
         pressed = {"let_off": math.nan, "drop": math.nan}
         press_remarks = {"dip": "the key rests on the felt under its front"}
-    report("medium blow")
+    say("medium blow")
     blow, blow_remarks = measure_blow(action, rest)
     return TargetValues(values | pressed | blow, press_remarks | blow_remarks)

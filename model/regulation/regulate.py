@@ -25,7 +25,7 @@ from model.regulation.screws import (
     TOLERANCE,
     Bench,
 )
-from model.regulation.turn_screw import WIDER, set_rest, turn_screw
+from model.regulation.turn_screw import WIDER, Say, set_rest, turn_screw
 
 ROUNDS = 6  # of all seven targets, at most
 IN_MOTION = ("let_off", "drop", "check")
@@ -86,7 +86,7 @@ class Regulation:
         return self.evaluations
 
 
-def _clear_screws(bench: Bench, report: Callable[[str], None]) -> None:
+def _clear_screws(bench: Bench, say: Say) -> None:
     """Turn away what is close at rest: button and drop screw up, back check back."""
     for name, (contact, way) in AT_REST_CLEAR.items():
         low, high = bench.limits(name)
@@ -97,19 +97,19 @@ def _clear_screws(bench: Bench, report: Callable[[str], None]) -> None:
                 if room > 0.0:
                     break
                 raise bench.failure(name, math.nan, "it presses on the action at rest")
-            report(f"{SCREW[name].name} out of the way")
+            say(f"{SCREW[name].name} out of the way")
             bench.turn_m[name] = new
 
 
-def _regulate_dynamic_targets(bench: Bench, report: Callable[[str], None]) -> None:
+def _regulate_dynamic_targets(bench: Bench, say: Say) -> None:
     """Let-off, drop and check, each with its own screw."""
     for name in IN_MOTION:
-        error = turn_screw(bench, name, report)
+        error = turn_screw(bench, name, say)
         if abs(error) <= TOLERANCE:
             continue
         why = f"nowhere within {1e3 * WIDER:.0f} mm beyond its travel either"
         longer = replace(bench, turn_m=dict(bench.turn_m), wider_m=WIDER)
-        if abs(turn_screw(longer, name, report)) <= TOLERANCE:
+        if abs(turn_screw(longer, name, say)) <= TOLERANCE:
             why = f"it would have to go to {1e3 * longer.turn_m[name]:+.2f} mm"
         raise bench.failure(name, error, why)
 
@@ -129,18 +129,18 @@ class _Attempt:
     problem: RegulationError | None
 
 
-def _repeat_rounds(bench: Bench, before: TargetValues, report: Callable[[str], None]) -> _Attempt:
+def _repeat_rounds(bench: Bench, before: TargetValues, say: Say) -> _Attempt:
     """Set all targets in their order until one measurement of all seven agrees."""
     best, turns = before, dict(bench.turn_m)
     for _ in range(ROUNDS):
         try:
-            _clear_screws(bench, report)
-            set_rest(bench, report)
-            _regulate_dynamic_targets(bench, report)
+            _clear_screws(bench, say)
+            set_rest(bench, say)
+            _regulate_dynamic_targets(bench, say)
         except RegulationError as caught:
             met = max(_target_errors(best, bench.targets).values()) <= TOLERANCE
             return _Attempt(best, turns, None if met else caught)
-        report("all seven again")
+        say("all seven again")
         bench.turn_m = {target: round(turn, 7) for target, turn in bench.turn_m.items()}  # 0.1 um
         after = measure(bench.action())
         if max(_target_errors(after, bench.targets).values()) < max(_target_errors(best, bench.targets).values()):
@@ -155,15 +155,15 @@ def _repeat_rounds(bench: Bench, before: TargetValues, report: Callable[[str], N
     return _Attempt(best, turns, bench.failure(worst, off[worst], f"the screws disturb each other in {ROUNDS} rounds"))
 
 
-def _regulate_with_offset_aims(bench: Bench, before: TargetValues, report: Callable[[str], None]) -> _Attempt | None:
+def _regulate_with_offset_aims(bench: Bench, before: TargetValues, say: Say) -> _Attempt | None:
     """Rounds with the targets at rest aimed a little beside, since let-off and check height jump as a screw turns.
 
     Where the jump lies, and between which values, depends on how the action rests: within the tolerance of the targets
     at rest it may not cross the wanted value.
     """
     for aim in AIM_OFFSETS:
-        report(f"again, {', '.join(f'{name} {1e6 * x:+.0f} um' for name, x in aim.items())}")
-        attempt = _repeat_rounds(replace(bench, turn_m=dict(bench.turn_m), aim_m=aim), before, report)
+        say(f"again, {', '.join(f'{name} {1e6 * x:+.0f} um' for name, x in aim.items())}")
+        attempt = _repeat_rounds(replace(bench, turn_m=dict(bench.turn_m), aim_m=aim), before, say)
         if attempt.problem is None:
             return attempt
     return None
@@ -201,16 +201,16 @@ def regulate(
     0.0
     """
     action = as_action(action)
-    report = progress or (lambda _: None)
+    say = progress or (lambda _: None)
     targets = targets_at(wanted_m)
     before = measure(action)
     bench = Bench(action, targets)
     if max(_target_errors(before, targets).values()) <= TOLERANCE:
         best = _Attempt(before, bench.turn_m, None)
     else:
-        best = _repeat_rounds(bench, before, report)
+        best = _repeat_rounds(bench, before, say)
         if best.problem is not None and abs(best.problem.off_m) < JUMP.get(best.problem.target, 0.0):
-            best = _regulate_with_offset_aims(bench, before, report) or best
+            best = _regulate_with_offset_aims(bench, before, say) or best
     if best.problem is not None:
         raise best.problem
     bench.turn_m = best.turn_m

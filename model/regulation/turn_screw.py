@@ -48,16 +48,16 @@ GRID = tuple(product((0.0, -0.6, 0.6), repeat=2))  # starts, in shares of the tr
 REST_CONTACT = "contact13"
 
 Array = NDArray[np.float64]
-Report = Callable[[str], None]
+Say = Callable[[str], None]  # progress callback: called with a line of text
 
 
-def turn_screw(bench: Bench, name: str, report: Report, beyond_m: float = 0.0) -> float:
-    """Turn one screw until its target plus ``beyond_m`` is met, or as near as it can; returns the error left (m)."""
+def turn_screw(bench: Bench, name: str, say: Say, beyond_m: float = 0.0) -> float:
+    """Turn one screw of ``bench`` until its target plus ``beyond_m`` is met, or nearest; returns the error left (m)."""
     errors: dict[float, float] = {}
 
     def error_at(turn: float) -> float:
         if turn not in errors:
-            report(f"{SCREW[name].name} {1e3 * turn:+.3f} mm")
+            say(f"{SCREW[name].name} {1e3 * turn:+.3f} mm")
             errors[turn] = bench.error(name, turn) - beyond_m
         return errors[turn]
 
@@ -87,7 +87,7 @@ def _sample_travel(bench: Bench, name: str, errors: dict[float, float]) -> list[
 
 
 def _sample_near_best(bench: Bench, name: str, errors: dict[float, float]) -> list[float]:
-    """Sample between the best turns and their neighbours, since a target may cross within a step.
+    """Turns (m) between the best and their neighbours in ``errors`` (turn -> error), where a target may be met.
 
     A turn is near where its neighbours are further off, or cannot be measured: there a height may end just beyond.
     """
@@ -102,7 +102,7 @@ def _sample_near_best(bench: Bench, name: str, errors: dict[float, float]) -> li
 
 
 def _sign_changes(errors: dict[float, float]) -> list[float]:
-    """Turns to start again from: beside each change of sign, the one nearest to the target first."""
+    """Turns (m) to restart from: at each change of sign of the error the better of both, the best first."""
     turns = sorted(turn for turn, error in errors.items() if math.isfinite(error))
     changes = [b if abs(errors[b]) < abs(errors[a]) else a
                for a, b in zip(turns, turns[1:], strict=False) if errors[a] * errors[b] <= 0.0]  # fmt: skip
@@ -154,22 +154,23 @@ def _secant(bench: Bench, name: str, turn: float, error_at: Callable[[float], fl
         turn, error, measured = new, new_error, new_measured
 
 
-def set_rest(bench: Bench, report: Report) -> None:
+def set_rest(bench: Bench, say: Say) -> None:
+    """Turn the four screws of the rest targets until all are met, the rest rail if need be; else raise why not."""
     given = dict(bench.turn_m)
-    if (_is_met(bench) and not bench.aim_m) or _solve(bench, report, [(0.0, 0.0)]):
+    if (_is_met(bench) and not bench.aim_m) or _solve(bench, say, [(0.0, 0.0)]):
         return
     bench.turn_m = given
     low, _ = bench.limits(RAIL)
-    lowered = replace(bench, turn_m=bench.turn_m | {RAIL: low})
-    if _solve(lowered, report):
-        bench.turn_m = lowered.turn_m
-        _raise_rail(bench, report)
+    with_rail_lowered = replace(bench, turn_m=bench.turn_m | {RAIL: low})
+    if _solve(with_rail_lowered, say):
+        bench.turn_m = with_rail_lowered.turn_m
+        _raise_rail(bench, say)
         return
-    raise _rest_targets_error(bench, lowered, report)
+    raise _rest_targets_error(bench, with_rail_lowered, say)
 
 
-def _solve(bench: Bench, report: Report, starts: Iterable[tuple[float, ...]] = GRID) -> bool:
-    """Turn the four screws with the rest rail where it is; whether they meet their targets, else as near as it gets."""
+def _solve(bench: Bench, say: Say, starts: Iterable[tuple[float, ...]] = GRID) -> bool:
+    """Turn the four screws of ``bench`` with its rest rail as it is; True if all rest targets are met, else nearest."""
     usual = dict(bench.turn_m)
     attempts: list[tuple[float, dict[str, float]]] = []
     for capstan, pad in starts:
@@ -178,8 +179,8 @@ def _solve(bench: Bench, report: Report, starts: Iterable[tuple[float, ...]] = G
             for name, share in (("hammer_height", capstan), ("jack", pad)):
                 low, high = bench.limits(name)
                 bench.turn_m[name] = share * (high if share > 0.0 else -low)
-        if _newton(bench, report):
-            turn_screw(bench, "repetition", report)
+        if _meet_by_newton(bench, say):
+            turn_screw(bench, "repetition", say)
             if _is_met(bench):
                 return True
         off = bench.rest_errors(REST_TARGETS[:3]) / [SCREW[name].usual_effect for name in REST_TARGETS[:3]]
@@ -188,7 +189,7 @@ def _solve(bench: Bench, report: Report, starts: Iterable[tuple[float, ...]] = G
     for how_far, turns in attempts[:NEAREST]:
         # near the edge of slipping the lever must carry its share: as it was, not lowered
         bench.turn_m = turns | {"repetition": usual["repetition"]}
-        if how_far < LARGEST_TURN and _least_squares(bench, report):
+        if how_far < LARGEST_TURN and _meet_by_least_squares(bench, say):
             return True
     bench.turn_m = attempts[0][1]
     return False
@@ -198,8 +199,8 @@ def _is_met(bench: Bench) -> bool:
     return bool(np.all(np.abs(bench.rest_errors(REST_TARGETS)) <= 0.5 * TOLERANCE))
 
 
-def _least_squares(bench: Bench, report: Report) -> bool:
-    """Turn all four screws by SciPy's least squares, from where Newton's method went to and fro over a kink."""
+def _meet_by_least_squares(bench: Bench, say: Say) -> bool:
+    """Turn the four screws of ``bench`` by bounded least squares, where Newton's method fails; True if all are met."""
     from scipy.optimize import least_squares  # start-up: 0.3 s, and few actions need it
 
     low, high = np.array([bench.limits(name) for name in REST_TARGETS]).T
@@ -213,15 +214,15 @@ def _least_squares(bench: Bench, report: Report) -> bool:
         here = errors(turns)
         return np.column_stack([(errors(turns + step) - here) / step[j] for j, step in enumerate(np.diag(inward))])
 
-    report("dip, hammer height, jack and repetition lever by least squares")
+    say("dip, hammer height, jack and repetition lever by least squares")
     start = np.clip([bench.turn_m[name] for name in REST_TARGETS], low + ROUNDING, high - ROUNDING)
     found = least_squares(errors, start, slopes, bounds=(low, high), x_scale="jac", max_nfev=ITERATIONS, xtol=ROUNDING)
     bench.turn_m |= dict(zip(REST_TARGETS, map(float, found.x), strict=True))
     return _is_met(bench)
 
 
-def _newton(bench: Bench, report: Report) -> bool:
-    """Set dip, hammer height and jack together, the lever clear of the jack; whether the first three are met."""
+def _meet_by_newton(bench: Bench, say: Say) -> bool:
+    """Turn the four screws of ``bench`` by Newton's method, the lever clear of the jack; True if three are met."""
     low, high = np.array([bench.limits(name) for name in REST_TARGETS]).T
     usual = np.array([SCREW[name].usual_effect for name in REST_TARGETS])
 
@@ -234,7 +235,7 @@ def _newton(bench: Bench, report: Report) -> bool:
     for _ in range(ITERATIONS):
         if np.all(np.abs(e[:3]) < CONVERGED["rest"]) and e[3] > -0.5 * CLEARANCE or not np.all(np.isfinite(e)):
             break
-        report(f"dip, hammer height and jack off by {', '.join(f'{1e3 * one:+.3f}' for one in e[:3])} mm")
+        say(f"dip, hammer height and jack off by {', '.join(f'{1e3 * one:+.3f}' for one in e[:3])} mm")
         inward = np.where(x + SMALL_TURN > high, -SMALL_TURN, SMALL_TURN)
         slope = np.column_stack([(errors(x + step) - e) / step[j] for j, step in enumerate(np.diag(inward))])
         if not np.all(np.isfinite(slope)):
@@ -258,19 +259,20 @@ def _newton(bench: Bench, report: Report) -> bool:
     return bool(np.all(np.abs(e[:3]) <= 0.25 * TOLERANCE))  # near the edge where the jack slips it gets no nearer
 
 
-def _raise_rail(bench: Bench, report: Report) -> None:
-    """Bring the rest rail back up to where it clears the shank, at most to where it was."""
+def _raise_rail(bench: Bench, say: Say) -> None:
+    """Raise the rest rail of ``bench`` until it just clears the shank, at most to its unturned position."""
     for _ in range(3):  # the shank is not level: the gap closes by a little less than the rail rises
         up = max(0.0, bench.clearance(REST_CONTACT) - CLEARANCE)
         bench.turn_m[RAIL] = round(min(0.0, bench.turn_m[RAIL] + up), 5)
-    report(f"rest rail {1e3 * bench.turn_m[RAIL]:+.2f} mm, clear of the shank")
+    say(f"rest rail {1e3 * bench.turn_m[RAIL]:+.2f} mm, clear of the shank")
 
 
-def _rest_targets_error(bench: Bench, lowered: Bench, report: Report) -> RegulationError:
-    """The error that explains unmet rest targets: a screw at its limit, else the worst target."""
-    longer = replace(lowered, wider_m=WIDER, turn_m=lowered.turn_m | {RAIL: lowered.limits(RAIL)[0] - WIDER})
-    if _solve(longer, report):
-        _raise_rail(longer, report)
+def _rest_targets_error(bench: Bench, with_rail_lowered: Bench, say: Say) -> RegulationError:
+    """Build (not raise) the error of unmet rest targets: a screw that would exceed its limit, else the worst."""
+    rail_m = with_rail_lowered.limits(RAIL)[0] - WIDER
+    longer = replace(with_rail_lowered, wider_m=WIDER, turn_m=with_rail_lowered.turn_m | {RAIL: rail_m})
+    if _solve(longer, say):
+        _raise_rail(longer, say)
         beyond = {}
         for name in REST_TARGETS:
             low, high = bench.limits(name)
@@ -286,7 +288,7 @@ def _rest_targets_error(bench: Bench, lowered: Bench, report: Report) -> Regulat
         if beyond[name] > 0.0:
             needed = longer.turn_m[name]
             low, high = bench.limits(name)
-            nearest = replace(lowered, turn_m=longer.turn_m | {name: min(high, max(low, needed))})
+            nearest = replace(with_rail_lowered, turn_m=longer.turn_m | {name: min(high, max(low, needed))})
             also = [
                 f"the {SCREW[n].name} to {1e3 * longer.turn_m[n]:+.2f} mm"
                 for n in REST_TARGETS
@@ -294,10 +296,10 @@ def _rest_targets_error(bench: Bench, lowered: Bench, report: Report) -> Regulat
             ]
             why = f"it would have to go to {1e3 * needed:+.2f} mm" + "".join(f", {one}" for one in also)
             return nearest.failure(name, float(nearest.rest_errors([name])[0]), why)
-    off = dict(zip(REST_TARGETS, lowered.rest_errors(REST_TARGETS), strict=True))
+    off = dict(zip(REST_TARGETS, with_rail_lowered.rest_errors(REST_TARGETS), strict=True))
     if abs(off["dip"]) + abs(off["hammer_height"]) + abs(off["jack"]) > 3.0 * TOLERANCE:
         del off["repetition"]  # set last, once the others are met
     worst = max(off, key=lambda n: np.inf if np.isnan(off[n]) else abs(off[n] / SCREW[n].usual_effect))
-    return lowered.failure(
+    return with_rail_lowered.failure(
         worst, float(off[worst]), "no position of the screws was found that meets it with the other targets at rest"
     )

@@ -171,6 +171,7 @@ def _coordinates(choice: SceneChoice, motion: KeyMotion | None) -> list[str]:
 
 
 def _parent(action: Action, bodies: list[str], body: str) -> int:
+    """Index of the body that carries a body, `L.GROUND` for the ground, `L.GUIDED` for the key's lift."""
     if body == KEY_LIFT:
         return L.GUIDED
     name = {"key": KEY_LIFT, SHANK: "hammer", MOTOR: "ground", WINDING: "ground", FINGER: "ground"}.get(body)
@@ -290,6 +291,7 @@ def _cached_scene(action: Action, choice: SceneChoice, laws: tuple[int, ...]) ->
 
 
 def _build(action: Action, choice: SceneChoice, key_motion: KeyMotion | None) -> Scene:
+    """Scene of a checked action and choice: tables of its structure, and the parameter vector."""
     choice.check(action)
     bodies = _coordinates(choice, key_motion)
     parent = [_parent(action, bodies, b) for b in bodies]

@@ -42,6 +42,7 @@ def read_contact(action: Action, name: str, bends: bool) -> Contact:
 
 
 def _numbers(action: Action, name: str) -> list[float]:
+    """Parameters of a contact in the order of the kernels: first circle, second surface, felt, friction."""
     first, second = f"{name}.first", f"{name}.second"
     shape = action.structure[f"{second}.shape"]
     numbers = [action[f"{first}.{k}"] for k in ("x", "y", "radius")] + [action[f"{second}.{k}"] for k in ("x", "y")]

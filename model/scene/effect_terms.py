@@ -42,9 +42,9 @@ def rail_contact(action: Action) -> list[float]:
 
 
 def parts_of_hammer(action: Action) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Mass, centre of mass (x, y) and inertia about it of butt and head; both together are the hammer as given.
+    """Mass (kg), centre of mass (x, y; m), inertia about it (kg m^2): of butt (hammer frame), of head (frame at hinge).
 
-    The head's centre of mass is in its own frame, which has its origin at the hinge.
+    Both together are the hammer of the action.
     """
     mass, inertia = action["hammer.mass"], action["hammer.inertia"]
     cx, cy = action["hammer.center_of_mass.x"], action["hammer.center_of_mass.y"]

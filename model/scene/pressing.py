@@ -28,17 +28,17 @@ DRIVE_NUMBERS = ("loop_gain", "supply", "current_limit", "limit_gain", "limit_so
 
 @dataclass(frozen=True)
 class AmplifierCommand:
-    """Volts of command to volts of the amplifier's source: a gain, and where commands are cut off."""
+    """Command voltage to the amplifier's source voltage: a gain, and where commands are cut off."""
 
     per_volt: float
     largest_v: float
 
     def value(self, value: float) -> float:
-        """Source, V, of a constant command."""
+        """Source voltage, V, for a constant command ``value``, V."""
         return min(max(self.per_volt * value, -self.largest_v), self.largest_v)
 
     def table(self, time_s: Array, value: Array, held: bool) -> tuple[Array, Array]:
-        """Source over time; a linear table gets a point where it reaches a limit."""
+        """Clipped source voltage (V) at times (s) for a command ``value`` (V), piecewise linear or ``held``."""
         source, largest = self.per_volt * value, self.largest_v
         if not held:
             at = [time_s]
@@ -53,18 +53,21 @@ class AmplifierCommand:
 
 @dataclass(frozen=True)
 class FingerCommand:
-    """Way of the hand, m downwards, to the torque of muscle spring and damper on the finger held still, N m."""
+    """Hand displacement (m, down) to the torque of muscle spring and damper on the finger held still (N m)."""
 
     length_m: float
     stiffness_n_per_m: float
     damping_n_s_per_m: float
 
     def value(self, value: float) -> float:
-        """Torque, N m, of a hand that rests there."""
+        """Torque, N m, of a hand that rests at the displacement ``value`` (m, down)."""
         return self.length_m * self.stiffness_n_per_m * value
 
     def table(self, time_s: Array, value: Array, held: bool) -> tuple[Array, Array]:
-        """Torque over time; a ramp of 2 ns wherever the speed of the hand jumps."""
+        """Finger torque (N m) at times (s) for a piecewise-linear hand displacement ``value`` (m, down); not ``held``.
+
+        A ramp of 2 ns stands where the hand's speed jumps.
+        """
         if held:
             raise InputError(
                 "finger: found a motion held from point to point, allowed one that runs straight between them"
@@ -129,6 +132,7 @@ def presser_numbers(action: Action, body: str, key_rad: float) -> Presser:
 
 
 def drive_numbers(action: Action, bodies: list[str]) -> tuple[list[int], list[float]]:
+    """Kind of drive with the index of what it drives, and its parameters, as `model.kernels.layout` orders them."""
     if WINDING in bodies:
         check_drive(action)
         numbers = [action[f"{MOTOR_DRIVE}.{name}"] for name in ("resistance", "torque_constant", *DRIVE_NUMBERS)]
@@ -140,6 +144,7 @@ def drive_numbers(action: Action, bodies: list[str]) -> tuple[list[int], list[fl
 
 
 def check_drive(action: Action) -> None:
+    """Refuse a motor drive that is set neither to torque mode nor to voltage mode."""
     d = {name: action[f"{MOTOR_DRIVE}.{name}"] for name in ("loop_gain", "current_gain", "voltage_gain")}
     torque = d["current_gain"] != 0.0 and d["loop_gain"] > 0.0 and d["voltage_gain"] == 0.0
     voltage = d["current_gain"] == 0.0 and d["loop_gain"] == 0.0 and d["voltage_gain"] != 0.0

@@ -99,6 +99,7 @@ def sensitivities(
 def _differentiate(
     action: Action, blow: Blow, parameters: Sequence[str], options: SensitivityOptions, inputs: Blow | None
 ) -> Sensitivities:
+    """Sensitivities of a blow, a table (time s, force N); ``inputs`` are changes of it to differentiate along, too."""
     times, forces = check_force_table(*blow)
     outputs = check_output_times(options.output_time_s, times)
     action, choice = options.resolve(action)

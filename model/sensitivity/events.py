@@ -163,7 +163,7 @@ class Events:
         return np.unique(list(self.at.values()))
 
     def _find_events_after_strike(self) -> None:
-        """Set the times of rebound, let-off, check and drop in ``at``, or in ``absent`` why there is none."""
+        """Set the times (s) of rebound, let-off, check and drop in ``at``, or the reason in ``absent``."""
         action, strike = self.action, self.at["strike_s"]
         self._find_first(
             "rebound_s", lambda q, v: self._height(action, q, v), True, strike, "the hammer does not leave the string"
@@ -186,7 +186,7 @@ class Events:
         self._find_check_and_drop(strike)
 
     def _find_check_and_drop(self, strike: float) -> None:
-        """Set the times of check, hold, release and drop in ``at``, or in ``absent`` why there is none."""
+        """Set the times (s) of check, mid-hold (``check_m``), release and drop in ``at``, or reasons in ``absent``."""
         action = self.action
         if not self._find_first(
             "check_s", partial(self._depth, BACK_CHECK), True, strike, "the back check does not touch"

@@ -162,6 +162,7 @@ def _fit_motion(motion: tuple[ArrayLike, ArrayLike] | KeyMotion) -> tuple[KeyMot
 
 
 def _refuse_force_options(options: SensitivityOptions) -> None:
+    """Refuse options that hold only where a force drives the key."""
     asked = {
         "contact_forces": options.contact_forces,
         "estimate_error": options.estimate_error,

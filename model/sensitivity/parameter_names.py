@@ -90,6 +90,7 @@ def find_parameters(action: ActionLike, names: Sequence[str]) -> list[Parameter]
 
 
 def _parameter(action: Action, name: str) -> Parameter:
+    """Parameter of a path, law, felt or group; `InputError` where it is unknown or fixed by the geometry."""
     quantities = {**action.quantities, **action.effects}
     if name in quantities:
         quantity = quantities[name]

@@ -84,6 +84,7 @@ class _Run:
         return np.zeros(W.WITH_MEMORY if self.scene.remembers else W.SIZE)
 
     def _loads(self, sources: Sources) -> Loads:
+        """Kernels of the derivatives by the parameters of ``sources``, with allocated arrays for what they fill."""
         s, tables = self.structure, self.scene.tables
         size, places = s.free + len(s.memory) + len(s.string), normal_places(s)
         first = np.cumsum([0, *(len(row) for row in places)])
@@ -108,6 +109,7 @@ class _Run:
         return int(self.scene.vector[s.offset[7]]) if s.string else 0
 
     def _channels(self, p: int) -> Channels:
+        """Allocated arrays for the tangents of felt and string by ``p`` columns of parameters."""
         s, nodes = self.structure, STAGES + 1
         links = memory_couplings(self.scene.tables) if s.memory or s.string else []
         c, most, own = len(links), max((len(row) for row in links), default=0), len(self.scene.bodies)
@@ -141,6 +143,7 @@ class _Run:
 
 
 def _record_motion(run: _Run, simulation: Simulation, plan: Plan) -> Motion:
+    """Integrate ``plan`` and record every step; the plan's result is taken over into ``simulation``."""
     parts: list[Array] = []
     n, depth = run.scene.size, 2 + len(plan.method.dense)
     size = 2 * n + len(plan.span.memory)

@@ -29,6 +29,7 @@ def lane_kind(scene: Scene) -> tuple[object, ...]:
 
 
 def _allocate_lane_space(n: int, n_parameters: int, remembers: bool, lanes: int) -> LaneSpace:
+    """Zeroed arrays in which a lane loop works, for n coordinates and ``lanes`` members side by side."""
     return LaneSpace(
         allocate_aligned((W.WITH_MEMORY if remembers else W.LANE_SIZE) * lanes),
         allocate_aligned(n_parameters * lanes),
@@ -49,7 +50,9 @@ def _concatenate_tables(tables: Sequence[tuple[Array, ...]]) -> tuple[list[Array
 
 
 def advance_lanes(tables: Tables, plans: Sequence[Plan], lanes: int = LANES) -> list[tuple[float, float, int]]:
-    """Carry out the ``plans`` of runs whose scenes have these tables, by one method, inputs linear.
+    """Integrate runs side by side, filling state, counters and outputs of ``plans``; (time, next step, status) of each.
+
+    Scenes of all runs have these tables, one method, and inputs that are linear between their points.
 
     Returns
     -------

@@ -213,7 +213,7 @@ class Solution(Moved, ArrayRecord):
         return f"<Solution of {', '.join(self.bodies)}: {len(self.time_s)} rows{times}{missed}>"
 
     def _repr_html_(self) -> str:
-        """Start, least, largest and last value of each body, for a notebook; degrees."""
+        """Start, least, largest and last value of each body, for a notebook; ° (mm for a length)."""
         import pandas as pd  # start-up: 0.6 s, only a notebook's display needs it
 
         rows = [

@@ -222,6 +222,7 @@ def rest_state(
 
 
 def _describe_rest(scene: Scene, force_n: float, found: NDArray[np.float64]) -> RestState:
+    """Rest state from the balanced coordinates ``found`` (n + g,) under ``force_n`` on the key."""
     q, give = found[: scene.size], found[scene.size :]
     scene.check_whole(q, "rest state")
     forces, _, _ = balance(scene, found, force_n)

@@ -106,6 +106,7 @@ def string_loss(scene: Scene, time_s: tuple[float, float], memory: tuple[Array, 
 
 
 def _accumulated_loss(scene: Scene, time_s: float, memory: Array) -> float:
+    """Energy (J) that the string has lost up to ``time_s`` from the released state in ``memory`` (z,)."""
     at, (gain, stiffness, _), _ = _numbers(scene)
     if not len(memory):
         return 0.0

@@ -175,12 +175,12 @@ def measure_touch(
     0.44 N down, 12.3 blows a second
     """
     action = as_action(action)
-    forces, report = as_numbers(forces_n, "forces of the blows", 1), progress or (lambda _: None)
-    report("slow press")
+    forces, say = as_numbers(forces_n, "forces of the blows", 1), progress or (lambda _: None)
+    say("slow press")
     weights = weigh(action)
-    report("blows")
+    say("blows")
     speeds = hammer_speeds(action, forces)
-    report("repetition")
+    say("repetition")
     return Touch(
         name=action.name if name is None else name,
         weights=weights,

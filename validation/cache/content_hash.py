@@ -44,6 +44,7 @@ def sha256_of(value: object) -> str:
 
 
 def _parts(value: object) -> Iterator[bytes]:
+    """Bytes that identify a value, with its type and length, for hashing; arrays, records and containers included."""
     if type(value) is float:  # most of what is hashed: parameters of draws by the ten thousand
         yield f"float {value.hex()} ".encode()
     elif isinstance(value, str):

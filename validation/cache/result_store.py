@@ -149,6 +149,7 @@ class ResultStore:
         return [*lost, f"scores not kept for the next run: {failure}"] if failure else lost
 
     def _write(self) -> str:
+        """Rewrite the file, the entries used as its newest; returns the error's text, empty if it was written."""
         if self._file is None or self._used.keys() <= self._before.keys():
             return ""
         lines = _read(self._file)  # again: another run may have written meanwhile

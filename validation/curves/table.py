@@ -223,6 +223,7 @@ def read_curves(path: str | Path) -> pd.DataFrame:
 
 
 def write_curves(table: pd.DataFrame, netcdf: bytes, path: Path) -> Path:
+    """Write curves as ``.nc``, ``.csv`` or ``.parquet``, by the ending of ``path``; returns the path."""
     try:
         if path.suffix == ".nc":
             path.write_bytes(netcdf)

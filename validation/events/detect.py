@@ -293,6 +293,7 @@ def count_bounces(motion: Motion, strike: Strike | None, caught: Event) -> Event
 
 
 def _count_turns(height: Array, least: float) -> int:
+    """How often a curve (n,) turns from rising to falling by ``least`` or more each; NaN are skipped."""
     count, direction = 0, 0
     low = high = None
     for h in height[np.isfinite(height)]:
@@ -433,6 +434,7 @@ def _make_impact_event(name: str, strike: Strike | None, why_absent: str) -> Eve
 
 
 def _make_speed_event(name: str, motion: Motion, strike: Strike | None, speed: Flight | None) -> Event:
+    """Event of a speed before or after the strike (m/s); absent, with the reason, where there is none."""
     if strike is None or speed is None:
         return make_absent_event(name, "no string impact")
     if math.isnan(speed.speed):

@@ -183,6 +183,7 @@ def _find_edges(excess: Array, run: NDArray[np.intp], longest: int) -> tuple[int
 def _make_lift(
     capstan: Capstan, time: Array, excess: Array, first: int, last: int, pulls: list[RailPull] | None
 ) -> KeyLift:
+    """Lift of the key in the samples ``first`` to ``last`` of the excess of the capstan's gap (m), with its reason."""
     part = excess[first : last + 1]
     worst = first + int(np.nanargmax(part))
     gap = float(excess[worst])
@@ -201,7 +202,7 @@ def _make_lift(
 
 
 def _join_lifts(lifts: list[KeyLift]) -> list[KeyLift]:
-    """Intervals that overlap become one, with the larger gap's words."""
+    """Lifts, given in order of their start, with those that overlap merged; the larger gap gives all but the ends."""
     out: list[KeyLift] = []
     for lift in lifts:
         if out and lift.start_s <= out[-1].end_s:

@@ -98,6 +98,7 @@ class _Stage:
     limits: Mapping[str, float]  # of relevance
 
     def select_trials(self, numbers: Sequence[int]) -> _Stage:
+        """Copy with the trials of these numbers only."""
         traces = self.scored.traces
         encoder = {n: f for n, f in traces.encoder.items() if n in numbers}
         return replace(

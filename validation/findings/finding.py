@@ -97,6 +97,7 @@ def uncertainty_of_mean(values: Collection[float]) -> float:
 
 
 def name_trials(numbers: Collection[int], among: Collection[int]) -> str:
+    """Text that names the trials ``numbers`` among all, such as ``from trial 3 on (5 of 7 trials)``."""
     own, every = sorted(numbers), sorted(among)
     n = len(every)
     if len(own) == n:

@@ -160,6 +160,7 @@ def _find_furthest(change: Array) -> Array:
 def _search_factors(
     tested: ModelUnderTest, m: MeasuredTrial, expected: Array, inside: NDArray[np.bool_]
 ) -> list[SessionFinding]:
+    """Finding where the force, multiplied by one of `FACTORS`, predicts the trial much better; else an empty list."""
     force, trial = m.force, m.change_rad[inside]
     size = np.sqrt(np.mean(trial**2, axis=0))
     errors = _compute_errors(expected, trial, size)
@@ -222,8 +223,8 @@ def estimate_force_lag(m: MeasuredTrial, p: PredictedAngles) -> tuple[float, flo
     known = np.isfinite(p.angle_rad[:, KEY])
     if 1 / step < 3 * BAND_HZ[1] or known.sum() < round(0.1 / step):
         return float("nan"), float("nan")
-    lag, clear = _estimate_lag(force[known], m.change_rad[known, 0], step)
-    lag_model, clear_model = _estimate_lag(force[known], expected[known], step)
+    lag, clear = _lag_by_correlation(force[known], m.change_rad[known, 0], step)
+    lag_model, clear_model = _lag_by_correlation(force[known], expected[known], step)
     if min(clear, clear_model) < VISIBLE:
         return float("nan"), float("nan")
     limit = CLEAR_S if clear > CLEAR else VISIBLE_S
@@ -233,7 +234,8 @@ def estimate_force_lag(m: MeasuredTrial, p: PredictedAngles) -> tuple[float, flo
     return float(safe), limit
 
 
-def _estimate_lag(force: Array, key_rad: Array, step: float) -> tuple[float, float]:
+def _lag_by_correlation(force: Array, key_rad: Array, step: float) -> tuple[float, float]:
+    """Lag (s, positive: force late) of force behind key acceleration, and their correlation there; ``step`` in s."""
     a, f = filter_band(second_derivative(key_rad, step), step), filter_band(force, step)
     reach = round(LONGEST_S / step)
     inner = slice(2 * reach, a.size - 2 * reach)

@@ -150,6 +150,7 @@ class _Suspect:
 
 
 def _list_suspects(m: MeasuredTrial, off: Array, like: LikeTrials | None) -> Iterator[_Suspect]:
+    """Spikes of the force that may be read only: by the record alone, then by comparison with like trials."""
     for spike in find_candidate_spikes(m):
         before = _select_window(m, spike, -MISSED_S, 0.0)
         missed = rms(_subtract_line(m.time_s[before], off[before])) if before.size > 2 else 0.0

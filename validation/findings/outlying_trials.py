@@ -198,6 +198,7 @@ def _fit_scale(curves: Array, j: int) -> float:
 
 
 def _find_unusual_events(number: int, events: dict[int, dict[str, Event]]) -> list[str]:
+    """Sentences on events that happen, or are missing, in trial ``number`` alone; events by trial."""
     reasons = []
     for name, kind in EVENTS.items():
         there = {n: e[name].status != "absent" for n, e in events.items()}

@@ -107,6 +107,7 @@ def find_mixed_strokes(trials: Sequence[MeasuredTrial], kinds: Sequence[Sequence
     {"stroke of its own": "Validate the stroke unlike the others apart, or reject it (pianorig annotate)."}, spoils=BLOW
 )
 def find_single_strokes(trials: Sequence[MeasuredTrial], kinds: Sequence[Sequence[int]]) -> list[SessionFinding]:
+    """Findings of trials whose force makes a kind of one trial, where other kinds have several."""
     if not any(len(kind) > 1 for kind in kinds):
         return []
     held = {m.number: sustained_force_n(m) for m in trials}

@@ -17,6 +17,7 @@ SHORT_S, SHORT_SHARE = 0.02, 0.1  # by which a record ends early: choice, second
 
 @register_kinds({"sample rate": "Record all trials at one rate."}, among=OF_TRIALS)
 def find_unusual_rates(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
+    """Findings of trials whose sample rate differs from the median rate of all."""
     rate = {m.number: (m.time_s.size - 1) / float(m.time_s[-1] - m.time_s[0]) for m in measured}
     usual = float(np.median(list(rate.values())))
     return [

@@ -45,6 +45,7 @@ def _with_uncertainties(found: Any) -> model.Action:
 
 
 def _table(found: Any, hashes: Mapping[str, str]) -> list[str]:
+    """Lines of the TOML section ``identification`` of an identified action; ``hashes`` by name."""
     names = [e.name for e in found.estimates]
     lines = ["[identification]", f"names = {_value(names)}", f"correlation = {_value(found.correlation.tolist())}"]
     lines.append(f"warnings = {_value(list(found.warnings))}")

@@ -118,7 +118,7 @@ def fit(
     columns: Columns | None = None,
     tight: bool = False,
     leave: bool = False,
-    until: float = 1.0,
+    first_share: float = 1.0,
     budget: Budget | None = None,
 ) -> Fitted:
     """Fit from one start, all trials alike.
@@ -131,7 +131,7 @@ def fit(
     tight : take the model to lack nothing until the values have settled; variance components are estimated only then
     leave : end where the linear model is good to `NEAR_FLOOR`, and either the values are near, or the discrepancy
         explains more than a slight part
-    until : share of each trial, from its start, that is fitted
+    first_share : share of each trial, from its start, that is fitted
 
     Raises
     ------
@@ -154,8 +154,8 @@ def fit(
         while True:
             near = floor <= NEAR_FLOOR
             blocks = _blocks(columns, z, near)
-            if until < 1.0:
-                blocks = [b.until(int(until * b.time_s.size)) for b in blocks]
+            if first_share < 1.0:
+                blocks = [b.until(int(first_share * b.time_s.size)) for b in blocks]
             linear, here = linear_residuals(problem, blocks, curves, z), residuals(problem.trials, curves)
             kept = learnt or (near and largest < NEAR) or tight  # one function to minimise
             rounds = LAST_ROUNDS if near else ROUNDS
@@ -259,9 +259,9 @@ class _Iterate:
 
 
 def fit_conditional(
-    problem: Problem, fitted: Fitted, say: Say | None = None, budget: Budget | None = None, until: float = 1.0
+    problem: Problem, fitted: Fitted, say: Say | None = None, budget: Budget | None = None, first_share: float = 1.0
 ) -> Fitted:
-    """Continue a fit with each trial linearised around what it most probably had of its own.
+    """Continue a fit with each trial linearised at its random effects; at first only ``first_share`` of each trial.
 
     A soft stroke near a bifurcation of its motion does not answer a scatter of 2 % linearly: a linear model around what
     all trials share then calls the rest felt or friction, with too small an uncertainty. Each step moves values and
@@ -271,7 +271,7 @@ def fit_conditional(
     ----------
     fitted : where a fit with all trials alike ended
     say : called with a line after each step
-    until : share of each trial, from its start, that is fitted first; the rest follows as far as it is linear
+    first_share : share of each trial, from its start, that is fitted first; the rest follows as far as it is linear
 
     Returns
     -------
@@ -279,8 +279,8 @@ def fit_conditional(
         As it was, out of budget, where no step could be taken.
     """
     budget = Budget(np.inf) if budget is None else budget
-    if until < 1.0:
-        return _extend(problem, fitted, say, budget, until)
+    if first_share < 1.0:
+        return _extend(problem, fitted, say, budget, first_share)
     columns, at = Columns(problem), _first_iterate(fitted)
     return _iterate(problem, fitted, columns, at, {}, say, budget)[0]
 
@@ -292,9 +292,9 @@ def _first_iterate(fitted: Fitted) -> _Iterate:
     return _Iterate(z, make_nothing_own(marginal.blocks), here, linear, here, marginal, np.full(len(linear), np.inf))
 
 
-def _extend(problem: Problem, fitted: Fitted, say: Say | None, budget: Budget, until: float) -> Fitted:
-    """The first part of each trial is fitted, then each trial up to where its motion bifurcates, if that settles."""
-    part = {k: int(until * t.time_s.size) for k, t in enumerate(problem.trials)}
+def _extend(problem: Problem, fitted: Fitted, say: Say | None, budget: Budget, first_share: float) -> Fitted:
+    """Fit the first share of each trial, then each up to its bifurcation; the first fit unless the second converges."""
+    part = {k: int(first_share * t.time_s.size) for k, t in enumerate(problem.trials)}
     columns = Columns(problem)
     first, at = _iterate(
         problem, fitted, columns, _cut_at_bifurcations(_first_iterate(fitted), part), part, say, budget
@@ -312,7 +312,7 @@ def _extend(problem: Problem, fitted: Fitted, say: Say | None, budget: Budget, u
     second, _ = _iterate(problem, first, columns, _cut_at_bifurcations(whole, found), found, say, budget)
     if second.converged:
         return second
-    fitted_part = f"only the first {until:.0%} of each trial is fitted"
+    fitted_part = f"only the first {first_share:.0%} of each trial is fitted"
     end = End(BIFURCATION, f"{where}; {fitted_part}") if found else replace(second.end, detail=fitted_part)
     return replace(first, end=end)
 
@@ -571,12 +571,12 @@ def fit_multistart(problem: Problem, n: int = 1, say: Say | None = None, budget:
     pilots = [found for start in starts(problem, n) for found in _fit_pilots(problem, start, say, budget)]
     pilots.sort(key=lambda pilot: pilot[0].badness)
     fits: list[Fitted] = []
-    for pilot, until in pilots[:MAX_CONTINUED]:
+    for pilot, share in pilots[:MAX_CONTINUED]:
         first = None
         with budget.interruptible():
             first = fit_alike(problem, pilot.z, pilot.marginal.sizes)
         first = first or fit_alike(problem, pilot.z, pilot.marginal.sizes)  # Ctrl-C keeps what the pilots found
-        fits.append(fit_conditional(problem, first, say, budget, until))
+        fits.append(fit_conditional(problem, first, say, budget, share))
         if (fits[-1].converged and fits[-1].is_slight) or budget.is_spent:
             break
     best = max(fits, key=lambda f: (f.converged, -f.badness))

@@ -182,7 +182,7 @@ def rehearsed(fitted: Fitted, planned: Marginal, block: Block, play: Play, trial
     if still is None or len(moved) < trials:
         return None
     lacking, own = _lacking(planned, new), own_parts(new, sizes)
-    wander = (own.columns * np.exp(sizes.log())[own.place])[:, own.place >= len(FAMILIES)]
+    wander = (own.columns * np.exp(sizes.log())[own.component])[:, own.component >= len(FAMILIES)]
     steady = np.hstack([new.moved, new.instrument]) @ fitted.marginal.mean(fitted.linear)[: planned.shared]
     steady = steady - still + lacking @ rng.standard_normal(lacking.shape[1])
     columns = np.hstack([wander, new.own, np.diag(np.sqrt(new.white))])
@@ -200,7 +200,7 @@ def _lacking(planned: Marginal, new: Block) -> Array:
     size = np.exp(sizes.log())
     first = size.size - sizes.common[new.session :].size
     size[first : first + common.size] = common
-    columns, laws = part.columns * size[part.place], law_columns(new, sizes)
+    columns, laws = part.columns * size[part.component], law_columns(new, sizes)
     return np.asarray(columns[laws.shape[1] :] + laws @ columns[: laws.shape[1]])
 
 

@@ -71,7 +71,7 @@ def directions(names: Sequence[str], covariance: Array) -> tuple[list[Combinatio
     determined = []
     for i in np.argsort(-left, kind="stable"):
         if left[i] <= HALF:
-            named = _shorten_determined(np.asarray(vectors[:, i], dtype=float), cov, float(left[i]))
+            named = _keep_determined(np.asarray(vectors[:, i], dtype=float), cov, float(left[i]))
             determined.append(Combination(_name_weights(names, named), _share_left_marginal(named, cov)))
     return sorted(undetermined, key=lambda d: -d.left), determined
 
@@ -95,15 +95,15 @@ def _share_left_marginal(vector: Array, covariance: Array) -> float:
     return float(np.sqrt(vector @ covariance @ vector / (vector @ vector)))
 
 
-def _shorten_determined(vector: Array, covariance: Array, left: float) -> Array:
-    """The vector with its largest components only, as few as are known nearly as well as the whole."""
+def _keep_determined(vector: Array, covariance: Array, share_left: float) -> Array:
+    """Copy (n,) with all but its largest components zero: the fewest that leave a share near ``share_left``."""
     order = largest_first(vector)
     short = np.zeros_like(vector)
     for i in order:
         short[i] = vector[i]
-        if _share_left_marginal(short, covariance) <= min(NEARLY * left, HALF) and np.abs(vector[short == 0.0]).max(
-            initial=0.0
-        ) < NAMED * abs(vector[order[0]]):
+        dropped = np.abs(vector[short == 0.0]).max(initial=0.0)
+        near = _share_left_marginal(short, covariance) <= min(NEARLY * share_left, HALF)
+        if near and dropped < NAMED * abs(vector[order[0]]):
             break
     return short
 

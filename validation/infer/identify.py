@@ -241,6 +241,7 @@ def _end(best: Fitted, names: Sequence[str], covariance: Array, determined: Sequ
 
 
 def _of_fit(best: Fitted, end: End, fits: Sequence[Fitted], sources: Sources) -> list[str]:
+    """Warnings on the fit: convergence, bifurcations, model discrepancy, local minima, trials refused."""
     said = [PROVISIONAL, *sources.refused, *sources.notes]
     if not best.converged:
         said.insert(0, f"{end}; these values are the best so far, their intervals too narrow; give more (`budget_s`)")
@@ -270,6 +271,7 @@ def _of_fit(best: Fitted, end: End, fits: Sequence[Fitted], sources: Sources) ->
 def _provenance(
     start: model.Action, asked: Unknowns, sources: Sources, best: Fitted, options: IdentifyOptions
 ) -> dict[str, Any]:
+    """Plain values that say what an identification started from, was fitted to, and how it ended."""
     before = posterior_of(start)
     return {
         "created_utc": options.now().strftime("%Y-%m-%dT%H:%M:%SZ"),

@@ -58,7 +58,7 @@ def law_family(path: str) -> int:
 
 @dataclass(frozen=True)
 class Sizes:
-    """Sizes of the parts of a difference.
+    """Variance components of a difference, each as a standard deviation.
 
     Laws of a family (friction of contacts, of joints, damping of felts, their stiffness, springs) scatter alike from
     trial to trial: five trials say next to nothing of the scatter of one felt, and a good deal of that of thirteen.
@@ -93,6 +93,7 @@ class Sizes:
 
     @staticmethod
     def _fill(families: NDArray[np.intp], seen: Array, scatter: float, own: float, common: float) -> Sizes:
+        """Variance components: ``scatter`` of laws, ``own`` of a trial, ``common`` of all, for channels ``seen``."""
         sessions = len(seen)
         parts = np.hstack([np.repeat(seen, len(SCALES_S), axis=1), seen, np.ones((sessions, 1))])
         return Sizes(
@@ -168,26 +169,26 @@ TINY = 1e-9  # of a variance, so that a covariance has a root
 
 
 @dataclass(frozen=True)
-class Columns:
-    """Columns (n, k), and of each the place of its size in `Sizes.log`."""
+class RandomEffectColumns:
+    """Columns (n, k) of random effects, and of each the index of its variance component in `Sizes.log`."""
 
     columns: Array
-    place: NDArray[np.intp]
+    component: NDArray[np.intp]
 
     @cached_property
-    def groups(self) -> list[tuple[int, slice, Array]]:
-        """Of each size its place, the rows it reaches, and its columns there."""
+    def by_component(self) -> list[tuple[int, slice, Array]]:
+        """For each variance component: its index in `Sizes.log`, range of rows that are not zero, columns there."""
         out = []
-        for place in np.unique(self.place):
-            mine = self.columns[:, self.place == place]
+        for component in np.unique(self.component):
+            mine = self.columns[:, self.component == component]
             there = np.flatnonzero(mine.any(axis=1))
             rows = slice(int(there[0]), int(there[-1]) + 1) if there.size else slice(0, 1)
-            out.append((int(place), rows, np.ascontiguousarray(mine[rows])))
+            out.append((int(component), rows, np.ascontiguousarray(mine[rows])))
         return out
 
     def covariance(self, size: Array) -> Array:
-        """Covariance (n, n), given all sizes."""
-        scaled = self.columns * size[self.place]
+        """Covariance (n, n), given the standard deviations ``size`` of all components."""
+        scaled = self.columns * size[self.component]
         return np.asarray(scaled @ scaled.T)
 
 
@@ -206,13 +207,13 @@ def smooth(block: Block, channel: int, *correlated_s: float) -> Array:
     return out
 
 
-def own_parts(block: Block, sizes: Sizes) -> Columns:
+def own_parts(block: Block, sizes: Sizes) -> RandomEffectColumns:
     """Of one trial: its laws, which scatter, and its own wandering."""
     m, first = block.time_s.size, len(FAMILIES) + block.session * sizes.channels
     wander = [smooth(block, c, *OWN_S) for c in range(len(block.size))]
-    place = [sizes.families[sizes.families >= 0], *(np.full(m, first + c) for c in block.channels)]
+    component = [sizes.families[sizes.families >= 0], *(np.full(m, first + c) for c in block.channels)]
     columns = np.hstack([law_columns(block, sizes), *wander])
-    return Columns(columns, np.concatenate(place).astype(np.intp))
+    return RandomEffectColumns(columns, np.concatenate(component).astype(np.intp))
 
 
 def law_columns(block: Block, sizes: Sizes) -> Array:
@@ -231,25 +232,27 @@ def reached(block: Block, sizes: Sizes, root: Array) -> Array:
     return np.asarray(out)
 
 
-def common_parts(blocks: Sequence[Block], sizes: Sizes) -> Columns:
+def common_parts(blocks: Sequence[Block], sizes: Sizes) -> RandomEffectColumns:
     """What the model lacks in all trials of one session, which have the same phases; rows as in `reached`."""
     lead, c = blocks[0], sizes.channels
     m, first = lead.time_s.size, len(FAMILIES) + sizes.own.size + lead.session * sizes.common.shape[1]
-    columns, place = [], []
+    columns, component = [], []
     for k, channel in enumerate(lead.channels):
         for i, scale in enumerate(SCALES_S):
             columns.append(smooth(lead, k, scale))
-            place.append(np.full(m, first + channel * len(SCALES_S) + i))
+            component.append(np.full(m, first + channel * len(SCALES_S) + i))
         under_load = np.zeros((lead.white.size, 1))
         under_load[k * m : (k + 1) * m, 0] = lead.load * lead.size[k].max()
         columns.append(under_load)
-        place.append(np.full(1, first + c * len(SCALES_S) + channel))
+        component.append(np.full(1, first + c * len(SCALES_S) + channel))
     laws = int(np.sum(sizes.families >= 0))
-    place.append(np.full(laws, first + c * (len(SCALES_S) + 1)))
-    return Columns(np.roll(block_diag(np.hstack(columns), np.eye(laws)), laws, axis=0), np.concatenate(place))
+    component.append(np.full(laws, first + c * (len(SCALES_S) + 1)))
+    return RandomEffectColumns(
+        np.roll(block_diag(np.hstack(columns), np.eye(laws)), laws, axis=0), np.concatenate(component)
+    )
 
 
-Parts = tuple[Mapping[int, Columns], Sequence[Columns]]
+Parts = tuple[Mapping[int, RandomEffectColumns], Sequence[RandomEffectColumns]]
 
 
 def make_parts(blocks: Sequence[Block], sizes: Sizes) -> Parts:
@@ -476,7 +479,7 @@ class OwnModes:
         size, out = np.exp(self.marginal.sizes.log()), []
         for b, part in zip(self.marginal.blocks, self.marginal.parts[1], strict=True):
             laws = law_columns(b, self.marginal.sizes).shape[1]
-            wander = part.columns[:, laws:] * size[part.place[laws:]]
+            wander = part.columns[:, laws:] * size[part.component[laws:]]
             zeros = b.own[:, b.driven :]
             out.append(cholesky(np.diag(b.white) + wander @ wander.T + zeros @ zeros.T, lower=True))
         return out
@@ -588,19 +591,19 @@ class _Sum:
         self.pull, self.left = self.pull + pull, self.left + left
 
 
-def _sum_squares(part: Columns, pull: Array, sizes: int) -> Array:
+def _sum_squares(part: RandomEffectColumns, pull: Array, sizes: int) -> Array:
     """Sum of squares (p, k) of what each size's columns do to each z."""
     out = np.zeros((sizes, pull.shape[1]))
-    np.add.at(out, part.place, (part.columns.T @ pull) ** 2)
+    np.add.at(out, part.component, (part.columns.T @ pull) ** 2)
     return out.T
 
 
 def _add_scores(
-    slope: Array, information: Array, variance: Array, part: Columns, weight: Array, left: Array | None
+    slope: Array, information: Array, variance: Array, part: RandomEffectColumns, weight: Array, left: Array | None
 ) -> None:
     """Add what one independent piece says of its sizes."""
-    for k, (i, rows, columns) in enumerate(part.groups):
-        for j, others, more in part.groups[: k + 1]:
+    for k, (i, rows, columns) in enumerate(part.by_component):
+        for j, others, more in part.by_component[: k + 1]:
             across = columns.T @ weight[rows, others] @ more
             found = 2.0 * variance[i] * variance[j] * float(np.vdot(across, across))
             information[i, j] += found

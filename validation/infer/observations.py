@@ -285,6 +285,7 @@ def _interpolate_change(m: MeasuredTrial, time_s: Array) -> Array:
 
 
 def _observe_trial(name: str, session: int, m: MeasuredTrial, span: Span, phases: Array) -> ObservedTrial:
+    """Observation of a force-driven trial at the phases (m,): its angles, force and their uncertainties."""
     index = sampled(m, span, phases)
     time = m.time_s[index]
     f = m.force
@@ -343,6 +344,7 @@ def _driven_span(m: MeasuredTrial) -> Span:
 
 
 def _observe_driven_trial(name: str, session: int, m: MeasuredTrial, span: Span, phases: Array) -> ObservedTrial:
+    """Observation of a trial driven by its key encoder: fitted key motion, whippen and hammer angles."""
     index = sampled(m, span, phases)
     time = m.time_s[index]
     inside = (m.time_s > span.start_s - LEAD_S) & (m.time_s <= time[-1] + AFTER_S)
@@ -401,6 +403,7 @@ def _positions_span(m: MeasuredTrial) -> Span:
 
 
 def _observe_positions_trial(name: str, session: int, m: MeasuredTrial, span: Span, phases: Array) -> ObservedTrial:
+    """Observation of a trial of position sensors: the key's drives, the hammer's is compared."""
     index, measured = sampled(m, span, phases), list(HAMMER_ALONE)
     white = (m.resolution_rad * RECTANGULAR)[measured]
     return ObservedTrial(

@@ -163,7 +163,7 @@ ERROR_STEP = 1e-3  # standard uncertainties: a difference of tables of forces, n
 
 @dataclass(frozen=True)
 class Case:
-    """What one run does: values of the action that differ, and errors of what drives the trial and of its sensors."""
+    """Settings of one run: values of the action that differ, and errors of what drives the trial and of its sensors."""
 
     changed: dict[str, float] = field(default_factory=dict, hash=False)  # values of the action
     # gain, level, delay: errors of the force that all trials share, in standard uncertainties
@@ -180,7 +180,7 @@ class Case:
     sensors: tuple[float, ...] = ()  # errors of the position sensors, in standard uncertainties
 
     def felt_n(self, trial: ObservedTrial) -> Array:
-        """Force on the key in this case at the times of the trial's table; held before and after what was recorded."""
+        """Force (k,), N, on the key with this case's errors, at ``trial.force_time_s``; held beyond the record."""
         when, force = trial.force_time_s, trial.force_n * (1 + self.gain * trial.u_gain) + self._level_n(trial)
         if self.delay:
             force = np.interp(when, when + self.delay * trial.u_delay_s, force)
@@ -189,7 +189,7 @@ class Case:
         return force
 
     def motion(self, trial: ObservedTrial) -> model.KeyMotion:
-        """Motion of the key since rest that drives the trial, with the errors of its encoder taken off."""
+        """Key motion that drives the trial: its fit, plus this case's posterior draws, less its encoder errors."""
         fit = trial.key
         assert isinstance(fit, KeyFit)
         # control points of knots at every sample stand next to the curve
@@ -204,13 +204,13 @@ class Case:
         return fit.motion(off / (1.0 + self.key_scale * trial.u_key_scale) - fit.offset_rad)
 
     def preload_n(self, trial: ObservedTrial) -> float:
-        """Force under which the action rests."""
+        """Force (N) on the key at rest, with this case's errors."""
         if trial.key is not None:
             return trial.preload_n
         return trial.preload_n * (1 + self.gain * trial.u_gain) + self._level_n(trial)
 
     def with_drive(self, trial: ObservedTrial, weights: Array) -> Case:
-        """The same with the trial's own drive and clock, by weights in standard deviations."""
+        """Copy with the trial's random effects of drive and clock, ``weights`` in standard deviations (`own_units`)."""
         if not weights.any():
             return self
         n = DRAWS if trial.key is not None else 1 + SEGMENTS
@@ -222,7 +222,7 @@ class Case:
         return replace(self, offset_n=float(found[0]), noise_n=(0.0, *map(float, found[1:])), film_late_s=late)
 
     def read(self, trial: ObservedTrial, turn_rad: Array) -> Array:
-        """Channels (m, c) of a trial from the model's turns (k, 5): what its sensors read."""
+        """Sensor readings (m, c), rad, of a trial with this case's errors, from the model's turns (k, 5), rad."""
         seen = trial.seen(turn_rad, self.film_late_s)
         if trial.key_moves and trial.channels[0] == 0:
             turned = seen[:, 0]
@@ -325,17 +325,16 @@ class ModelResponse:
             at[k, : o.laws.size] += o.laws
         return at
 
-    def cases(self, at: Array, own: Sequence[Own] | None) -> list[Case]:
-        """What the run of each trial does where it is."""
-        places = {place.tobytes(): place for place in at}
-        made = {key: self.case(place) for key, place in places.items()}
-        here = [made[place.tobytes()] for place in at]
+    def cases(self, points: Array, own: Sequence[Own] | None) -> list[Case]:
+        """Settings of each trial's run, at its row of ``points`` (trials, n), with its random effects ``own``."""
+        distinct = {point.tobytes(): self.case(point) for point in points}
+        shared = [distinct[point.tobytes()] for point in points]
         if own is None:
-            return here
-        return [case.with_drive(trial, o.drive) for case, trial, o in zip(here, self.trials, own, strict=True)]
+            return shared
+        return [case.with_drive(trial, o.drive) for case, trial, o in zip(shared, self.trials, own, strict=True)]
 
     def case(self, z: Array) -> Case:
-        """What a run does at z, of all parameters."""
+        """Settings of a run at z (n,), amounts of all parameters in prior standard deviations."""
         changed: dict[str, float] = {}
         bench: dict[str, float] = {}
         for parameter, value in zip(self.parameters, z, strict=True):
@@ -387,6 +386,7 @@ class ModelResponse:
         return np.append(steps, np.ones(int(self.is_filmed)))
 
     def _jacobian(self, z: Array, which: Sequence[int], own: Sequence[Own] | None, driven: bool) -> list[Array]:
+        """Derivatives (m, c, columns) of each trial at z by parameters ``which``, then its drive if ``driven``."""
         if self._is_by_position:  # runs take milliseconds, and readings are held at the ruler's ends
             moving = [j for j in which if j in self.acting or self.parameters[j].name in POSITION_ERRORS]
             return self.differences(self.places(z, own), own, list(which), moving)
@@ -503,6 +503,7 @@ class ModelResponse:
         return [None if any(c is None for c in row) else [c for c in row if c is not None] for row in out]
 
     def _run_by_key(self, members: Sequence[Sequence[Case]]) -> list[list[Array | None] | None]:
+        """Curves of every trial for each list of cases, run under the key's motion; None where a run fails."""
         jobs = [
             (self.action, case, trial, self._run_tolerance)
             for cases in members

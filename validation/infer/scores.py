@@ -104,6 +104,7 @@ def by_channel(trials: Sequence[ObservedTrial], curves: Sequence[Array]) -> dict
 
 
 def _null_scores(action: model.Action, trial: ObservedTrial, tolerance: float) -> Array | None:
+    """Channels (m, c), rad, that the null model predicts of a force-driven trial; None where it cannot run."""
     if trial.key is not None:  # the null model moves as the key does: it has nothing to say under its motion
         return None
     try:
@@ -172,6 +173,7 @@ def score_events(
 
 
 def _predicted(tested: ModelUnderTest, m: MeasuredTrial, simulate: Callable[..., model.Solution]) -> dict[str, float]:
+    """Event values that ``simulate`` predicts of a trial, by name; NaN where it cannot run."""
     time = m.time_s[(m.time_s >= m.force.time_s[0]) & (m.time_s <= m.force.time_s[-1])]
     nothing = dict.fromkeys(SHOWN, float("nan"))
     try:
@@ -197,6 +199,7 @@ def _events(tested: ModelUnderTest, m: MeasuredTrial, time: Array, change: Array
 
 
 def _score(event: str, predicted: Sequence[dict[str, float]], measured: Sequence[dict[str, float]]) -> EventScore:
+    """Bias and RMS error of one event over trials, each given by name, with the trials that have it."""
     trial = np.array([one[event] for one in measured])
     apart = np.array([one[event] for one in predicted]) - trial
     known = apart[np.isfinite(apart)]

@@ -36,6 +36,7 @@ def plain_sentences(found: Identification, ranked: Sequence[Prospect] = ()) -> l
 
 
 def _what_was_found(found: Identification) -> str:
+    """Sentence on the identified parameters with their uncertainties, or on why none is."""
     n, trials = len(found.estimates), _count(len(found.details.problem.trials), "trial")
     known = [e for e in found.estimates if e.verdict == IDENTIFIED]
     if not known:
@@ -49,6 +50,7 @@ def _what_was_found(found: Identification) -> str:
 
 
 def _held_out(found: Identification) -> list[str]:
+    """Sentences on how well held-out trials are predicted."""
     held = [name for name in found.scores if name != FITTED]
     if not held:
         return ["No trial was held out, so how well the values predict other strokes is not known (`hold_out`)."]

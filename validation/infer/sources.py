@@ -221,6 +221,7 @@ def _names(sessions: Sequence[Session]) -> list[str]:
 
 
 def _no_trials_message(measured: MeasuredSession, name: str, held: int) -> str:
+    """Message that a session has no trial to fit, with the reasons; ``held`` of them are held out."""
     if held:
         return (
             f"{name}: no usable trial to fit ({held} held out by `hold_out_trials`); leave at least one of them to fit"
@@ -276,6 +277,7 @@ def _refuse_used_before(action: model.Action, seals: Mapping[str, str], samples:
 
 
 def _refuse_other_actions(opened: Sequence[Session]) -> None:
+    """Refuse sessions that state different actions."""
     for what in ("name", "key"):
         known = {getattr(s.info.action, what): s.path.name for s in opened}
         known.pop(UNKNOWN, None)

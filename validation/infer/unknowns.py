@@ -127,6 +127,7 @@ def _keep_free(action: model.Action, text: str, members: list[str]) -> list[str]
 
 
 def _unknown_message(action: model.Action, text: str, option: str) -> str:
+    """Message that ``option`` names no parameter that can be fitted, with the nearest name."""
     for path in (text, f"{text}.A"):
         if path in model.quantities_of(action):
             return (

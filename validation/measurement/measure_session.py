@@ -60,6 +60,7 @@ def conditions_of(session: Session) -> list[str]:
 def usable_trials(
     session: Session, read: Callable[[Trial, TrialData], MeasuredTrial], only: int | None = None
 ) -> tuple[list[MeasuredTrial], dict[int, str]]:
+    """Trials that can be read (``only`` one of them if given), and the reason by number for the others."""
     found, refused = [], {}
     for trial in session.trials if only is None else (session.trial(only),):
         if trial.rejected is not None:

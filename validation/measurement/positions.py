@@ -137,6 +137,7 @@ def _cut_short(data: TrialData) -> list[str]:
 
 
 def _measure(data: TrialData, name: str, body: str) -> DisplacementReading:
+    """Displacement (m) of a body by the position channel ``name``: hum and offset at rest removed, smoothed."""
     k = [channel.name for channel in data.channels].index(name)
     info, reading = data.channels[k], data.channel_values
     assert info.ruler is not None and reading is not None

@@ -54,6 +54,7 @@ def _channels(data: TrialData) -> Iterator[tuple[NDArray[np.uint64], NDArray[np.
 
 
 def _hashes(words: NDArray[np.uint64], tells: NDArray[np.bool_]) -> list[int]:
+    """Hashes of some windows of the samples ``words``, chosen by content; windows with few of ``tells`` are skipped."""
     n = words.size - WINDOW + 1
     if n < 1:
         return []

@@ -131,6 +131,7 @@ def compare_every(
 
 
 def open_all(sessions: Sequence[Session | str | Path]) -> tuple[list[Session], list[tuple[str, Exception]]]:
+    """Sessions that can be opened, and message and error of the others; refuses one that is named twice."""
     places = Counter(Path(s.path if isinstance(s, Session) else s).resolve() for s in sessions)
     for place, n in places.items():
         if n > 1:

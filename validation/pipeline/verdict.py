@@ -119,6 +119,7 @@ def _excluded_alone_lines(quantities: pd.DataFrame) -> list[str]:
 
 
 def _made_of(facts: Mapping[str, Any]) -> list[str]:
+    """Sentence on the draws and trials that the intervals rest on; empty list where there is no verdict."""
     if not facts.get("judged", False):
         return []
     least = "at least " if len(facts["drawn_trials"]) > 1 else ""  # of the conditions
@@ -156,6 +157,7 @@ def _score_lines(scored: pd.DataFrame) -> list[str]:
 
 
 def _events(events: pd.DataFrame) -> list[str]:
+    """Sentences on events that differ, are missing, not counted or ambiguous, from the event table."""
     differ, doubtful, missing, uncounted = [], [], [], []
     for row in events.itertuples():
         kind = EVENTS[str(row.event)]

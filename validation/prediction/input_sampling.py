@@ -43,6 +43,7 @@ def uncertain_parameters(action: model.Action, *, assumed: bool) -> dict[str, tu
 
 
 def _draws(known: dict[str, tuple[float, float]], n: int, rng: np.random.Generator) -> Iterator[dict[str, float]]:
+    """``n`` draws of parameters by path from (value, u): normal within 3 u, log-normal where u is large."""
     value, u = (np.array(column) for column in zip(*known.values(), strict=True))
     for _ in range(n):
         z = np.clip(rng.standard_normal(value.size), -3.0, 3.0)

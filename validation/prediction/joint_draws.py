@@ -180,7 +180,7 @@ def each_draw(
 def _each_draw_by_key(
     tested: ModelUnderTest, m: MeasuredTrial, time_s: Array, draws: Sequence[JointDraw], use: Callable[[Array], T]
 ) -> list[T | None]:
-    """The same of one trial under its key's motion, with the drawn errors of the key's sensor."""
+    """``use(readings)`` of one key-driven trial at ``time_s`` in each draw; None where the draw cannot be run."""
 
     def some(part: Sequence[JointDraw]) -> list[T | None]:
         drawn = [drawn_action(tested, m, draw) for draw in part]

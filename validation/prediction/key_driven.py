@@ -144,7 +144,7 @@ def run_null_key_driven(action: model.Action, m: MeasuredTrial) -> Array:
     time_s = np.arange(m.time_s[0], m.time_s[-1], STEP_S)
     state = motion.at(np.clip(time_s, motion.break_s[0], motion.break_s[-1]))
     pressed, r = -state[:, 0], null.reduced
-    phi = _march(null, pressed, -state[:, 1])
+    phi = _integrate_hammer(null, pressed, -state[:, 1])
     whippen = np.interp(pressed, r.sigma, r.joined.angle_rad[:, WHIPPEN]) - float(r.rest_rad[WHIPPEN])
     turn = np.full((m.time_s.size, len(BODIES)), np.nan)
     for body, change in ((KEY, -pressed), (WHIPPEN, whippen), (HAMMER, r.up * phi)):
@@ -152,8 +152,8 @@ def run_null_key_driven(action: model.Action, m: MeasuredTrial) -> Array:
     return read_by_sensors(m, turn)
 
 
-def _march(null: NullAction, s: Array, w: Array) -> Array:
-    """Turn of the hammer above its rest (m,) for places and speeds of the key (m,), even in time."""
+def _integrate_hammer(null: NullAction, s: Array, w: Array) -> Array:
+    """Hammer angle above rest (m,), rad, for the key's turn s (rad) and rate w (rad/s), (m,), at steps of `STEP_S`."""
     r = null.reduced
     joined = r.up * (np.interp(s, r.sigma, r.joined.angle_rad[:, HAMMER]) - float(r.rest_rad[HAMMER]))
     speed = r.up * np.interp(s, r.sigma, r.joined.ratio[:, HAMMER]) * w

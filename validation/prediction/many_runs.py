@@ -117,6 +117,7 @@ def run_many(
 
 
 def _solutions(tested: ModelUnderTest, runs: Sequence[Run], pool: Executor) -> list[model.Solution | None]:
+    """Solution of each run, computed on ``pool``; None where the model refuses a run."""
     if tested.own_model:
         members = run_jobs(_choose_jobs(tested.action, runs), executor=pool, workers=WORKERS)
         defects = [m.error for m in members if m.error is not None and not isinstance(m.error, ModelError)]

@@ -135,6 +135,7 @@ class ModelUnderTest:
         return self.geometry_at(m.force.preload_n) if m.sensors is None else reference_geometry()
 
     def geometry_at(self, preload_n: float) -> ActionGeometry:
+        """Geometry of the action at rest under a preload (N); refuses an action that cannot rest under it."""
         try:
             return self.load(preload_n).geometry
         except ModelError as error:

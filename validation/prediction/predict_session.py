@@ -150,7 +150,7 @@ def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "mode
 
 
 def _predict_by_key(m: MeasuredTrial, tested: ModelUnderTest, variant: str) -> PredictedAngles:
-    """The same under the measured motion of the key; the force as recorded predicts nothing there."""
+    """Angles of a trial from its measured key motion, read from the store or computed and stored there."""
     if variant not in KEY_DRIVEN or not tested.stand_ins.none:
         raise PredictionError("is not driven by the key")
     rest = np.asarray(tested.load(m.force.preload_n).rest.angle_rad, dtype=float)[: len(BODIES)]
@@ -180,6 +180,7 @@ def _predict_by_key(m: MeasuredTrial, tested: ModelUnderTest, variant: str) -> P
 def _load_prediction(
     tested: ModelUnderTest, m: MeasuredTrial, step: str, key: str, rest: Array
 ) -> PredictedAngles | None:
+    """Prediction of a trial from the store's derived step ``step``; None where it is missing, stale or incomplete."""
     found = tested.store.table(step, m.number, key)
     if found is None:
         return None
@@ -248,6 +249,7 @@ def predict_session(
 
 
 def _predict(m: MeasuredTrial, tested: ModelUnderTest) -> PredictedTrial:
+    """Prediction of a trial by the model and by its rivals, with notes on those that cannot predict it."""
     found = predict_trial(m, tested)
     missed = _warn_of_missed_tolerance(found, tested.tolerance)
     notes, rivals = [text for text in (missed, found.check_load) if text], {}

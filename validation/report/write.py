@@ -73,6 +73,7 @@ def table_csv(table: pd.DataFrame) -> str:
 
 
 def _plain(value: Any) -> Any:
+    """Value that JSON can hold: numbers of NumPy as Python's, numbers that are not finite as None."""
     if isinstance(value, dict):
         return {str(k): _plain(v) for k, v in value.items()}
     if isinstance(value, list | tuple):

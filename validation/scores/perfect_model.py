@@ -141,6 +141,7 @@ def _scores(
 
 
 def _curves(m: MeasuredTrial, traces: SessionTraces, without: Collection[tuple[int, str]]) -> list[_Curve]:
+    """Measured and predicted curves, rad, of a trial's channels in the window, but for those of ``without``."""
     out = []
     for names, source in CHANNEL_GROUPS:
         frame = traces.select_source(source).get(m.number)

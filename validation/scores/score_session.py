@@ -104,6 +104,7 @@ def score_curves(
 def _scores(
     time: Array, trial: Array, model: Array, rivals: dict[str, Array], early: NDArray[np.bool_]
 ) -> dict[str, object]:
+    """Scores by name of one curve (n,), rad, against the model's and the rivals'; ``early``: before the impact."""
     whole = score_curve(time, trial, model)
     scores = compute_scores(time, trial, model, early)
     beside = ("bias_rad", "scatter_rad", "largest_rad", "largest_at_s", "n", "n_lost")

@@ -61,6 +61,7 @@ def compare_pairs(results: Sequence[ValidationResult]) -> pd.DataFrame:
 
 
 def _compare_pair(first: ValidationResult, second: ValidationResult) -> list[dict[str, object]]:
+    """Rows of a paired comparison of two models on the same trials, one for each score and channel."""
     keys = ["trial", "channel"]
     both = first.scores.merge(second.scores, on=keys, suffixes=("_1", "_2"))
     moved = first.nuisance.merge(second.nuisance, on=[*keys, "draw"], suffixes=("_1", "_2"))
@@ -109,6 +110,7 @@ def _nuisance(drawn: pd.DataFrame, apart: pd.DataFrame, score: str) -> float:
 
 
 def _statistics(first: Array, second: Array, better: str, u_nuisance: float) -> dict[str, object]:
+    """Mean difference second - first of a score (n,), its 95 % interval and standard uncertainty, by column."""
     d = second - first
     n = d.size
     mean = float(d.mean())
@@ -193,6 +195,7 @@ def evidence_table(sessions: Sequence[Sequence[ValidationResult]]) -> pd.DataFra
 
 
 def _evidence(first: ValidationResult, other: ValidationResult) -> dict[str, object]:
+    """Row of the log Bayes factor of ``other`` against ``first``, with the cost of both and a reading."""
     a, b = first.judgement, other.judgement
     nan = float("nan")
     row: dict[str, object] = {"session": other.session_name, "model": other.action_name, "against": first.action_name}
@@ -232,6 +235,7 @@ def _describe_unequal(first: ValidationResult, second: ValidationResult, both: p
 
 
 def _claim(row: dict[str, object], tolerance: float) -> str:
+    """Text on which model of a compared row is closer, or why none is claimed; ``tolerance`` in the score's unit."""
     n, difference = int(row["n_trials"]), float(row["difference"])  # type: ignore[call-overload,arg-type]
     if difference == 0:
         return "no difference"

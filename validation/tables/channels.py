@@ -157,6 +157,7 @@ def _channel(
     verdict: Verdict,
     kinds: Sequence[Collection[int]],
 ) -> tuple[dict[str, object], dict[str, Array]]:
+    """Row of one channel, and its curves for the spread table; frames by trial, ``u`` of a sample in rad."""
     curves = interpolate_to_base(base, frames, f"{name}_measured_rad")
     apart = interpolate_to_base(base, frames, f"{name}_predicted_rad") - curves
     mean, u_mean, judged = _difference(base, apart, verdict, name)
@@ -239,13 +240,13 @@ def _state(curves: Array) -> str:
 
 
 def with_scores(
-    channels: pd.DataFrame, scores: pd.DataFrame, card: pd.DataFrame, without: LeftOut = ()
+    channels: pd.DataFrame, scores: pd.DataFrame, scorecard: pd.DataFrame, without: LeftOut = ()
 ) -> pd.DataFrame:
-    """Channel summary with the root mean square of its trials' RMSE, the ISO-style score and its ceiling."""
+    """Copy of the channel table with RMSE, ISO score, their null model's, ceiling, and RMSE over range and over s_r."""
     counts = [pair not in without for pair in zip(scores["trial"], scores["channel"], strict=True)]
     rms = scores[counts].groupby("channel")["rmse_rad"].agg(lambda v: float(np.sqrt(np.mean(np.square(v)))))
-    overall = card[card["score"] == "iso_overall"].set_index("channel")
-    rmse = card[card["score"] == "rmse_rad"].set_index("channel")
+    overall = scorecard[scorecard["score"] == "iso_overall"].set_index("channel")
+    rmse = scorecard[scorecard["score"] == "rmse_rad"].set_index("channel")
     out = channels.copy()
     out["rmse_rad"] = out["channel"].map(rms)
     out["null_rmse_rad"] = out["channel"].map(rmse["null"])

@@ -19,6 +19,8 @@ from validation.tables.table import OF_ROW, UNIT, Column, Page, Row, Table
 
 
 def _found(column: str) -> Callable[[Row], str]:
+    """Formatter of a table cell: in how many trials of a row the event was found."""
+
     def cell(row: Row) -> str:
         if not row["n_trials"]:
             return "not counted (left out in all trials)"

@@ -17,6 +17,8 @@ SETS = {"before": "before", "identified": "identified", "null model": "null", "s
 
 
 def _score(column: str) -> Callable[[Row], str]:
+    """Formatter of a table cell: the RMS error of ``column`` in the unit shown."""
+
     def cell(row: Row) -> str:
         value, both = row[f"{column}_rms"], row[f"{column}_both"]
         if not math.isfinite(value):

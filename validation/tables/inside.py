@@ -79,6 +79,7 @@ def inside_rows(predicted: PredictedSession, tested: ModelUnderTest, *, is_drawn
 
 
 def _inside(tested: ModelUnderTest, m: MeasuredTrial, draws: Sequence[JointDraw]) -> Iterator[dict[str, Any]]:
+    """Rows of the largest loads and losses of a trial, with u by simulating it in every draw."""
     force = m.force
     at = m.time_s[(m.time_s >= force.time_s[0]) & (m.time_s <= force.time_s[-1])]
     blow = tested.simulate(

@@ -73,6 +73,7 @@ def rows(comparison: Comparison) -> pd.DataFrame:
 
 
 def _rows(comparison: Comparison) -> Iterator[dict[str, object]]:
+    """Rows of all trials: those used with what was measured, those refused with the reason."""
     predicted = comparison.predicted
     measured = {m.number: m for m in predicted.trials}
     for n in sorted({*measured, *predicted.refused}):
@@ -83,6 +84,7 @@ def _rows(comparison: Comparison) -> Iterator[dict[str, object]]:
 
 
 def _used(m: MeasuredTrial, reused: bool) -> dict[str, object]:
+    """Row of a used trial; ``reused``: its prediction came from the store."""
     hum = m.force.hum
     row: dict[str, object] = {
         "trial": m.number,

@@ -40,7 +40,7 @@ class Change:
 def separate_conditions(
     numbers: Sequence[int], conditions: Sequence[Collection[int]], firsts: Collection[int]
 ) -> tuple[tuple[int, ...], ...]:
-    """Trials of each condition, where there are several: those seen, cut where a change begins within one.
+    """Trial numbers of each condition, conditions cut where a change begins within one; () where only one results.
 
     Parameters
     ----------

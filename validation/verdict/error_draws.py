@@ -130,6 +130,7 @@ def usable_errors(
 
 
 def _without_channels(one: TrialErrors, lost: Collection[str]) -> TrialErrors:
+    """Copy in which errors and events that need the channels ``lost`` are NaN and do not count for the branch."""
     errors, values = one.errors.copy(), one.values.copy()
     of_events = QUANTITIES[len(ANGLES) :]
     errors[: len(ANGLES)][[q.channel in lost for q in ANGLES]] = np.nan
@@ -324,6 +325,7 @@ class _TrialDrawing:
         return _TrialDraws(values[:n], values[n:], np.array(stored["branch"], dtype=np.int64), curves)
 
     def _run(self) -> dict[str, Any]:
+        """Errors, branches and curves of the trial in every draw, by name, for the store."""
         tested, m = self.tested, self.m
         every = [*(replace(d, has_own_errors=False) for d in self.common), *self.own[1:]]
         n, sparse = len(self.common), _sparse(m.time_s.size)
@@ -363,6 +365,7 @@ class _TrialDrawing:
         return out
 
     def _read_events(self, draw: JointDraw, read: Array) -> tuple[Array, int]:
+        """Event values (k,), and the branch, that drawn readings (m, channels), rad, of the trial give."""
         m = self.m
         motion = m.read_motion(m.time_s, read[:, : len(ENCODER_CHANNELS)])
         hammer, key = (self.u_rest_level_m * z for z in draw.z_levels)

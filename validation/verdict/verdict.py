@@ -93,6 +93,7 @@ def judge_model(errors: SessionErrors | None, limits: Mapping[str, float]) -> Ve
 
 
 def _facts(errors: SessionErrors, e: Estimates) -> dict[str, Any]:
+    """Facts of a verdict by name: p, draws, branch, trials, evidence."""
     sample = errors.sample
     found, common = _mean_of_conditions(sample)
     angles = [i for i, q in enumerate(ANGLES) if q.is_primary and np.isfinite(found[i])]
@@ -256,6 +257,7 @@ def quantity_words(row: Any, names: tuple[str, str] = ("low", "high")) -> str:
 
 
 def reading_of(row: Any) -> str:
+    """Reading of one row of the quantities' table, such as ``within its limit``."""
     if not math.isfinite(row.low):
         return str(row.state) or "not estimated"
     if row.resolved:

@@ -109,6 +109,7 @@ def _show(value: Any) -> str:
 
 
 def check_members(law: Law) -> None:
+    """Refuse a law whose attributes have a wrong type, name or range; the error names the attribute."""
     for former, name in {"packed": "pack_numbers", "alone": "recovery_rates", "rested": "rest_memories"}.items():
         if hasattr(law, former):
             raise InputError(f"{locate(law)}: {former}: this method is now called {name}; rename it")
@@ -175,6 +176,7 @@ def trace_law(law: Law) -> Traced:
 
 
 def _check_force(law: Law, given: Any) -> tuple[Expression, Expression]:
+    """Condition of pressing and force (N) that a law returned; `InputError` where they are not such a pair."""
     if not isinstance(given, tuple | list) or len(given) != 2:
         raise InputError(
             f"{locate(law)}: force: found {_show(given)}, allowed a pair: whether the felt presses, and its force "
@@ -202,6 +204,7 @@ def _check_rates(law: Law, method: str, given: Any) -> tuple[Expression, ...]:
 
 
 def _check_derivatives(law: Law, felt: Felt, wholes: Sequence[Expression]) -> None:
+    """Refuse a law whose expressions ``wholes`` have no derivative by depth, rate or an internal variable."""
     for by in (felt.depth, felt.rate, *felt.memory):
         slope = differentiator({by: ONE})
         for whole in wholes:
@@ -351,6 +354,7 @@ def find_jump(law: Law, traced: Traced) -> str:
 
 
 def _pressed_states(press: _Press, speed: float) -> list[_State]:
+    """States of felt pressed twice from outside to `DEEPEST_M` and back, at most ``speed`` (m/s) fast."""
     period = 2.0 * math.pi * SWING_M / speed
     dt = 2.0 * period / STEPS
     count = len(press.traced.felt.memory)
@@ -365,6 +369,7 @@ def _pressed_states(press: _Press, speed: float) -> list[_State]:
 
 
 def _refuse_impossible(law: Law, states: Sequence[_State], seen: Sequence[Any]) -> None:
+    """Refuse a law whose force or rates, evaluated as ``seen`` at ``states``, are not finite or pull."""
     largest = max(abs(force) for force, _, _ in seen)
     for state, (force, rates, _) in zip(states, seen, strict=True):
         where = f"at depth {1e3 * state.depth:.3g} mm and rate {state.rate:.3g} m/s"

@@ -503,7 +503,7 @@ def interpolate_channels(x, channels, out):
 
 @uncounted_loop(CARRY)
 def propagate_free_modes(carried, channels):
-    """Advance ``channels.modes.tangent`` of a free string by the transition numbers ``carried`` (K `CARRIED`,)."""
+    """Advance ``channels.modes.tangent`` of a free string by its transition coefficients ``carried``, (10 K,)."""
     modes = channels.modes
     many, blocks = modes.number.shape[1], channels.inner.shape[1] // LANES
     tangent, moved = rows(modes.tangent, LANES), rows(modes.moved, LANES)

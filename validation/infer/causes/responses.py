@@ -222,6 +222,7 @@ class Responses:
         return np.maximum(start + (when - start) / rate, start)  # the clock reads more seconds than passed
 
     def _run_all(self, asked: Sequence[tuple[_Place, int]]) -> list[Array | None]:
+        """Encoder angles since rest (3 n,), rad, of each (point, trial index); None where the model cannot run."""
         runs = [self._run(place, self.trials[t]) for place, t in asked]
 
         def turn(i: int, solution: model.Solution) -> Array:
@@ -237,6 +238,7 @@ class Responses:
         return run_many(self.tested, runs, turn)
 
     def _run(self, place: _Place, trial: ObservedTrial) -> Run | None:
+        """Run of a trial with the amounts and force errors of a point; None where the action cannot rest."""
         changed: dict[str, float] = {}
         added: list[tuple[Source, float]] = []
         error = {FORCE_GAIN: 1.0, FORCE_LEVEL: 0.0, FORCE_DELAY: 0.0, CLOCK: 1.0}
