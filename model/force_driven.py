@@ -244,7 +244,7 @@ class ForceDrivenRun:
         return Simulation(self.scene, state.copy(), self.tolerance, self.method, energy=energy)
 
     def companion(self, state: State, share: float = COMPANION) -> Simulation:
-        """The run that an error is estimated with: every bound on its local errors is a ``share`` of the run's own."""
+        """Run for the error estimate, at ``share`` times this run's bounds on local errors."""
         tolerance = max(share * self.tolerance, SMALLEST_TOLERANCE)
         scene = self.scene if self.fewer_modes is None or len(state.memory) else self.fewer_modes
         return Simulation(scene, state.copy(), tolerance, self.method, creep=share)

@@ -43,7 +43,7 @@ def utc_now() -> datetime:
 
 @dataclass(frozen=True)
 class ComparisonOptions:
-    """Options of a comparison, as documented by `validation.compare`; the stand-ins travel as a record of their own.
+    """Options of a comparison, as documented by `validation.compare`.
 
     ``paired`` is set where several models are compared: then each is also scored under drawn errors of force and
     sensors, which the comparison of two models needs.

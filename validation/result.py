@@ -116,7 +116,7 @@ class ValidationResult:
         return [*super().__dir__(), *self.tables]
 
     def with_tables(self, **changed: pd.DataFrame) -> ValidationResult:
-        """A copy with these tables in place of its own."""
+        """Copy in which these tables replace those of the same name."""
         return replace(self, tables={**self.tables, **changed})
 
     def __repr__(self) -> str:
@@ -197,7 +197,7 @@ class ValidationResult:
         return self.save(path)
 
     def curves_netcdf(self) -> bytes:
-        """The same as the bytes of a netCDF-4 file."""
+        """Curves as the bytes of a netCDF-4 file."""
         about = {"session": self.session_name, "model": self.action_name, "verdict": self.sentence}
         return curves_netcdf(self.base_s, self.traces, self.film_traces, about)
 

@@ -61,7 +61,7 @@ class Job(ArrayRecord):
     in_lanes: bool = False
 
     def sha256(self, known: dict[int, bytes] | None = None) -> str:
-        """Hash of everything the answer depends on; ``known`` is kept for other jobs that share arrays and records."""
+        """Hash of everything the result depends on; ``known`` caches digests of arrays and records that jobs share."""
         values = (getattr(self, item.name) for item in fields(self) if item.name not in _LABELS)
         return content_sha256(*values, known=known)
 
@@ -205,7 +205,7 @@ def make_jobs_of_actions(
     options: ForceDrivenOptions,
     initial: RestState | None = None,
 ) -> list[Job]:
-    """Jobs of every action with every trial, as of `make_jobs`."""
+    """Jobs of every action with every trial, in that order."""
     tables: dict[str, _Table | Exception] = {}
     for trial, given in trials.items():
         try:

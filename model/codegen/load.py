@@ -64,7 +64,7 @@ def load_lane_kernels(tables: Tables, lanes: int) -> StepKernels:
 
 
 def load_kernel(tables: Kind, what: str) -> Kernel:
-    """A kernel of `ALONE` by itself, compiled only when it is asked for; ``tables`` () where it knows of no scene."""
+    """One kernel of `ALONE`, compiled at its first use; ``tables`` is () where the kernel belongs to no scene."""
     found: Kernel = _get_or_make(tables, what, lambda: _compile_kernels(tables, {what: ALONE[what]}, 1)[what])
     return found
 

@@ -301,12 +301,12 @@ class StepPrograms:
         return Assign(slot("w", W.KICK + self._s.place[contact.c]), kick)
 
     def _directions(self, place: int, turns: dict[int, Expression], slides: dict[int, Expression]) -> list[Statement]:
-        """Keep how each coordinate changes the gap and slides, until accelerations are known."""
+        """Statements that store how each coordinate changes the gap and slides, for the second rates."""
         out: list[Statement] = [Assign(variable(f"turns{place}_{k}"), turn) for k, turn in turns.items()]
         return out + [Assign(variable(f"slides{place}_{k}"), slides.get(k, ZERO)) for k in turns]
 
     def _second_rates(self, contact: Contact, place: int, prescribed: list[Expression]) -> list[Statement]:
-        """How fast gap rate and sliding speed change, once the accelerations are known."""
+        """Statements for the rates of gap rate and sliding speed, from accelerations computed before."""
         s = self._s
 
         def acceleration(k: int) -> Expression:
@@ -585,7 +585,7 @@ class StepPrograms:
         return [*out, *(Assign(variable(f"a{i}"), a) for i, a in self._accelerations(e, pa).items())]
 
     def _solve_stage(self, e: Elements, k: Expression) -> list[Statement]:
-        """The stage of each state, once accelerations there are known."""
+        """Statements that solve for the stage of each state, from the accelerations there."""
         s = self._s
         gh, rate, ft = self._condition("gh"), self._condition("rate"), self._condition("ft")
         n, filled, masses = s.solved, self.inverse_pattern(), self._masses(e)

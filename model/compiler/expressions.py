@@ -113,7 +113,7 @@ MOST_FACTORS = 8
 
 
 def _refuse_evaluation(found: str, instead: str) -> InputError:
-    """The error of what Python would do with an expression at once, while its value is not known yet."""
+    """Error that an expression has no value while a program is written; ``instead`` says what to write."""
     return InputError(f"expression: found {found}, whose value is not known yet; write {instead}")
 
 
@@ -141,7 +141,7 @@ def clear_cache() -> None:
 
 
 def constant(x: float) -> Expression:
-    """A number that is known; -0 is 0."""
+    """Expression of a constant; -0 becomes 0."""
     return intern("constant", float(x) + 0.0)
 
 
@@ -154,17 +154,17 @@ def as_expression(x: Number) -> Expression:
 
 
 def read(array: str, place: int, *further: Expression) -> Expression:
-    """The number at a place of an array of the kernel, ``further`` whole numbers behind it."""
+    """Expression that reads element ``place`` of a kernel's array, ``further`` (an integer) elements on."""
     return intern("read", array, place, *further)
 
 
 def argument(name: str) -> Expression:
-    """A number that the kernel is called with."""
+    """Expression of an argument of the kernel, by its name."""
     return intern("argument", name)
 
 
 def value_of(name: str) -> Expression:
-    """What a statement before has put to a name of the program."""
+    """Expression that reads a variable of the program, as an earlier statement set it."""
     return intern("read", "local", name)
 
 
@@ -400,7 +400,7 @@ def differentiator(along: dict[Expression, Expression]) -> Callable[[Expression]
 
 
 def substitute(e: Expression, by: dict[Expression, Expression]) -> Expression:
-    """The expression with others in place of some of its parts."""
+    """Copy of an expression in which the parts that are keys of ``by`` are replaced by their values."""
     known = dict(by)
 
     def go(x: Any) -> Any:

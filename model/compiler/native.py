@@ -28,7 +28,7 @@ COMPARED = {"above": ">", "at_least": ">=", "differs": "!="}
 
 
 def broadcast(b: ir.IRBuilder, value: Any, width: int) -> Any:
-    """One number in every lane."""
+    """LLVM vector of ``width`` lanes with ``value`` in each."""
     kind = ir.VectorType(value.type, width)
     if isinstance(value, ir.Constant):
         return ir.Constant(kind, [value.constant] * width)
@@ -37,7 +37,7 @@ def broadcast(b: ir.IRBuilder, value: Any, width: int) -> Any:
 
 
 def call_intrinsic(b: ir.IRBuilder, name: str, *values: Any) -> Any:
-    """What LLVM computes under a name, of numbers or of rows of them."""
+    """LLVM value of the intrinsic ``name`` of scalars or vectors."""
     kind = values[0].type
     full = f"llvm.{name}." + ("f64" if kind == DOUBLE else f"v{kind.count}f64")
     function = b.module.globals.get(full) or ir.Function(b.module, ir.FunctionType(kind, [kind] * len(values)), full)
@@ -67,7 +67,7 @@ class _ValueScope:
 
 
 def _modified_places(statements: list[Statement]) -> set[Any]:
-    """What statements change: whole arrays, and names."""
+    """Places that statements change: arrays as a whole, and variables."""
     out: set[Any] = set()
     for s in statements:
         if isinstance(s, Assign | Accumulate):
@@ -123,7 +123,7 @@ class KernelWriter:
     # what is written ---------------------------------------------------------------------------------------------
 
     def write(self, statements: list[Statement], where: Any = None) -> None:
-        """Write statements; ``where``, in lanes, holds in those that take part."""
+        """Write code of statements; ``where`` is the mask of lanes that take part (None: all)."""
         for s in statements:
             if isinstance(s, Assign | Accumulate):
                 self._write_assignment(s, where)
@@ -140,7 +140,7 @@ class KernelWriter:
                 self._write_loop(s, where)
 
     def bits(self, truth: Any) -> Any:
-        """A truth value as 0 or 1; in lanes a bit for each."""
+        """LLVM integer of a truth value: 0 or 1; of lanes one bit each."""
         if self.lanes > 1:
             truth = self.b.bitcast(truth, ir.IntType(self.lanes))
         return self.b.zext(truth, INTEGER)
@@ -154,14 +154,14 @@ class KernelWriter:
         return out
 
     def count(self, name: str) -> Any:
-        """A count that is kept under a name; in lanes the first lane's."""
+        """LLVM integer of the counting variable ``name``; of lanes that of the first."""
         value = self.b.load(self._name(name))
         if self.lanes > 1:
             value = self.b.extract_element(value, ir.Constant(SHORT, 0))
         return self.b.fptosi(value, INTEGER)
 
     def end(self, result: Any = None) -> None:
-        """Return a whole number."""
+        """End the kernel: write the return of an integer."""
         self.b.ret(ir.Constant(INTEGER, 0) if result is None else result)
 
     # statements --------------------------------------------------------------------------------------------------
@@ -387,7 +387,7 @@ class KernelWriter:
         return out
 
     def _compute_values(self, es: list[Expression], alike: bool) -> None:
-        """Write code for ``es``, where they are ``alike`` as one vector; their values are known from then on."""
+        """Write code for ``es``, as one vector where they are ``alike``, and store their values for later use."""
         if not alike or not self._bundles or not 2 < len(es) <= BUNDLE or len({e.op for e in es}) > 1:
             for e in es:
                 self.value(e)
@@ -409,7 +409,7 @@ class KernelWriter:
             self._known.here[e] = self.b.extract_element(row, ir.Constant(SHORT, k))
 
     def _row(self, es: tuple[Expression, ...]) -> Any:
-        """Vector of expressions that are made alike, of vectors of their parts."""
+        """LLVM vector of the values of expressions of equal form, from vectors of their arguments."""
         if es not in self._memo:
             self._memo[es] = self._row_of(es)
         return self._memo[es]
@@ -474,7 +474,7 @@ class KernelWriter:
         return self.b.icmp_unsigned("!=", bits, ir.Constant(bits.type, 0))
 
     def _integers(self, values: list[Any]) -> list[Any]:
-        """Whole numbers as values of one kind: each lane's own if any of them is."""
+        """LLVM integers of one type: per lane if any of them differs by lane, else scalar."""
         found = [x if isinstance(x, ir.Value) else ir.Constant(INTEGER, x) for x in values]
         if any(map(self._is_per_lane, found)):
             found = [x if self._is_per_lane(x) else broadcast(self.b, x, self.lanes) for x in found]
@@ -484,7 +484,7 @@ class KernelWriter:
         return isinstance(x, ir.Value) and isinstance(x.type, ir.VectorType)
 
     def _gather(self, array: str, place: int, behind: Any) -> Any:
-        """The number that each lane finds in a row of its own."""
+        """LLVM value in which each lane reads element ``place`` at its offset ``behind``."""
         out = ir.Constant(self._lane_kind, ir.Undefined)
         for lane in range(self.lanes):
             row = self.b.add(ir.Constant(INTEGER, place), self.b.extract_element(behind, ir.Constant(SHORT, lane)))
@@ -494,7 +494,7 @@ class KernelWriter:
         return out
 
     def _integer_value(self, e: Expression) -> Any:
-        """A whole number that lanes share: the first lane's."""
+        """LLVM integer of an expression that all lanes share, read in the first lane."""
         value = self.value(e)
         if value.type == INTEGER:
             return value

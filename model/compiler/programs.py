@@ -13,7 +13,7 @@ Place = tuple[str, int | str, Expression | None]
 
 @dataclass(frozen=True)
 class Assign:
-    """Put a number to a place."""
+    """Statement that stores a value at a place."""
 
     place: Place
     value: Expression
@@ -21,7 +21,7 @@ class Assign:
 
 @dataclass(frozen=True)
 class Accumulate:
-    """Add a number to what is at a place."""
+    """Statement that adds a value to what a place holds."""
 
     place: Place
     value: Expression
@@ -61,7 +61,7 @@ class For:
 
 @dataclass(frozen=True)
 class Reload:
-    """What follows reads again what was read before: places have changed."""
+    """Statement after which places are read anew, since they may have changed."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ def compute_vectorised(*values: Expression) -> Compute:
 
 
 def loop_over(label: str, count: Expression, body: Callable[[Expression], list[Statement]]) -> For:
-    """A loop; ``label`` tells its counter from those of others."""
+    """Statement that runs ``body(counter)`` ``count`` times; ``label`` makes the counter's name unique."""
     counter = intern("counter", label)
     return For(counter, count, body(counter))
 
@@ -116,12 +116,12 @@ def is_unmasked(bit: int) -> Expression:
 
 
 def as_integer(e: Expression) -> Expression:
-    """A number that is whole, as `read` takes it behind a place; lanes share the first lane's."""
+    """Integer expression, as an offset of `read`; all lanes use the first lane's value."""
     return intern("whole", as_expression(e))
 
 
 def as_integer_per_lane(e: Expression) -> Expression:
-    """A number that is whole and each lane's own: what `read` finds behind it is gathered."""
+    """Integer expression that differs by lane; `read` gathers at it."""
     return intern("whole_per_lane", as_expression(e))
 
 

@@ -66,7 +66,7 @@ class Estimate:
 
     @property
     def is_determined(self) -> bool:
-        """Whether the log, with what is known beside it, fixes the number."""
+        """Whether the log and the stated values determine the parameter."""
         return not self.why
 
     determined = is_determined  # former names, for one release
@@ -221,7 +221,7 @@ def _physical_parameters(fit: LumpFit, options: DriveOptions) -> tuple[Estimate,
 
 
 def _log_coefficients(name: str) -> dict[str, float]:
-    """The number's logarithm as a sum of unknowns."""
+    """Coefficients of the fit's unknowns whose sum is the logarithm of the parameter ``name``."""
     return {"total": 1.0, "share": 1.0} if name == "resistance" else {name: 1.0}
 
 
@@ -239,7 +239,7 @@ def _loop_gain(
 
 
 def _explain_undetermined(name: str, fit: LumpFit, options: DriveOptions) -> str:
-    """Why a number is open: what was not met, or what would have to be known."""
+    """Reason why a parameter is not determined: a limit that was not reached, or a value that must be stated."""
     for lump in NEEDED.get(name, ()):
         if not fit.determined[fit.names.index(lump)]:
             return NOT_MET[lump]

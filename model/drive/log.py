@@ -70,7 +70,7 @@ class DriveLog(ArrayRecord):
 
 @dataclass(frozen=True)
 class DriveOptions:
-    """What is known beside a log.
+    """Values of motor, amplifier and arm that are stated beside a log.
 
     Attributes
     ----------

@@ -164,7 +164,7 @@ class _Problem:
         return self.rows(logs, x[len(self.free) :], self.torque(logs))[0]
 
     def jacobian(self, x: Array) -> Array:
-        """Their derivatives (r, k)."""
+        """Derivatives (r, k) of the residuals of `rest`."""
         p = len(self.free)
         steps = DIFFERENCE * np.eye(p)[self.free]
         logs = np.concatenate([x[:p] + steps, x[:p] - steps])
@@ -204,7 +204,7 @@ def _set_residual_scale(problem: _Problem, x: Array) -> None:
 
 
 def _initial_guesses(problem: _Problem) -> list[Array]:
-    """Where the search begins: from a straight line through small commands, with limits met and not."""
+    """Start vectors of the search, from a straight line through small commands, with limits reached and not."""
     log, mode = problem.log, problem.options.mode
     # small commands, at which no limit is met yet
     small = np.abs(problem.asked) <= 0.4 * np.abs(log.command_v).max()
@@ -234,7 +234,7 @@ def _initial_guesses(problem: _Problem) -> list[Array]:
 
 
 def _prior(problem: _Problem) -> Array:
-    """Weights (k,) that hold what the log does not say near where the search began."""
+    """Weights (k,) of the prior, which holds undetermined parameters near the start of the search."""
     return 1.0 / np.append(_log_prior_widths(problem), [ARM_PRIOR_WIDTH] * len(ARM))
 
 

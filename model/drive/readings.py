@@ -48,7 +48,7 @@ class DriveReadings:
     stored_j: Array
 
     def columns(self) -> dict[str, Array]:
-        """Voltages, torque and powers by name, for an output file; time, current and force are in the run's own."""
+        """Voltages, torque and powers by name, for an output file; without time, current and force."""
         names = ("amplifier_v", "back_emf_v", "torque_nm", "power_in_w", "heat_w", "stored_j")
         return {f"drive_{name}": getattr(self, name) for name in names}
 
@@ -60,7 +60,7 @@ def drive_readings(
     command_v: ArrayLike,
     scene: SceneChoice | str = "motor-drive",
 ) -> DriveReadings:
-    """What the motor's drive did in a run.
+    """Voltages, current, torque and powers of the motor's drive in a run.
 
     Parameters
     ----------

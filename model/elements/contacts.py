@@ -56,7 +56,7 @@ def _find_nearest_tangent(given: Arguments) -> tuple[Expression, ...]:
 
 @differentiate_once
 def hybrid_gap(given: Arguments, reach: Expression) -> tuple[Expression, ...]:
-    """The same against an arc from direction s to e whose tangents run on at both ends."""
+    """Gap and normal against an arc from direction s to e whose tangents run on at both ends."""
     ux, uy, sx, sy, ex, ey = given
     on_start, on_end, from_start, from_end = _find_nearest_tangent(given)
     x, nx, ny = circle_gap((ux, uy), reach)

@@ -115,7 +115,7 @@ class Kinematics:
         return [pose.cosine for pose in self.pose.values() if pose.cosine is not ONE and not pose.rates]
 
     def to_world_vector(self, body: int, x: Expression, y: Expression) -> Vector:
-        """World components of a vector of a body's frame; of the ground's, -1, its own."""
+        """World components of a vector (x, y) in a body's frame; body -1 is the ground."""
         if body < 0:
             return x, y
         pose = self.pose[body]
@@ -138,7 +138,7 @@ class Kinematics:
         return out
 
     def turns(self, body: int) -> dict[int, Expression]:
-        """Coordinates that turn a body, and how fast against their own speeds."""
+        """Coordinates that turn a body, and its angular speed per unit speed of each."""
         pose = self.pose[body]
         return {k: pose.rates.get(k, ONE) for k, centre in pose.ways.items() if centre is not None}
 

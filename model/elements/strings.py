@@ -324,7 +324,7 @@ class StringContact(Contact):
         ]  # fmt: skip
 
     def stage_modes(self, stage: Expression, rate: Expression) -> list[Statement]:
-        """Modes at a stage, in rows of their own: sets ``sway``, ``swing``, ``awake``."""
+        """Statements for the string's modes at a stage: set ``sway``, ``swing``, ``awake``."""
         m = self.modes
 
         def start_mode(i: Expression) -> list[Statement]:
@@ -394,7 +394,7 @@ class StringContact(Contact):
         ]  # fmt: skip
 
     def solve_modes(self, stage: Expression, more: Expression, gh: Expression) -> list[Statement]:
-        """Stages of the modes, once the change of the contact's force is known."""
+        """Statements for the stages of the modes, from the change of the contact's force."""
         m, behind = self.modes, intern("whole_multiply", stage, W.MOST_MEMORIES)
 
         def one(i: Expression) -> list[Statement]:

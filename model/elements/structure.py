@@ -63,7 +63,7 @@ class Structure:
         }
 
     def all_solved(self) -> Structure:
-        """The same with what is prescribed among the coordinates that forces act on."""
+        """Copy in which prescribed coordinates count as solved for, too."""
         out = copy(self)
         out.own, out.solved, out.free = len(self.bodies), list(range(self.n)), self.n
         return out

@@ -100,7 +100,7 @@ class _Surface:
         return self.normal is None and self.radius <= WHOLE_CIRCLE_M
 
     def curve(self, met: Array) -> Array:
-        """Points around the places ``met`` (k, 2)."""
+        """Points (j, 2), m, of the surface near the touched points ``met`` (k, 2), m."""
         if self.normal is not None:
             along = np.array([-self.normal[1], self.normal[0]])
             ways = (met - self.base) @ along

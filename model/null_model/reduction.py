@@ -126,7 +126,7 @@ def _penetration(scene: Scene, name: str, q: Array) -> float:
 
 
 def _catch_angle(scene: Scene, angle_rad: Array, rest: float, up: float, string: float) -> Array:
-    """Highest place (rad above rest) at which the back check touches a falling hammer, along the key's path."""
+    """Highest hammer angle (rad above rest) at which the back check touches a falling hammer, by key state."""
     if BACK_CHECK not in scene.contacts:
         return np.full(len(angle_rad), -np.inf)
     column = scene.contacts.index(BACK_CHECK)

@@ -133,7 +133,7 @@ def _gravity(n: Constants, phi: float) -> float:
 def integrate(
     joined: Array, away: Array, check: Array, n: Constants, s: float, h: float, force: Array, rows: Array
 ) -> None:
-    """Fill ``rows`` (m, 5) from the place ``s`` at rest, the hammer riding.
+    """Integrate from coordinate ``s`` at rest with the hammer riding; fills ``rows`` (m, 5).
 
     Parameters
     ----------

@@ -66,7 +66,7 @@ def _added_defaults(laws: tuple[Law, ...]) -> Mapping[str, Quantity]:
 
 
 def law_of(path: str) -> tuple[str, str] | None:
-    """Contact and law of felt that a parameter path belongs to, where it is one of a law's own."""
+    """Contact and felt law of a parameter path; None where its second part names no law."""
     contact, law, *_ = *path.split("."), ""
     return (contact, law) if law in LAWS else None
 
@@ -175,7 +175,7 @@ class Action(Tabular):
         return self.structure.get(f"{contact}.{LAW}", USUAL)
 
     def felt_has(self, path: str) -> bool:
-        """Whether a felt's law has the number of this path, its own or ``normal.D``; True of what is no law's."""
+        """Whether the contact's felt law uses the parameter of this path; True for paths of no felt law."""
         contact, _, last = path.partition(".")
         felt = law_of(path)
         return self.law(contact) == felt[1] if felt else last != "normal.D" or LAWS[self.law(contact)].damped

@@ -87,7 +87,7 @@ class Regulation:
 
 
 def _clear_screws(bench: Bench, say: Say) -> None:
-    """Turn away what is close at rest: button and drop screw up, back check back."""
+    """Turn away screws that are close at rest: button and drop screw up, back check back; changes ``bench``."""
     for name, (contact, way) in AT_REST_CLEAR.items():
         low, high = bench.limits(name)
         away = way * LARGEST_TURN
@@ -102,7 +102,7 @@ def _clear_screws(bench: Bench, say: Say) -> None:
 
 
 def _regulate_dynamic_targets(bench: Bench, say: Say) -> None:
-    """Let-off, drop and check, each with its own screw."""
+    """Turn the screws of let-off, drop and back check of ``bench`` until each target is met."""
     for name in IN_MOTION:
         error = turn_screw(bench, name, say)
         if abs(error) <= TOLERANCE:
@@ -130,7 +130,7 @@ class _Attempt:
 
 
 def _repeat_rounds(bench: Bench, before: TargetValues, say: Say) -> _Attempt:
-    """Set all targets in their order until one measurement of all seven agrees."""
+    """Set all targets in order, in rounds, until a measurement of all seven agrees; the best attempt."""
     best, turns = before, dict(bench.turn_m)
     for _ in range(ROUNDS):
         try:

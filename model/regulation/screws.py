@@ -79,7 +79,7 @@ RAIL = "rest_rail"  # key of the rest rail among the turns
 
 
 def limits(given: Action, screw: Screw, wider: float = 0.0) -> tuple[float, float]:
-    """Smallest and largest turn (m) within travel and allowed range of the parameter, the travel ``wider`` (m)."""
+    """Smallest and largest turn (m) within the screw's travel, ``wider`` by so many m, and the parameter's range."""
     low, high, _ = allowed_range(screw.path)
     here = given[screw.path]
     return max(screw.travel_m[0] - wider, low - here), min(screw.travel_m[1] + wider, high - here)
@@ -154,7 +154,7 @@ class Bench:
         return -contact_penetration(action, contact, rest, pivot_displacements(action, rest)).penetration_m
 
     def failure(self, name: str, error: float, why: str = "") -> RegulationError:
-        """Return the error that names target, its deviation and its screw's position."""
+        """Build (not raise) the error that names a target, its deviation (m) and its screw's position."""
         target, screw, turn = self.target(name), SCREW[name], self.turn_m[name]
         low, high = self.limits(name)
         where = f"{1e3 * turn:+.2f} mm of {1e3 * low:+.1f} to {1e3 * high:+.1f}"

@@ -17,7 +17,7 @@ ON_THE_HEAD = ("contact04", "contact12", "contact13")  # back check, string, res
 
 
 def sink_m(action: Action) -> float:
-    """Static compression (m) of the rail's felt with the key's pivot at its nominal place."""
+    """Static compression (m) of the rail's felt with the key's pivot at its nominal position."""
     a, b, c = (action[f"{RAIL}.normal.{k}"] for k in ("a", "b", "c"))
     load = action[f"{RAIL}.load_at_rest"]
     if c <= 0.0 or b < 0.0:

@@ -67,7 +67,7 @@ class KeyMotion(ArrayRecord):
                 pieces = pieces[:, :-1] * np.arange(pieces.shape[1] - 1, 0, -1)
 
     def shift_angle(self, angle_rad: float) -> KeyMotion:
-        """The same motion from another angle on, so many rad higher."""
+        """Copy of the motion with ``angle_rad`` added to every angle."""
         rows = self.coefficient.copy()
         rows[:, -1] += angle_rad
         return KeyMotion(self.break_s, rows)

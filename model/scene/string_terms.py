@@ -52,7 +52,7 @@ def with_modes(action: Action, tolerance: float, share: float = 1.0) -> Action:
 
 
 def moved_modes(action: Action) -> Array:
-    """Numbers (k,) of the modes that take part: the first that are not at rest at the hammer's place and that swing."""
+    """Indices (k,), from 1, of the modes simulated: the first that move at the hammer's point and oscillate."""
     count = modes_asked(action)
     string, n = string_of(action), np.arange(1.0, LEFT_OUT)
     moved = (np.abs(string.shape(n)) > NODE) & (string.decay(n) < 0.99 * string.omega(n))  # swings

@@ -158,7 +158,7 @@ class Directions:
     inputs: tuple[Array, Array] = (np.empty((0, 0)), np.empty(0))
 
     def with_inputs(self, table: Array, rest: Array) -> Directions:
-        """The same, followed by directions in which the input of a run changes, per unit of each."""
+        """Copy followed by directions along which the input of a run changes, per unit of each."""
         count = len(rest)
         more = tuple(Parameter(f"input {i + 1}", 0.0, "1", {}, 1.0, 1.0) for i in range(count))
         slope = np.vstack([self.slope, np.zeros((count, self.slope.shape[1]))])
@@ -240,7 +240,7 @@ def shifted_commands(directions: Directions, j: int) -> list[Command]:
 
 
 def _element_numbers(scene: Scene, parameter: Parameter) -> slice | None:
-    """Where the numbers of the one thing lie that a parameter is named for; None for any other."""
+    """Slice of the scene's vector that a parameter's contact, body or constant fills; None where it is none."""
     if parameter.name in _OF_ALL:
         first = _OF_ALL[parameter.name]
         return slice(first, first + 1)
@@ -339,7 +339,7 @@ def _has_same_structure(scene: Scene, other: Scene) -> bool:
 
 
 def _gap_bound_places(scene: Scene) -> NDArray[np.int64]:
-    """Places of numbers that are bounds on gaps: they decide what is skipped, never a force."""
+    """Indices of parameters that bound gaps: they decide what is skipped, never a force."""
     start, end = int(scene.tables.offset[1]), int(scene.tables.offset[2])
     rows = np.arange(start, end, L.CONTACT_SIZE)[:, None] + np.arange(L.REACH, L.CONTACT_SIZE)
     return rows.ravel()

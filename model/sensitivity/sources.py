@@ -89,7 +89,7 @@ def rest_input_derivatives(directions: Directions, value: float) -> Array:
 
 
 def gap_number_places(scene: Scene, contact: str) -> NDArray[np.int64]:
-    """Places of the numbers that a contact's gap hangs on beside the angles: its surfaces, and all pivots."""
+    """Indices in the scene's vector of the parameters that a contact's gap depends on: surfaces, all pivots."""
     first = int(scene.tables.offset[1]) + L.CONTACT_SIZE * scene.contacts.index(contact)
     pivots = L.GLOBALS + L.BODY_SIZE * np.arange(len(scene.bodies))[:, None] + [L.PIVOT_X, L.PIVOT_Y]
     return np.append(np.arange(first, first + L.K_A), pivots.ravel())

@@ -190,7 +190,7 @@ def _rest_derivatives(run: _Run, rest: Array, u: float) -> Array:
 
 
 def _scene_at_rest(directions: Directions) -> _Run:
-    """The same scene at rest, where felt presses as its slow loading curve says."""
+    """Kernels and workspace for the scene at rest, where felt presses by its slow loading curve."""
     return _Run(replace(directions, scene=replace(directions.scene, tables=directions.scene.static_tables)))
 
 
@@ -296,7 +296,7 @@ class RecordedMotion:
         return state[:, :n], state[:, n : 2 * n]
 
     def whole_states(self, times: Array) -> Array:
-        """Angles, speeds and what is remembered (m, N) at times (m,)."""
+        """Angles, speeds and internal variables (m, N) at times (m,)."""
         state = np.empty((len(times), self.motion.size))
         interpolate_states(self.motion, np.ascontiguousarray(times, dtype=float), state)
         return state

@@ -23,7 +23,7 @@ class CompliantJointMotion:
     force_n: Array  # (m, g) force of the bushing on the body
 
     def joint_motion(self, body: str) -> tuple[Array, Array]:
-        """Way and speed (m, 2) of the joint of ``body``, m and m/s, to the right and up; zero where it is rigid."""
+        """Displacement and speed (m, 2) of the joint of ``body``, m and m/s, right and up; zero where rigid."""
         way, speed = np.zeros((len(self.way_m), 2)), np.zeros((len(self.way_m), 2))
         for k, axis in enumerate("xy"):
             if f"{body}_pin_{axis}" in self.directions:

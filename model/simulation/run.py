@@ -102,7 +102,7 @@ class State(ArrayRecord):
 
 
 def with_memory(scene: Scene, state: State, u: float = 0.0) -> State:
-    """The state with internal variables: its own, or those of felt at rest at its angles.
+    """The state with internal variables: as they are in it, or those of felt at rest at its angles.
 
     Joints that give are in balance under the input ``u``.
     """

@@ -37,12 +37,12 @@ class StringMotion:
 
     @property
     def mode_m(self) -> Array:
-        """What each mode adds to the string's way at the hammer, (m, k) m."""
+        """Displacement of each mode at the hammer, (m, k) m."""
         return self._now[0]
 
     @property
     def mode_m_per_s(self) -> Array:
-        """And its rate, (m, k) m/s."""
+        """Rate of each mode's displacement at the hammer, (m, k) m/s."""
         return self._now[1]
 
     @property
@@ -52,12 +52,12 @@ class StringMotion:
 
     @property
     def way_m(self) -> Array:
-        """How far the string is pushed away at the hammer's place, (m,) m; without what modes left out give way."""
+        """Displacement (m,), m, of the string at the hammer, without the compliance of modes left out."""
         return np.asarray(self.mode_m.sum(axis=1))
 
 
 def _numbers(scene: Scene) -> tuple[int, Array, float]:
-    """Place of the string's states in a row, rows (3, k) of gains, stiffnesses, dampings, what the others give way."""
+    """Index of the string's states, (3, k) gains, stiffnesses and dampings of modes, residual compliance (m/N)."""
     p = scene.vector[scene.tables.offset[7] :]
     count = round(float(p[0]))
     rows = p[L.STRING_HEAD :][: 3 * count].reshape(3, count)

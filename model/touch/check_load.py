@@ -111,7 +111,7 @@ def find_check_load(action: ActionLike, time_s: ArrayLike, force_n: ArrayLike, *
 
 
 def check_loads(action: Action, forces_n: np.ndarray) -> tuple[CheckLoad | None, ...]:
-    """The same of each blow of `model.touch.hammer_speeds`."""
+    """Load of the back check on the hammer for a blow of each force (n,), N; None where it never touches."""
     rest, found = hand_set_rest(action), list[CheckLoad | None]()
     for force in forces_n.tolist():
         end = blow_length_s(force)

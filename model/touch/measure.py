@@ -38,7 +38,7 @@ POINTS = 32  # of the force per blow
 def strikes_string(
     action: Action, rate_hz: float, peak_n: float, rest_rad: NDArray[np.float64] | None = None
 ) -> NDArray[np.bool_]:
-    """Which of `BLOWS` blows bring the hammer to the string, (BLOWS,); from ``rest_rad`` (5,) or the action's own."""
+    """Which of `BLOWS` blows bring the hammer to the string, (BLOWS,); from ``rest_rad`` (5,) or the rest state."""
     end = BLOWS / rate_hz
     times = np.linspace(0.0, end, BLOWS * POINTS + 1)
     force = peak_n * np.sin(np.pi * rate_hz * times) ** 2

@@ -101,7 +101,7 @@ def code_sha256(package: str, without: str = "") -> str:
 
 
 def sources(package: str) -> list[tuple[str, Path]]:
-    """Every file of a package that shapes what it computes: its place in the package, with slashes, and its path."""
+    """Files of a package that shape what it computes: path within the package, with slashes, and full path."""
     spec = find_spec(package)
     homes = list(spec.submodule_search_locations or []) if spec is not None else []
     return sorted(

@@ -75,7 +75,7 @@ class ResultStore:
         return self.values(kind, [inputs], lambda missing: [make() for _ in missing])[0]
 
     def values(self, kind: str, inputs: Sequence[object], make: Callable[[list[int]], Sequence[Any]]) -> list[Any]:
-        """Several values of a kind; ``make`` is given the places of those that are not stored, and makes them together.
+        """Values of a kind, from the store; ``make(indices)`` computes the missing ones, which are stored.
 
         Parameters
         ----------

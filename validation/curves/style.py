@@ -80,7 +80,7 @@ LEGEND_CHARACTERS = 140  # in a line above the panels
 
 
 def model_style(i: int) -> dict[str, Any]:
-    """Look of the i-th model: black, with dashes of its own; what was measured is solid and has its body's colour."""
+    """Line style of the i-th model: black, with its dash pattern; measured curves are solid, in the body's colour."""
     return {"color": BLACK, "linewidth": 1.1, "dashes": MODEL_DASHES[i % len(MODEL_DASHES)]}
 
 
@@ -132,7 +132,7 @@ def band(
     alpha: float = 0.35,
     gid: str | None = None,
 ) -> None:
-    """A shaded band between two curves, nothing where it is not known."""
+    """Draw a shaded band between two curves into ``axes``, with gaps where a curve is NaN."""
     if not np.isfinite(low).any():
         return
     t, a = decimate(time, low, columns=BAND_COLUMNS, keep="min")

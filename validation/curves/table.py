@@ -110,7 +110,7 @@ def curve_table(
 
 
 def _tidy(base_s: Array, parts: Iterable[tuple[int, str, dict[str, Array], NDArray[np.bool_], Array]]) -> pd.DataFrame:
-    """Rows of every trial and channel of which something is known."""
+    """Rows of every trial and channel that has at least one finite value."""
     frames = [
         pd.DataFrame({"trial": trial, "channel": name, "time_s": base_s, **columns, "left_out": out, "force_n": force})
         for trial, name, columns, out, force in parts

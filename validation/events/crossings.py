@@ -87,7 +87,7 @@ def select_first_after(times: list[float], after_s: float) -> float | None:
 def read_level_with_uncertainty(
     find: Callable[[float], float | None], level: float, u_level: float
 ) -> tuple[float | None, float]:
-    """Value of a finder at a level and its standard uncertainty, by moving the level up and down by its own.
+    """Value of ``find(level)`` and its standard uncertainty, from the levels ``u_level`` above and below.
 
     A finder that jumps to another oscillation when the level moves gets the large uncertainty it deserves;
     one that finds nothing at a moved level falls back on the other side.

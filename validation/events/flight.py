@@ -89,7 +89,7 @@ def fit_parabola(age: Array, position: Array, sigma: float, slowing: float | Non
 
 
 def _path(age: Array, position: Array, sigma: float, slowing: float | None = None) -> _Path:
-    """Parabola through samples; of a free hammer (the deceleration known beforehand), or of any."""
+    """Parabola through samples (n,); the expected deceleration ``slowing`` of a free hammer is a prior."""
     value, covariance = fit_parabola(age, position, sigma, slowing)
     left = (position - value[0] - value[1] * age - 0.5 * value[2] * age**2) / sigma
     chi2, count = float(left @ left), age.size
@@ -236,7 +236,7 @@ def _vibration(age: Array, frequency: Array, damping: Array, side: int) -> Array
 def _fit_vibration(
     age: Array, position: Array, sigma: float, slowing: float, side: int
 ) -> tuple[float, float, float, float, float, str] | None:
-    """As `_fit_shaken_flight`, of given samples; None where they are of another form."""
+    """Fit of a flight with a vibration to samples (n,); None where their residuals have another form."""
     rigid = np.column_stack([np.ones(age.size), age, age**2 / 2])
     weight = np.zeros(len(PARAMETERS))  # of what is known beforehand, and what that is
     weight[[2, 6]] = U_DECELERATION_M_PER_S2**-2, U_DAMPING**-2

@@ -74,7 +74,7 @@ class RailPull:
 
 @dataclass(frozen=True)
 class Capstan:
-    """What must be known of the action: the gap as a function of angles, the whippen's free fall, the lever ratio."""
+    """Geometry of the capstan: its gap by the angles, the whippen's free fall, gap per lift of the key."""
 
     gap_m: Callable[[Array], Array]
     free_fall_rad_per_s2: float

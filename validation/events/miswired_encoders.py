@@ -72,7 +72,7 @@ def find_best_wiring(measured: Array, expected: Array) -> list[Rewired]:
 
 
 def find_miswired_channels(m: MeasuredTrial, predicted: PredictedAngles) -> list[Rewired]:
-    """Encoders of a trial, by their place in `ENCODER_CHANNELS`, that are wired wrong."""
+    """Wrongly wired encoders of a trial, sorted by their index in `ENCODER_CHANNELS`."""
     return find_best_wiring(m.change_rad, np.column_stack([predicted.change_rad(name) for name in ENCODER_CHANNELS]))
 
 

@@ -114,7 +114,7 @@ def make_predicted_motion(p: PredictedAngles, geometry: ActionGeometry, toleranc
 def mark_doubtful_events(
     events: dict[int, dict[str, Event]], lifts: dict[int, list[KeyLift]]
 ) -> dict[int, dict[str, Event]]:
-    """The same events; those of the key inside a lift become ambiguous."""
+    """Copy of the events in which those of the key during a lift are ambiguous."""
     out = {}
     for number, found in events.items():
         out[number] = dict(found)

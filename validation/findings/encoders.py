@@ -45,7 +45,7 @@ MOVES_AS_PREDICTED = 0.5  # of the predicted range, at least: choice, half is ne
     spoils=CHANNEL,
 )
 def find_miswired_encoders(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
-    """Encoders that turn the wrong way round, or stand in each other's place."""
+    """Findings of encoders with a wrong sign, or recorded under each other's name."""
     out = []
     for found in find_miswired_channels(m, p):
         name, recorded_as = ENCODER_CHANNELS[found.place], ENCODER_CHANNELS[found.source]

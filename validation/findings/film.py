@@ -121,7 +121,7 @@ MIRRORED = -0.5  # regression of the film's whippen on the encoder's, −1 in a 
     }
 )
 def find_miswired_film(m: MeasuredTrial, p: PredictedAngles, *, whippen_sound: bool) -> list[SessionFinding]:
-    """Bodies of a film that turn the wrong way round or stand in each other's place, or move by another scale.
+    """Findings of bodies of a film with a wrong sign or scale, or recorded under each other's name.
 
     The whippen is compared where its encoder is sound.
 

@@ -82,7 +82,7 @@ class SessionFindings:
 
     @property
     def left_out(self) -> frozenset[tuple[int, str]]:
-        """The same by trial and curve, of encoders and film, and what is not compared."""
+        """(trial, curve) pairs that are left out: faults of encoders and film, and curves that are not compared."""
         return list_unusable_pairs(self.unusable) | self.not_compared
 
 

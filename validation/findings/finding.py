@@ -14,7 +14,7 @@ from validation.measurement.trial import MeasuredTrial, trials_in_words
 
 @dataclass(frozen=True)
 class SessionFinding:
-    """What is seen: its kind, trial (NaN for several) and channel, value, limit, words, and all trials that have it."""
+    """Finding: its kind, trial (NaN for several) and channel, value, limit, sentence, and all trials that have it."""
 
     kind: str
     trial: float
@@ -26,7 +26,7 @@ class SessionFinding:
 
     @property
     def numbers(self) -> tuple[int, ...]:
-        """All trials that have it; empty where that is not known."""
+        """Numbers of all trials that have it; empty for a finding of the whole session."""
         return self.trials or ((int(self.trial),) if np.isfinite(self.trial) else ())
 
 

@@ -121,7 +121,7 @@ FACTORS = {
 def find_force_factor(
     tested: ModelUnderTest, m: MeasuredTrial, p: PredictedAngles, until_s: float
 ) -> list[SessionFinding]:
-    """The factor on the force that explains why the model does not move as the trial does; known results are reused.
+    """Finding of the factor on the force that explains the difference, from the store or computed; empty if none.
 
     Conventions: errors are root mean squares of model − trial over the trial's own motion, of key, whippen and hammer
     each, until the release. A trial is looked at only when the model misses at least 30 % of the motion of a body; a

@@ -106,6 +106,6 @@ def find_let_off_and_check(
 
 
 def _format_size(values: Mapping[int, float], u_each: float) -> str:
-    """Mean size with its u: what each trial's is known to is common to them, their scatter is not."""
+    """Text of the mean and its u: the uncertainty of each trial, common to all, and their scatter over root n."""
     u = math.hypot(u_each, float(np.nan_to_num(uncertainty_of_mean(values.values()))))
     return with_named_u(1e3 * abs(float(np.mean(list(values.values())))), 1e3 * u, "mm")

@@ -85,7 +85,7 @@ def _force_distance(one: Array, other: Array) -> float:
 
 @register_kinds({"mixed strokes": "Validate the kinds of stroke apart (conditions of the plan, or pianorig annotate)."})
 def find_mixed_strokes(trials: Sequence[MeasuredTrial], kinds: Sequence[Sequence[int]]) -> list[SessionFinding]:
-    """What is said of several kinds of stroke; a stroke of a kind of its own among others is `find_single_strokes`."""
+    """Finding that a session holds several kinds of stroke; empty for one kind."""
     named = [kind for kind in kinds if len(kind) > 1] or list(kinds)
     if len(named) < 2:
         return []

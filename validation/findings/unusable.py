@@ -51,7 +51,7 @@ def list_unusable_pairs(unusable: Iterable[UnusableData]) -> frozenset[tuple[int
 
 
 def name_unusable(unusable: Sequence[UnusableData]) -> str:
-    """All of them in words: ``trials 4, 5 (hammer: no motion), trial 7 (duplicated trial)``; empty for none."""
+    """Text such as ``trials 4, 5 (hammer: no motion), trial 7 (duplicated trial)``; empty for none."""
     by_trial: dict[int, dict[str, list[str]]] = {}
     for row in unusable:
         by_trial.setdefault(row.trial, {}).setdefault(row.kind, []).append(row.channel)

@@ -117,7 +117,7 @@ def make_blocks(
 
 
 def _sensor_columns(t: ObservedTrial) -> tuple[Array, Array]:
-    """Columns of `INSTRUMENT` (c m, 8), and of the trial's own zeros (c m, c)."""
+    """Sensitivity columns of the errors `INSTRUMENT` (c m, 8), and of this trial's zeros (c m, c)."""
     m = t.time_s.size
     out = np.zeros((len(t.channels) * m, len(INSTRUMENT)))
     own = np.zeros((len(t.channels) * m, len(t.channels)))

@@ -108,7 +108,7 @@ class Profile:
 def profiles(
     problem: Problem, fitted: Fitted, factors: Mapping[int, float], budget: Budget | None = None
 ) -> list[Profile]:
-    """Profiles of moved parameters, by their place in z; with each the Student factor of its 95 % interval.
+    """Likelihood profiles of parameters, by index in z, each with the Student factor of its 95 % interval.
 
     Conventions: the objective is twice the negative log posterior; at each held value the others go where the linear
     model says, and are corrected by runs of the model itself until that gains nothing. The 95 % interval is where it

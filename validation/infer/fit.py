@@ -81,7 +81,7 @@ class Fitted:
     bifurcations: Mapping[int, int] = field(default_factory=dict)  # trial -> first phase that is left out
 
     def own_at(self, z: Array) -> list[Own] | None:
-        """What each trial most probably has of its own at other values."""
+        """Most probable random effects of each trial at the parameters z."""
         return None if self.own is None else OwnModes(self.marginal, self.linear, z).most
 
     @property
@@ -96,7 +96,7 @@ class Fitted:
 
     @property
     def alike(self) -> float:
-        """Badness with all trials alike: of the fit that this one continues, or its own."""
+        """Cost of the fit in which all trials share their parameters, which this one continues, or of this one."""
         return self.badness if self.before is None else self.before
 
     @property
@@ -424,7 +424,7 @@ def _search_line(problem: Problem, at: _Iterate, shares: Sequence[float]) -> tup
 
 
 def _cost(marginal: Marginal, run: Sequence[Array], own: Sequence[Own], z: Array) -> float:
-    """Twice the negative log density of runs, of what trials share and have of their own, and of z, up to a constant.
+    """Twice the negative log density of runs, random effects and z, up to a constant.
 
     What trials share is at its mode for these runs, and its own density counts: else a step that needs less of it is
     taken for none.
@@ -435,7 +435,7 @@ def _cost(marginal: Marginal, run: Sequence[Array], own: Sequence[Own], z: Array
 
 
 def _find_bifurcations(problem: Problem, at: _Iterate, known: Mapping[int, int]) -> dict[int, int]:
-    """Of each trial at a bifurcation its first phase there, those known already among them.
+    """First sample at or after a bifurcation, by trial index, with those of ``known`` included.
 
     A probe to both sides along the Gauss–Newton step bends its motion by more than `BENT` times the sensor's noise: a
     body just meets a stop, or misses it, and no linear model holds from there on. Where that would leave less than half
@@ -462,7 +462,7 @@ def _find_bifurcations(problem: Problem, at: _Iterate, known: Mapping[int, int])
 
 
 def _cut_at_bifurcations(at: _Iterate, bifurcations: Mapping[int, int]) -> _Iterate:
-    """The same without what was measured after bifurcations."""
+    """Copy of an iterate without the samples after each trial's bifurcation, ``bifurcations`` by trial index."""
     blocks = [b.until(bifurcations[k]) if k in bifurcations else b for k, b in enumerate(at.marginal.blocks)]
     marginal = Marginal(blocks, at.marginal.sizes)
     costs = OwnModes(marginal, at.linear, at.z).costs(at.run, at.own)
@@ -473,7 +473,7 @@ def _cut_at_bifurcations(at: _Iterate, bifurcations: Mapping[int, int]) -> _Iter
 
 @dataclass(frozen=True)
 class _Modes:
-    """Of each trial what it most probably has of its own, residuals of its run there, and its cost."""
+    """Most probable random effects of each trial, residuals of its run with them, and its cost."""
 
     own: list[Own]
     run: list[Array]
@@ -628,7 +628,7 @@ def fit_alike(problem: Problem, z: Array, sizes: Sizes | None = None) -> Fitted:
 
 
 def starts(problem: Problem, n: int) -> list[Array]:
-    """Points to start from: the action's own values, then a Latin hypercube of the asked ones within the prior."""
+    """``n`` start points z: the action's values (zeros), then a Latin hypercube of the parameters in the prior."""
     p, asked = len(problem.unknowns.moved), len(problem.unknowns.asked)
     out = [np.zeros(p)]
     if n > 1:

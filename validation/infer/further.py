@@ -263,7 +263,7 @@ def prospects(
     trials: int = TRIALS,
     respond: Respond | None = None,
 ) -> tuple[list[Prospect], list[str]]:
-    """What each candidate and each sensor known twice as well would do, the best first.
+    """Predicted information gain of each candidate stroke, and of each sensor with half its u, the best first.
 
     From the Fisher information at the identified values: the covariance of the fit with the columns of the new trials
     beside those it has (`noise.Marginal`), sizes of noise as learnt. A further session has a discrepancy of its own, as
@@ -376,7 +376,7 @@ def block_of(problem: Problem, z: Array, trial: ObservedTrial, respond: Respond)
 
 
 def further(fitted: Fitted, block: Block, trials: int) -> Marginal:
-    """The model of the fit with so many more trials like one, in a session of their own."""
+    """Marginal model of the fit with ``trials`` more trials like ``block``, in a further session."""
     sizes, new = fitted.marginal.sizes, len(fitted.marginal.sizes.common)
     more = replace(sizes, own=_with_typical_sizes(sizes.own), common=_with_typical_sizes(sizes.common))
     return Marginal([*fitted.marginal.blocks, *trials * [replace(block, session=new)]], more)

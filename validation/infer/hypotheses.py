@@ -92,7 +92,7 @@ class Source:
         return replace(choice, effects=(*choice.effects, *self.effects), laws=self.laws, values=values)
 
     def size(self, z: float, u: float) -> tuple[float, float]:
-        """What a reader is told of an amount and its u: a factor and its relative u where ``unit`` is 1, else SI."""
+        """Size and its u for a reader: a factor and its relative u where ``unit`` is 1, else in SI units."""
         if not self.added:
             return self.at(1.0 if self.unit == "1" else 0.0, z), self.wrong * u
         _, value, power = self.scaled[0]
@@ -246,7 +246,7 @@ def _profile(profile: str, numbers: Sequence[int], apart: bool) -> Iterator[tupl
 
 
 def known_root(action: model.Action, listed: Sequence[Source]) -> Array:
-    """Root (p, k) of the covariance of what is known of the candidates; correlated where the action was identified."""
+    """Root (p, k) of the candidates' prior covariance; correlated where the action was identified."""
     root = np.diag([c.known for c in listed])
     before = posterior_of(action)
     if before is None:

@@ -48,7 +48,7 @@ NEARLY = 1.2  # of the share left along an eigenvector: what is named of it must
 
 
 def directions(names: Sequence[str], covariance: Array) -> tuple[list[Combination], list[Combination]]:
-    """Undetermined and determined directions among parameters, each from the least known to the best known.
+    """Undetermined and determined directions among parameters, by share of the prior's u left, largest first.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def warnings_of(names: Sequence[str], covariance: Array) -> list[str]:
 
 
 def warnings_before(names: Sequence[str], at_best: Array, expected: Array) -> list[str]:
-    """Sentences before a fit: what these strokes cannot tell at best, and what beside it as models commonly lack.
+    """Sentences before a fit on parameters not identifiable: at best, and with a usual model discrepancy.
 
     Parameters
     ----------

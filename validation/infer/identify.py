@@ -231,7 +231,7 @@ def of_many(names: Sequence[str]) -> list[str]:
 
 
 def _end(best: Fitted, names: Sequence[str], covariance: Array, determined: Sequence[Combination]) -> End:
-    """How the fit ended; not identifiable where it settled and no asked parameter is known by itself."""
+    """How the fit ended; *not identifiable* where it converged and no requested parameter is determined."""
     if not best.converged or np.any(np.sqrt(np.diag(covariance)) < HALF):
         return best.end
     known = "; ".join(f"{d.words} ({100 * d.left:.0f} % of its prior uncertainty left)" for d in determined)

@@ -70,7 +70,7 @@ class LetIn:
 
 @dataclass(frozen=True)
 class Supported:
-    """What is known in spite of what the model lacks."""
+    """Estimates that hold in spite of the model's discrepancy."""
 
     let_in: tuple[LetIn, ...]  # fits that explain the strokes as well as the best, the likeliest first
     # of what was asked for, the likeliest fit's values with intervals that hold those of all
@@ -278,7 +278,7 @@ def _held_columns_without(problem: Problem, parameter: Parameter) -> tuple[Array
 def _combine_estimates(
     kept: Sequence[LetIn],
 ) -> tuple[tuple[Estimate, ...], tuple[tuple[Combination, float, float], ...]]:
-    """Estimates whose intervals hold those of all fits, and combinations of several parameters that are known."""
+    """Estimates whose intervals cover those of all fits, and determined combinations of several parameters."""
     each = [estimate_all(one.problem, one.fitted, (), lambda text: None) for one in kept]
     out = []
     for of in zip(*each, strict=True):

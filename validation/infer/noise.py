@@ -82,7 +82,7 @@ class Sizes:
 
     @staticmethod
     def null(families: NDArray[np.intp], own: float) -> Sizes:
-        """Sizes of a model that lacks nothing, the encoders measured; each trial deviates by ``own``."""
+        """Variance components without model discrepancy, for encoders; each trial deviates by the share ``own``."""
         seen = np.isin(range(len(CHANNEL_NAMES)), ENCODERS).astype(float)[None]
         return Sizes._fill(families, seen, NULL_SCATTER, own, FLOOR)
 
@@ -120,7 +120,7 @@ class Sizes:
         return np.sqrt((smooth.reshape(len(smooth), self.channels, -1) ** 2).sum(axis=2))
 
     def log(self) -> Array:
-        """Natural logarithm of all sizes: of families, own, common."""
+        """Natural logarithms of all components: scatter by family, deviation of trials, discrepancy."""
         return np.log(np.concatenate([self.by_family, self.own.ravel(), self.common.ravel()]))
 
     def at(self, log: Array) -> Sizes:
@@ -208,7 +208,7 @@ def smooth(block: Block, channel: int, *correlated_s: float) -> Array:
 
 
 def own_parts(block: Block, sizes: Sizes) -> RandomEffectColumns:
-    """Of one trial: its laws, which scatter, and its own wandering."""
+    """Random-effect columns of one trial: laws, which scatter, and its smooth deviation."""
     m, first = block.time_s.size, len(FAMILIES) + block.session * sizes.channels
     wander = [smooth(block, c, *OWN_S) for c in range(len(block.size))]
     component = [sizes.families[sizes.families >= 0], *(np.full(m, first + c) for c in block.channels)]
@@ -256,7 +256,7 @@ Parts = tuple[Mapping[int, RandomEffectColumns], Sequence[RandomEffectColumns]]
 
 
 def make_parts(blocks: Sequence[Block], sizes: Sizes) -> Parts:
-    """Columns of the discrepancy by session, and of what each trial has of its own; no size enters."""
+    """Columns of the discrepancy by session, and of each trial's random effects; both of unit size."""
     sessions = sorted({b.session for b in blocks})
     common = {s: common_parts([b for b in blocks if b.session == s], sizes) for s in sessions}
     return common, [own_parts(b, sizes) for b in blocks]
@@ -382,7 +382,7 @@ class Marginal:
         return -0.5 * (square - float(b @ self.covariance @ b) + log_det)
 
     def log_evidence(self, residuals: Sequence[Array]) -> float:
-        """The same with what is believed of the sizes beforehand."""
+        """Log likelihood of the residuals plus the log prior of the variance components."""
         return self.log_likelihood(residuals) + self.sizes.log_prior()
 
 
@@ -431,7 +431,7 @@ def _log_density(back: Array, left: Array, covariance: Array) -> float:
 
 
 class OwnModes:
-    """What trials have of their own at values z.
+    """Most probable random effects of trials at parameters z.
 
     Given z and all that trials share, trials are independent: the cost of one is twice the negative log density of its
     residual and of what it has of its own, but for a constant. Source: Lindstrom and Bates (1990), penalised least
@@ -465,7 +465,7 @@ class OwnModes:
             self.most.append(Own(laws, b.own[:, : b.driven].T @ pull))
 
     def costs(self, residuals: Sequence[Array], own: Sequence[Own]) -> Array:
-        """Cost (trials,) of residuals of runs at z with what trials have of their own."""
+        """Cost (trials,) of residuals of runs at z with random effects ``own``."""
         scatters, out = self.scatter > 0.0, []
         for lower, shared, r, o in zip(self._own_roots, self.shared, residuals, own, strict=True):
             white = solve_triangular(lower, r - shared, lower=True)
@@ -475,7 +475,7 @@ class OwnModes:
 
     @cached_property
     def _own_roots(self) -> list[Array]:
-        """Root of the covariance of each trial's residual, given what it has of its own."""
+        """Root of the covariance of each trial's residual, given its random effects."""
         size, out = np.exp(self.marginal.sizes.log()), []
         for b, part in zip(self.marginal.blocks, self.marginal.parts[1], strict=True):
             laws = law_columns(b, self.marginal.sizes).shape[1]

@@ -191,7 +191,7 @@ def observe(
 def _thin_trials(
     name: str, session: int, trials: Sequence[MeasuredTrial], ways: tuple[_SpanOf, _Seen], phases: int, film: bool
 ) -> list[ObservedTrial]:
-    """Trials as `observe` has them, by what tells their spans, and what sees them at common phases."""
+    """Observed trials of a session at common phases; ``ways`` give the span of a trial and observe it."""
     for m in trials:
         still = np.flatnonzero(np.ptp(m.change_rad, axis=0) == 0.0)
         if still.size:

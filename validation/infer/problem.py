@@ -54,7 +54,7 @@ class Problem:
         return np.array([np.isin(whole, places.get(s, ())) for s in range(1 + max(places))], dtype=float)
 
     def of_trials(self, which: Sequence[int]) -> Problem:
-        """The same of some of the trials."""
+        """Problem of the trials ``which`` (indices) alone."""
         held = tuple(self.held[k] for k in which) if self.held else ()
         return replace(
             self, trials=tuple(self.trials[k] for k in which), held=held, response=self.response.of_trials(which)
@@ -85,7 +85,7 @@ class Columns:
             self._last = np.zeros(p), None, blocks
 
     def blocks(self, z: Array, own: Sequence[Own] | None = None, near: bool = True) -> list[Block]:
-        """The linear model at z, with what trials have of their own, ``near`` the minimum or on the way to it.
+        """Linear model of each trial at z and random effects ``own``; not ``near`` the minimum, some are reused.
 
         All that moves is found afresh: old columns turn the last steps aside. Those of force noise are kept on the way
         and while z moves little: they only say how large it is, until trials have force noise of their own. Those of
@@ -129,7 +129,7 @@ def at_start(
 def residuals_there(
     problem: Problem, blocks: Sequence[Block], curves: Sequence[Array], own: Sequence[Own] | None
 ) -> list[Array]:
-    """Residuals of curves that hold what trials have of their own, without it by the linear model."""
+    """Residuals of curves run with random effects ``own``, with those removed by the linear model."""
     found = residuals(problem.trials, curves)
     return found if own is None else remove_own(blocks, found, own)
 
@@ -137,7 +137,7 @@ def residuals_there(
 def linear_residuals(
     problem: Problem, blocks: Sequence[Block], curves: Sequence[Array], z: Array, own: Sequence[Own] | None = None
 ) -> list[Array]:
-    """Residuals that the linear model would have at z = 0, were there nothing that trials have of their own."""
+    """Residuals of the linear model at z = 0 without random effects."""
     found = residuals_there(problem, blocks, curves, own)
     return [r + b.moved @ z for r, b in zip(found, blocks, strict=True)]
 

@@ -84,7 +84,7 @@ def spread(executor: Executor | None, one: Callable[[Job], Found], jobs: Sequenc
 
 @dataclass(frozen=True)
 class Own:
-    """What one trial has of its own."""
+    """Random effects of one trial."""
 
     # (p + h,) by how much what moves and what is fixed differs in this trial, in prior standard uncertainties
     laws: Array
@@ -107,7 +107,7 @@ def make_nothing_own(blocks: Sequence[Block]) -> list[Own]:
 
 
 def remove_own(blocks: Sequence[Block], residuals: Sequence[Array], own: Sequence[Own]) -> list[Array]:
-    """Residuals that the linear model would have if no trial had anything of its own."""
+    """Residuals of each trial with its random effects removed by the linear model."""
     return [
         r + np.hstack([b.moved, b.held]) @ o.laws + b.own[:, : b.driven] @ o.drive
         for r, b, o in zip(residuals, blocks, own, strict=True)
@@ -143,7 +143,7 @@ def slow_noise_n(trial: ObservedTrial) -> Array:
 
 
 def own_units(trial: ObservedTrial) -> Array:
-    """Standard deviations (2 + SEGMENTS,) of what a trial has of its own: N of its force, s of its film's clock."""
+    """Standard deviations (2 + SEGMENTS,) of a trial's random effects: force (N), then its film's clock (s)."""
     return np.concatenate([[trial.u_offset_n], slow_noise_n(trial), [trial.u_film_time_s]])
 
 
@@ -318,7 +318,7 @@ class ModelResponse:
         return self.run([self.cases(self.places(z, o), o) for z, o in every])
 
     def places(self, z: Array, own: Sequence[Own] | None) -> Array:
-        """Where each trial is, (trials, n) of all parameters; those z does not reach are as the action has them."""
+        """Point of each trial (trials, n) in all parameters: z, zeros beyond it, plus its random effects of laws."""
         at = np.zeros((len(self.trials), len(self.parameters)))
         at[:, : z.size] = z
         for k, o in enumerate(own or ()):
@@ -418,7 +418,7 @@ class ModelResponse:
     def _by_tangents(
         self, at: Array, own: Sequence[Own] | None, laws: Sequence[int], told: Sequence[int]
     ) -> list[Array]:
-        """Derivatives (m, c, n) of every trial that tangents tell: by ``laws``, then by the rest ``told``."""
+        """Derivatives (m, c, n) of every trial by tangents: by ``laws``, then by the others of ``told``."""
         names, n = tuple(self.parameters[j].name for j in laws), at.shape[1]
         ends = [
             [self.cases(at + step * (np.arange(n) == j), own) for step in (ERROR_STEP, -ERROR_STEP)]
@@ -433,7 +433,7 @@ class ModelResponse:
         return spread(self.executor, driven_tangents if self.trials[0].key is not None else tangents, tasks)
 
     def moved(self, at: Array, own: Sequence[Own] | None, step: Array) -> list[Case]:
-        """The member of each trial a step (trials, n + k) further, in parameters and in its own drive."""
+        """Settings of each trial's run a ``step`` (trials, n + k) further, in parameters and drive."""
         further, drive = np.split(np.broadcast_to(step, (len(self.trials), step.shape[-1])), [at.shape[1]], axis=1)
         if drive.any():
             each = [Own(np.empty(0), np.empty(0)) for _ in self.trials] if own is None else own
@@ -545,7 +545,7 @@ class ModelResponse:
         return [None if row is None else [known.curves[key] for known, key in row] for row in places]
 
     def _rests(self, cases: Sequence[Case]) -> list[tuple[_Known, model.RestState]] | None:
-        """What is known of the action of each trial, and its rest; None where one of them has no rest."""
+        """Cached action and rest state of each case; None where one of them has no rest."""
         out = []
         try:
             for case, trial in zip(cases, self.trials, strict=True):
@@ -576,7 +576,7 @@ def acting(action: model.Action, parameter: Parameter) -> bool:
 def tangents(
     task: tuple[model.Action, tuple[str, ...], Case, ObservedTrial, Sequence[tuple[Case, Case]], Sequence[int]],
 ) -> Array:
-    """Derivatives (m, c, n) of a trial's channels: by names, then between pairs of cases, then by its own drive.
+    """Derivatives (m, c, n) of a trial's channels: by parameter names, pairs of cases, and its drive.
 
     Per SI unit or per relative change; a pair lies `ERROR_STEP` to both sides of the case, in the force or in what
     sensors read, and its derivative is per unit; of the trial's own drive some of `own_units` are told, by their place.

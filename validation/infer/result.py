@@ -198,7 +198,7 @@ class Details:
 
     @cached_property
     def supported(self) -> Supported | None:
-        """What is known in spite of what the model lacks; found when first asked for."""
+        """Estimates that hold in spite of the model's discrepancy; computed at first use."""
         if not self.fitted.converged:
             return None
         return supported(self.problem, self.fitted, lambda line: None, Budget(self.left_s))

@@ -34,7 +34,7 @@ def jackknife(fitted: Fitted) -> Array:
 
 
 def jackknife_over_strokes(fitted: Fitted) -> Array:
-    """The same from leaving out one session after the other, which are of one kind of stroke each; NaN with one.
+    """Jackknife u of each parameter, leaving out one session (a kind of stroke) at a time; NaN with one session.
 
     It stands beside the interval and does not widen it: a kind of stroke that alone tells of a parameter moves it to
     its prior when it is left out, which is no error.

@@ -28,7 +28,7 @@ from validation.prediction.model_under_test import ModelUnderTest
 def score(
     trials: Sequence[ObservedTrial], actions: Mapping[str, model.Action], tolerance: float
 ) -> dict[str, dict[str, Any]]:
-    """RMSE (rad) by channel of each action and the null model on some trials, and the trials' own scatter.
+    """RMSE (rad) by channel of each action and the null model on ``trials``, and the scatter of the trials.
 
     Parameters
     ----------

@@ -82,7 +82,7 @@ def _speed(by: Mapping[str, Mapping[str, EventScore]]) -> str:
 
 
 def _curve_words(scores: Mapping[str, Mapping[str, float] | None]) -> str:
-    """The same of the hammer's angle, and whether the values identified are better than those before."""
+    """Text on the RMSE of the hammer's angle, and whether the identified values are better than those before."""
     parts = [
         f"{number(math.degrees(by['hammer']), 2)}° {words}"
         for who, words in (*WHO, (CEILING, "is the scatter of the trials"))
@@ -98,7 +98,7 @@ def _curve_words(scores: Mapping[str, Mapping[str, float] | None]) -> str:
 
 
 def _next(found: Identification, ranked: Sequence[Prospect]) -> list[str]:
-    """The best stroke to record next, and the one that tells best what is lacking where several changes explain it."""
+    """Sentences on the best stroke to record next, and on the one that best separates explaining changes."""
     best = ranked[0]
     doubt = "" if found.details.fitted.converged else "; but the fit it is predicted from ran out of its budget"
     most = min(best.shrink, key=lambda name: best.shrink[name])
@@ -110,7 +110,7 @@ def _next(found: Identification, ranked: Sequence[Prospect]) -> list[str]:
 
 
 def most_telling(found: Identification, ranked: Sequence[Prospect]) -> list[str]:
-    """Which stroke tells best what is lacking, where several changes explain it."""
+    """Sentence on the stroke that best separates several changes that explain the strokes; empty for one."""
     known = found.details.supported
     strokes = [(p, p.candidate.trial) for p in ranked if p.candidate is not None]
     if known is None or len(known.let_in) < 2 or not strokes:

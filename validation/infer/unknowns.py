@@ -181,7 +181,7 @@ class Parameter:
         return dict.fromkeys(self.paths, self.u)
 
     def per_u(self, start: model.Action, z: float) -> float:
-        """Change of the value that `model.sensitivities` knows, per prior standard uncertainty, at z of ``start``."""
+        """Change, per prior standard uncertainty, of the value that `model.sensitivities` differentiates by, at z."""
         if len(self.paths) > 1:  # a factor on the values that the action has now
             return self.u
         return self.slope(start, z)[self.paths[0]]

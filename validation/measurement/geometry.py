@@ -23,7 +23,7 @@ from validation.errors import ValidationInputError
 
 @dataclass(frozen=True)
 class ActionGeometry:
-    """What the event finders must know of an action.
+    """Geometry of an action for the event finders.
 
     Parameters
     ----------

@@ -71,7 +71,7 @@ class SensorCalibration:
     sensors: Mapping[str, str] | None = None  # places that they were learnt at; None where nothing was
 
     def table(self) -> dict[str, Any]:
-        """As a table of an action file."""
+        """Plain values for a table of an action file."""
         errors = zip(ERROR_NAMES, self.z, self.u, strict=True)
         return {
             "sensors": dict(self.sensors or {}),
@@ -80,7 +80,7 @@ class SensorCalibration:
 
 
 def calibration_of(action: model.Action) -> SensorCalibration:
-    """What an action's file says of the position sensors it was identified with, else the rulers' own."""
+    """Sensor errors identified with an action, from its file; else those of the calibration curves."""
     table = action.identification.get(TABLE)
     if table is None:
         return SensorCalibration()

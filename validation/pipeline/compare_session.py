@@ -183,7 +183,7 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
 def name_all_parts(
     findings: SessionFindings, verdict: Verdict, action: model.Action
 ) -> tuple[SessionFindings, Verdict]:
-    """What is said to a reader, with the names of parts in place of parameter paths."""
+    """Findings and verdict with names of parts instead of parameter paths in their text."""
     faults = tuple(replace(fault, text=name_parts(fault.text, action)) for fault in findings.faults)
     inputs = [name_parts(text, action) for text in verdict.quantities["main_input"]]
     named = replace(
@@ -193,7 +193,7 @@ def name_all_parts(
 
 
 def _warnings(predicted: PredictedSession, findings: SessionFindings) -> Iterator[str]:
-    """What a reader must know before using the numbers, faults first."""
+    """Warnings of a comparison, faults first."""
     yield from (f.text for f in findings.faults)
     few = warn_of_few_trials(len(predicted.trials))
     if few:
@@ -247,7 +247,7 @@ ODD = "outlying residual"
 
 
 def with_causes(findings: SessionFindings, explained: Explained, numbers: Sequence[int]) -> SessionFindings:
-    """Findings with the causes in place of what they explain; trials from a cause on are a condition of their own.
+    """Findings in which causes replace what they explain; trials from a cause on become a separate condition.
 
     A change that was seen stays unless a cause from a trial on explains it, and then says where the condition begins.
 

@@ -69,7 +69,7 @@ def distinct_models(actions: Sequence[model.Action]) -> list[model.Action]:
 
 
 def distinct(names: Sequence[str], *details: Sequence[object]) -> list[str]:
-    """Names, followed where they are not alone by the first detail that tells them apart."""
+    """Names, made unique by the first detail that differs where several are equal."""
     out = list(names)
     for detail in details:
         count = Counter(out)
@@ -84,7 +84,7 @@ def _count(n: int) -> str:
 
 
 def same_recordings(results: Sequence[ValidationResult]) -> list[str]:
-    """Sessions that hold the same recordings under other names, in words: they are not independent."""
+    """Sentences on sessions that hold equal recordings under different names, and so are not independent."""
     seals: dict[str, set[str]] = {}
     for result in results:
         seals.setdefault(result.session_name, set()).update(result.provenance.get("trials_sha256", {}).values())

@@ -80,7 +80,7 @@ class TrialJudgement:
         return [*out, *(f"  finding: {text}" for text in self.findings)]
 
     def content(self) -> dict[str, Any]:
-        """The same as plain values, null for what is not known; curves in degrees, with the thesis's signs."""
+        """Judgement as plain values for JSON, None for NaN; curves in degrees, with the thesis's signs."""
         return {
             "trial": self.number,
             "lines": self.lines(),

@@ -72,7 +72,7 @@ class BlackBox:
         return np.column_stack([np.interp(time_s, grid, column) for column in made.T])
 
     def to_plain_values(self) -> dict[str, Any]:
-        """As values that a file holds, seven digits."""
+        """Plain values for a file, to seven digits."""
         lists = {name: getattr(self, name).tolist() for name in ("weights", "low", "high")}
         return {"kind": self.kind, "order": list(self.order), "middle": self.middle, "reach": self.reach,
                 **{name: _round_to_seven_digits(values) for name, values in lists.items()}}  # fmt: skip
@@ -151,7 +151,7 @@ class _Normal:
         return [boxes[k] for k in self.group]
 
     def choose_order(self) -> tuple[tuple[int, int], float]:
-        """Order and ridge with the least mean square on groups left out, each answer by its own range."""
+        """Order and ridge with the least mean square error on left-out groups, each answer relative to its range."""
         if len(self.gram) < 2:
             return ORDERS[self.kind][0], RIDGES[-1]
         spans = np.maximum(np.nan_to_num(self.none.high - self.none.low), 1e-12)

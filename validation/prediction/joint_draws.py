@@ -112,7 +112,7 @@ def joint_draws(action: model.Action, seed: int, n: int, *, parameters: bool) ->
 
 
 def own_draws(seed: int, n: int) -> list[JointDraw]:
-    """Draws of nothing but what a trial has for itself; the first has no error at all."""
+    """``n`` + 1 draws of the trial's errors alone (offset, noise, quantisation); the first has no error at all."""
     zero = (0.0,) * len(CHANNELS)
     every = [JointDraw(i, {}, 0.0, 0.0, 0.0, zero, zero, (SEED, seed, OWN, i)) for i in range(n + 1)]
     return [replace(every[0], has_own_errors=False), *every[1:]]
@@ -146,12 +146,12 @@ def each_draw(
     draws: Sequence[JointDraw],
     use: Callable[[int, Array], T],
 ) -> list[list[T | None]]:
-    """What is made of the readings of every trial in every draw; None where the draw cannot be run.
+    """``use(index, readings)`` of every trial in every draw, as [trial][draw]; None where a draw cannot be run.
 
     Parameters
     ----------
     trials : sequence of (trial, times), times (n,) s; trials under the same declared preload share the actions drawn
-    use : given the place of the trial and its readings as of `drawn_readings`, on a thread; what it returns is kept
+    use : given the index of the trial and its readings as of `drawn_readings`, on a thread; what it returns is kept
     """
     if trials and all(m.driven_by_key for m, _ in trials):
         return [_each_draw_by_key(tested, m, time_s, draws, partial(use, i)) for i, (m, time_s) in enumerate(trials)]
@@ -271,6 +271,6 @@ def film_errors(film: FilmAngles, name: str, time_s: Array) -> tuple[Array, floa
 
 
 def _find_known_times(m: MeasuredTrial, draw: JointDraw, time_s: Array) -> NDArray[np.bool_]:
-    """Times at which the force of a draw is known."""
+    """Mask (n,) of the times ``time_s``, s, at which the draw's delayed force is recorded."""
     first, last = m.force.time_s[[0, -1]] + m.force.channel.u_group_delay_s * draw.z_delay
     return (time_s >= first) & (time_s <= last)

@@ -108,7 +108,7 @@ STEP_S = 2.5e-4  # of the null model: choice, a contact with the string takes so
 
 @dataclass(frozen=True)
 class NullAction:
-    """What the null model knows of an action."""
+    """Quantities of an action that the null model needs."""
 
     reduced: model.null_model.Reduced
     weight_nm_at: tuple[float, float]

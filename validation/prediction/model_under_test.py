@@ -27,7 +27,7 @@ RIVALS = ("null", "raw_force", "unfitted", "polynomial", "fir", "fir_lags")
 
 @dataclass(frozen=True)
 class StandIns:
-    """Functions that take the place of the project's own, for other models and for tests; None means its own.
+    """Functions that replace the project's model, for other models and for tests; None keeps the project's.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class StandIns:
 
     @property
     def none(self) -> bool:
-        """Whether everything is computed by this project; a stand-in's code is known by its name only."""
+        """Whether no function is replaced."""
         return self.predict is None and self.rest_state is None and self.geometry is None
 
 
@@ -92,7 +92,7 @@ class ModelUnderTest:
 
     @property
     def own_model(self) -> bool:
-        """Whether the project's own model simulates, which can do many runs side by side."""
+        """Whether the project's model simulates, which runs many strokes side by side."""
         return self.simulate is own_simulate
 
     @cached_property

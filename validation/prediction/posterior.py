@@ -28,7 +28,7 @@ EQUAL = 1e-6
 
 
 def largest_first(vector: Array) -> NDArray[np.int64]:
-    """Indices of components (n,) by size, the largest first, equal ones in their own order."""
+    """Indices of components (n,) by magnitude, the largest first; ties keep their order."""
     return np.argsort(-np.round(np.abs(vector) / EQUAL), kind="stable")
 
 
@@ -102,7 +102,7 @@ class Posterior:
         return out
 
     def table(self) -> dict[str, Any]:
-        """As a table of an action file."""
+        """Plain values for a table of an action file."""
         return {
             "names": list(self.names),
             "paths": [list(paths) for paths in self.paths],
@@ -184,7 +184,7 @@ def digests(action: model.Action, provenance: Mapping[str, Any], posterior: Mapp
 
 
 def list_alterations(action: model.Action) -> list[str]:
-    """What was changed since the identification, in words: in the file, or by hand for this run.
+    """Texts on what was changed since the identification: in the file, or by override for this run.
 
     They find out edits, not fraud: a hash can be written anew. A file without them is taken as it is.
     """

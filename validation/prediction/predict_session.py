@@ -63,11 +63,11 @@ class PredictedAngles:
         return self.turn_rad[:, BODIES.index(body)]
 
     def without_speeds(self) -> PredictedAngles:
-        """The same for a trial without film, which is not read between the samples."""
+        """Copy without speeds, for a trial without film, which is read at its samples only."""
         return replace(self, speed_rad_per_s=np.empty((0, len(BODIES))))
 
     def change_at(self, body: str, time_s: Array) -> Array:
-        """The same at other times, by the cubic through angles and speeds; NaN outside the prediction."""
+        """Change of a body's angle since rest, rad, at times (k,), s, by cubic interpolation; NaN outside."""
         i = BODIES.index(body)
         known = np.isfinite(self.turn_rad[:, i])
         at = np.asarray(time_s, dtype=float)

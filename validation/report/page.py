@@ -146,7 +146,7 @@ ELSEWHERE = ("What to do: ", "Plain difference", "Alone", "RMSE: ", "ISO 18571",
 
 
 def session_section(view: SessionView, is_first: bool = True) -> dict[str, Any]:
-    """Everything the page shows of one session, by the names that the template knows.
+    """Values of one session by the template's names.
 
     Tables that depend on the model are made for each, their caption names it; ids lead with the session's prefix.
     """
@@ -345,7 +345,7 @@ BY_KEY = (
 
 
 def _limits_of(result: ValidationResult) -> list[str]:
-    """What is not known of one session."""
+    """Limits of what one session shows, as sentences."""
     limits = [BY_KEY if result.provenance.get("driven_by") == "key" else BY_FORCE]
     filmed = len(result.film_traces)
     if filmed == 0:

@@ -57,8 +57,7 @@ def list_guard_notes(time: Array, trial: Array, model: Array, scores: Mapping[st
 
 
 def _find_offset(t: Array, extent: float) -> tuple[str, int, int, float]:
-    """The largest magnitude of the test against its range tells whether it stands on an offset: words, and the samples
-    and the zero to score again."""
+    """Note that curves stand on an offset (else empty), and the range of samples and zero (rad) to score again."""
     zero = float(t[0])
     words = f"offset: both curves stand on {zero:.3g} rad; zeroed at the start"
     lifted = float(np.abs(t).max()) - extent > OFFSET_SHARE * extent

@@ -48,7 +48,7 @@ ROUND_SAMPLES = 0.05  # to which shifts are rounded: a twentieth of a sample
 
 
 def estimate_time_scatter(curves: Array, u_sample: float = 0.0) -> Array:
-    """Standard deviation of the trials' shift in time at each sample, in samples; 0 where none is told.
+    """Standard deviation of the trials' shift in time at each sample, in samples; 0 where none is detectable.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def estimate_time_scatter(curves: Array, u_sample: float = 0.0) -> Array:
 
 
 def _estimate_shifts(curves: Array, u_sample: float, way: float, window: Array) -> tuple[Array, Array]:
-    """Standard deviation of the shifts near each sample and its weight; both 0 where none is told."""
+    """Standard deviation of the shifts near each sample, in samples, and its weight; 0 where none is detectable."""
     n_samples, n = curves.shape
     mean = curves.mean(axis=1)
     slope = np.gradient(mean)
@@ -155,7 +155,7 @@ class RepeatabilityBand:
     n_trials: int
 
     def covers(self, truth: Array) -> bool:
-        """Whether a curve lies inside the band everywhere it is known."""
+        """Whether a curve (m,), rad, lies inside the band at every sample that has one."""
         off = np.abs(np.asarray(truth, dtype=float) - self.mean)
         known = np.isfinite(off) & np.isfinite(self.half_width)
         return bool(np.all(off[known] <= self.half_width[known]))

@@ -108,7 +108,7 @@ def _select_notes(place: Array, every: Sequence[tuple[int, int]]) -> list[tuple[
 
 @dataclass(frozen=True)
 class DomainPosition:
-    """Where a stroke lies: its distance (infinite where no fitted stroke reached a phase), and what sets it, in words.
+    """Position of a stroke in the training domain: distance (infinite for a new phase), and the reason as text.
 
     ``out`` has the way out of each property's range, in units of its widening, negative inside.
     """
@@ -124,7 +124,7 @@ class DomainPosition:
 
 
 def locate_stroke(stroke: Features, fitted: Sequence[Features]) -> DomainPosition | None:
-    """Where a stroke lies beside those that were fitted; None where one of the two is not known."""
+    """Position of a stroke in the training domain of ``fitted`` strokes; None without properties of either."""
     fitted = [one for one in fitted if one and one["unit"] == stroke.get("unit")]
     if not stroke or not fitted:
         return None

@@ -135,7 +135,7 @@ def _statistics(first: Array, second: Array, better: str, u_nuisance: float) -> 
 
 
 def joint_p(differences: pd.DataFrame) -> dict[str, float]:
-    """Adjusted p of every channel, from the trials in which all channels of as many trials are known.
+    """Adjusted p of every channel, from the trials that have all channels.
 
     A channel known in fewer trials (a film) is tested for itself, with the p of all others added to its own at worst
     (Bonferroni over the groups of channels that share their trials).

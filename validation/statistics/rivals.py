@@ -149,7 +149,7 @@ def _make_unfitted(tested: ModelUnderTest, posterior: Posterior | None) -> Model
 
 
 def _locate_trials(trials: Collection[MeasuredTrial], posterior: Posterior | None) -> pd.DataFrame:
-    """Where each trial lies beside those the action was fitted to."""
+    """Table of each trial's position in the training domain of the action."""
     rows = []
     for m in trials:
         fitted = posterior is not None and posterior.was_fitted_to(m.seal, m.samples)

@@ -16,7 +16,7 @@ def all_tables() -> dict[str, Table]:
 
 @cache
 def every_table() -> dict[str, Table]:
-    """The same with those of identifications."""
+    """All tables, of comparisons and of identifications."""
     package = import_module("validation.tables")
     names = sorted(found.name for found in iter_modules(package.__path__))
     modules = (import_module(f"validation.tables.{name}") for name in names)

@@ -16,7 +16,7 @@ def _unit(row: Row) -> str:
 
 
 def _prior(row: Row) -> str:
-    """A factor's uncertainty is relative, what is added to has its own unit."""
+    """Text of the prior's u: in percent for a factor, else with its unit."""
     relative = f" ± {100 * row['prior_u']:.2g} %"
     return f"{number(row['prior'])}{_unit(row)}{relative}" if row["factor"] else _value(row, "prior", "prior_u")
 

@@ -61,7 +61,7 @@ def rows(comparison: Comparison) -> list[dict[str, Any]]:
 
 
 def inside_rows(predicted: PredictedSession, tested: ModelUnderTest, *, is_drawn: bool) -> list[dict[str, Any]]:
-    """The same of a prediction; no rows for a stand-in, of which it is not known, nor where the key drives.
+    """Rows of the largest loads and losses of a prediction; none for a stand-in, nor where the key drives.
 
     Standard uncertainties, where they are drawn, are those of `DRAWS` draws of force and parameters
     (`validation.prediction.joint_draws`).
@@ -110,7 +110,7 @@ def _energies(audit: model.EnergyAudit) -> dict[str, float]:
 
 
 def _parts(action: model.Action, blow: model.Solution) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Rows with their names: energies that the scene knows, contacts, joints, what its effects move."""
+    """(name, row) of a blow's energies, contacts, joints and effects."""
     seen, time = blow.inside, blow.time_s
     assert seen is not None and blow.energy is not None
     for name, energy in _energies(blow.energy).items():

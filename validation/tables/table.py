@@ -171,7 +171,7 @@ class Table:
 
     @property
     def described(self) -> list[Column]:
-        """Columns of the file and of ``results.json``: led by session and model, but of a table that has its own."""
+        """Columns of the file and of ``results.json``: session and model first, unless the table has them."""
         return [*(() if self.of == "results" else LEAD), *self.columns]
 
     @property

@@ -278,7 +278,7 @@ def _majorities(
 
 
 def _means(errors: Array) -> tuple[Array, NDArray[np.int64], Array]:
-    """Mean over trials, trials counted, and residuals from the mean, of (n, V); NaN not known."""
+    """Mean (V,) over trials, number of trials, and residuals (n, V), skipping NaN."""
     known = np.isfinite(errors)
     count = known.sum(axis=0)
     mean = np.where(known, errors, 0.0).sum(axis=0) / np.where(count > 0, count, np.nan)

@@ -180,7 +180,7 @@ def side_ratio(values: Array, middle: Array, lower: Array, upper: Array) -> Arra
 
 
 def _largest(ratio: Array) -> Array:
-    """Largest of each row, −inf where nothing is known, (N,)."""
+    """Largest value (N,) of each row, skipping NaN; −inf where all are NaN."""
     filled = np.where(np.isfinite(ratio), ratio, -np.inf)
     return np.asarray(filled.max(axis=1, initial=-np.inf))
 
@@ -192,7 +192,7 @@ def quantile_by_rank(drawn: Array, share: float) -> float:
 
 
 def interval_by_rank(found: Array, drawn: Array, share: float) -> tuple[Array, Array]:
-    """Ends of the interval of each model error; NaN where fewer than `FEWEST_FOR_INTERVAL` draws are known."""
+    """Ends of the interval of each model error; NaN with fewer than `FEWEST_FOR_INTERVAL` finite draws."""
     low, high = np.full((2, found.size), np.nan)
     for v in range(found.size):
         known = np.sort(drawn[np.isfinite(drawn[:, v]), v])

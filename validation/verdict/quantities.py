@@ -163,12 +163,12 @@ def branch_of(events: Mapping[str, Event]) -> int:
 
 
 def branch_mask(bodies: Collection[str]) -> int:
-    """Bits of a branch that the encoders of these bodies tell."""
+    """Bit mask of a branch that the encoders of these bodies determine."""
     return sum(1 << i for i, name in enumerate(BRANCH) if set(EVENTS[name].bodies) <= set(bodies))
 
 
 def branch_words(branch: int, known: int = -1) -> str:
-    """A branch in words: of the bits that are ``known``, and without a strike not of what follows it."""
+    """Text of a branch, from the bits in ``known``; without a strike nothing that follows it."""
     bits = [i for i in range(len(BRANCH)) if known >> i & 1 and (i in (0, 3) or branch & 1)]
     said = [words[0] if branch >> i & 1 else words[1] for i, words in enumerate(BRANCH.values()) if i in bits]
     return ", ".join(said) or "no event is known"

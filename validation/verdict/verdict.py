@@ -182,7 +182,7 @@ def is_another_fall(one: Condition, found: Array) -> bool:
 
 
 def _trials_of_condition(errors: SessionErrors, one: Condition) -> str:
-    """Trials of a condition in words; empty where the session holds one condition only."""
+    """Text of a condition's trials; empty where the session holds one condition only."""
     return trials_in_words(one.trials) if len(errors.conditions) > 1 else ""
 
 
@@ -229,7 +229,7 @@ def shown_interval(row: Any, names: tuple[str, str] = ("low", "high")) -> tuple[
 
 
 def format_interval(middle: float, half: float, unit: str, *, is_signed: bool = True) -> str:
-    """Interval in words, to two digits of a half width that begins with 1, else to one; three places at most."""
+    """Text ``middle ± half unit``, to two digits of a half width that begins with 1, else to one."""
     places = 2
     if half > 0:
         first = math.floor(math.log10(half))
@@ -368,7 +368,7 @@ def _plain_digits(value: float) -> str:
 
 
 def halving(row: Any) -> str:
-    """What would halve the detectable error of a quantity, in words."""
+    """Text on what would halve the detectable error of a quantity."""
     parts = {"force": row.u_force, "sensors": row.u_sensors, "parameters": row.u_parameters, "scatter": row.u_repeat}
     squares = {name: float(u) ** 2 for name, u in parts.items() if np.isfinite(u)}
     total = sum(squares.values())

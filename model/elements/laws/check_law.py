@@ -48,7 +48,7 @@ class Traced(NamedTuple):
 
 
 def locate(law: Law) -> str:
-    """File and line of a law's class, as far as Python knows them."""
+    """Text of file and line of a law's class, or its name."""
     for kind in type(law).__mro__:  # of a class that was made by a call, the one that it was made of
         if kind is not type(law) and kind.__module__.startswith("model."):
             break

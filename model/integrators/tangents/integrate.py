@@ -50,7 +50,7 @@ NODE = numba_kernel(linearise_node, LINEARISE_NODE)
 
 @inlined_uncounted
 def copy_elements(out, given):
-    """Copy the elements of ``given`` that ``out`` has a place for into ``out``, (n, P) both.
+    """Copy ``given`` (n, P) into ``out`` as far as its shape (n, P') reaches.
 
     Number by number, as an assigned row brings the text of numba's message about shapes, seconds to compile. What
     fills ``given`` up to whole lanes is left out where ``out`` has no place for it.

@@ -55,7 +55,7 @@ FIND_KINKS = _i(MOTION, SEEN, _table)
 
 @inlined
 def interpolate_state(t, k, motion, w):
-    """Put the state at ``t`` into ``w``; ``k`` is a start for the search of the step. Returns the step."""
+    """Write the state at ``t`` (s) to the workspace ``w``; returns the step's index, searched from ``k``."""
     steps, size, n = motion
     last = steps.shape[0] - 1
     while k < last and t >= steps[k + 1, 0]:

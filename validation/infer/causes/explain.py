@@ -139,7 +139,7 @@ def _explain(tested: ModelUnderTest, trials: Sequence[ObservedTrial], effects: b
 
 
 def make_answer(found: Found, numbers: Sequence[int]) -> Explained:
-    """The answer to a search, in words.
+    """Sentence, table rows and findings that state what a search found.
 
     Parameters
     ----------

@@ -309,7 +309,7 @@ def _lift_m(solution: model.Solution) -> Array:
 
 
 def _add_amount(place: _Place, j: int, step: float) -> _Place:
-    """The place with the amount of source ``j`` (index) raised by ``step``."""
+    """Copy of a point with the amount of source ``j`` (index) raised by ``step``."""
     amounts = dict(place.amounts)
     amounts[j] = amounts.get(j, 0.0) + step
     return replace(place, amounts=tuple(sorted(amounts.items())))

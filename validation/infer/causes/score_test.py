@@ -110,7 +110,7 @@ class BalancedNoise:
 
 
 def _covariances(block: Block, sizes: Sequence[Sizes], scatter: Array, known: Array) -> tuple[Array, Array, Array]:
-    """Covariances of a trial: of its own (sizes, n, n), and of its scatter and of what all share (n, n)."""
+    """Covariances of a trial: its random effects (sizes, n, n); its scatter, and what all trials share, (n, n)."""
     found = [null_covariances(block, size) for size in sizes]
     _, laws, shared = found[0]
     scattered, declared = block.moved * scatter, block.moved @ known
@@ -155,7 +155,7 @@ class ScoreTest:
         return np.asarray(np.outer(w[0], w[0]) * (mean.T @ mean)[at] + (w[1:].T @ w[1:]) * (between.T @ between)[at])
 
     def group_alike(self, k: int, furthest: Array) -> dict[int, list[int]]:
-        """Candidates (indexes) that can show with `DEVIATIONS[k]`, each with those that no session tells from it.
+        """Candidates (index) detectable at `DEVIATIONS[k]`, each with those that are indistinguishable from it.
 
         At the largest amounts that are looked at, ``furthest`` (P,), the likelihood ratio of one to none, or to the
         other, is below `ODDS`. Of a group, the one that shows most comes first.

@@ -117,7 +117,7 @@ class Search:
         return [(int(np.argmin(most)), 1.0 - share), (int(np.argmax(most)), share)]
 
     def _group_alike(self, shown: Sequence[int]) -> dict[int, list[int]]:
-        """Candidates (indexes) that can show, each with those that cannot be told from it."""
+        """Detectable candidates (index), each with those that are indistinguishable from it."""
         test = ScoreTest(self.noise, self.columns, [self.responses.candidates[i] for i in shown])
         k = self.log_posterior(self.at.each, self.at.z)[1]
         groups = test.group_alike(k, np.array([self.source(i).furthest for i in shown]))
@@ -158,7 +158,7 @@ class Search:
         return Fit(members, z, base.each + self.effect(base, gone), columns)
 
     def effect(self, fit: Fit, places: Sequence[int]) -> Array:
-        """Change (trials, n) of the predicted curves by the causes at these places of a fit, linear where it is."""
+        """Change (trials, n), rad, of the predicted curves by the fit's causes of these indices, linear at the fit."""
         weights = np.array([self.responses.candidates[fit.members[k]].weights for k in places]).T
         return np.asarray(np.einsum("tk,tnk,k->tn", weights, fit.columns[:, :, places], fit.z[places]))
 
@@ -250,7 +250,7 @@ class Search:
         return float(gains.max()) / threshold.single
 
     def exchange_causes(self, fits: Sequence[Fit]) -> tuple[Search, list[Fit]]:
-        """The linear model around the best fit, and all fits compared there, with those that rank high in its place."""
+        """Search linearised at the best fit, and the fits refitted there, exchanges of one cause among them."""
         best = fits[0]
         around = Search(self.responses, best, self.effects, self)
         known = {frozenset(f.members) for f in fits}
@@ -322,7 +322,7 @@ class Search:
         return self.refit([*started, *self.effects_at_amounts(added)], rounds=1)
 
     def refit_alike(self, fits: Sequence[Fit]) -> list[Fit]:
-        """The fits, and those with causes in their place that the linear model does not tell from them."""
+        """The fits, and refits with each cause exchanged for an indistinguishable one, the best first."""
         started = [
             self.start_fit((*(j for j in fit.members if j != i), other), fit)
             for fit in fits

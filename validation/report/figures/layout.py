@@ -138,7 +138,7 @@ def left_out_intervals(result: ValidationResult, channel: str) -> pd.DataFrame:
 
 
 def lift_text(lifts: pd.DataFrame) -> str:
-    """The intervals left out, in words, for readers who cannot see the shading."""
+    """Text on the intervals left out, for readers who cannot see the shading."""
     if not len(lifts):
         return ""
     trials = ", ".join(str(t) for t in sorted(set(lifts["trial"])))
