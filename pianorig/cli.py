@@ -105,6 +105,7 @@ class LazyGroup(TyperGroup):
 
 
 def _group(name: str) -> LazyGroup:
+    """The commands of a group, loaded when one of them is called."""
     return LazyGroup(
         name,
         name=name,

@@ -477,6 +477,7 @@ def _ease_in_out(phase: Array) -> Array:
 
 
 def _mirror_profile(name: str, time_s: Array, force_n: Array) -> Profile:
+    """Profile of a press and its release: the force (n,), N, over times, s, held, then run backwards."""
     at = np.concatenate((time_s, time_s[-1] + HOLD_S + time_s))
     force = np.concatenate((force_n, force_n[::-1]))
     force[0] = force[-1] = 0.0

@@ -214,6 +214,7 @@ def key_bottom(force_n: NDArray[np.float64], rate_hz: float) -> int | None:
 def _cut_target(
     name: str, force: NDArray[np.float64], rest_n: float, onset: int, bottom: int, rate_hz: float
 ) -> TargetForce:
+    """Target of a measured force (n,), N: from ``onset`` (sample), key bottom at ``bottom``, without its spike."""
     held = force.copy()
     after = min(bottom + int(SPIKE_S * rate_hz), force.size - 1)
     level = float(np.median(force[after : after + max(int(RELEASE_S * rate_hz), 1)]))
@@ -324,6 +325,7 @@ LIMIT_SHARE = 0.98  # of the motor's limits, that a command takes: key points ar
 def limit_command(
     command_n: NDArray[np.float64], force_limit_n: float, slew_limit_n_per_s: float, rate_hz: float
 ) -> NDArray[np.float64]:
+    """Copy of a command, N, held within force and slew limits, by a small share below each."""
     step = LIMIT_SHARE * slew_limit_n_per_s / rate_hz
     limited = np.clip(command_n, -LIMIT_SHARE * force_limit_n, LIMIT_SHARE * force_limit_n)
     for order in (range(1, limited.size), range(limited.size - 2, -1, -1)):
@@ -487,7 +489,7 @@ def _check_reachable(target: TargetForce, config: RigConfig, most_n: float) -> N
 
 
 def profile_of(name: str, command_n: NDArray[np.float64], rate_hz: float, description: str) -> Profile:
-    """Return a profile whose key points, joined by lines, give a command on the sample clock."""
+    """Profile of few points joined by lines, near a command (n,), N, sampled at a rate; it begins and ends at 0 N."""
     samples = key_points(command_n, POINT_TOLERANCE * float(np.max(np.abs(command_n), initial=1e-9)))
     points = [{"time_s": round(float(k / rate_hz), 7), "force_n": round(float(command_n[k]), 4)} for k in samples]
     points[0]["force_n"] = points[-1]["force_n"] = 0.0

@@ -318,6 +318,7 @@ class Checks:
         self._tell(finding)
 
     def _acquire(self, command_v: NDArray[np.float64], *, enable_drive: bool) -> tuple[Timing, Block]:
+        """Put out a command (n,), V, and read as long as it lasts, then stop safely."""
         timing = self.backend.configure(self.config, command_v)
         self.backend.arm(enable_drive=enable_drive)
         self.backend.start()
@@ -502,7 +503,7 @@ class Checks:
                  f"{self.expected.loopback} is not wired to {self.config.motor.channel}")  # fmt: skip
 
     def camera(self) -> None:
-        """Edges on the camera's terminal in half a second, counted by a counter of its own."""
+        """Check that the camera's terminal has edges; a counter of the self-test counts them for half a second."""
         camera = self.config.camera
         if camera is None:
             return

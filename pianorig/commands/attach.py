@@ -165,6 +165,7 @@ def _check_unused(session: rig.Session, trial: rig.Trial, data: Path, digest: st
 
 
 def _first_frame(film: Path, said: int | None, given: int | None) -> int:
+    """First frame counted from the trigger, of the film's header or the option; refuses neither and two."""
     if said is not None and given is not None and said != given:
         raise CommandInputError(
             f"{film}: its header says first frame {said}, --first-frame {given}; leave out the option"
@@ -184,6 +185,7 @@ def _check_rate(film: Path, trial: rig.Trial, camera: rig.CameraInfo, rate: floa
 
 
 def _check_range(film: Path, trial: rig.Trial, camera: rig.CameraInfo, first: int, last: int) -> None:
+    """Refuse a film whose frames (numbers from the trigger) are not all among those of the trial."""
     if first < 0:
         raise CommandInputError(f"{film}: begins {-first} frames before the trigger; save it from the trigger on")
     if last >= camera.n_frames:
@@ -194,6 +196,7 @@ def _check_range(film: Path, trial: rig.Trial, camera: rig.CameraInfo, first: in
 
 
 def _say_gaps(film: Path, steps: NDArray[np.int64]) -> None:
+    """Warn of frames that the film lacks; ``steps`` (n,) are its frames' numbers in the clock."""
     import numpy as np  # start-up: 0.1 s that --help does not need
 
     gaps = np.flatnonzero(np.diff(steps) > 1)

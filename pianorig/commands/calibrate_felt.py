@@ -180,6 +180,7 @@ def _blow_speeds(
 
 
 def _speed_table(blows: dict[str, model.calibration.MeanSpeeds]) -> list[str]:
+    """Lines of a table: mean speed at each contact in each blow, and ratios to the first blow's."""
     first, *others = blows
     lines = [
         f"mean normal speed while pressed and faster than {model.calibration.REST_SHARE:.0%} of the contact's largest, "

@@ -254,6 +254,7 @@ def run_demo(out: Path, *, trials: int, profile: str = "forte", quiet: bool = Tr
 
 @contextmanager
 def _recording_is_kept(folder: Path) -> Iterator[None]:
+    """Context in which Ctrl-C raises `Interrupted`, which names the session's folder and how to go on."""
     try:
         yield
     except KeyboardInterrupt as interrupt:

@@ -68,6 +68,7 @@ def export_session(path: Path, form: str, *, trials: list[int] | None = None, ou
 
 
 def _choose_trials(path: Path, numbers: list[int] | None) -> list[rig.Trial]:
+    """Trials of a session folder, all readable ones or those with numbers, or the one of a trial's file."""
     if path.suffix == ".h5":
         found = [trial for trial in rig.Session.open(path.parent).trials if trial.path.name == path.name]
         if not found or numbers:

@@ -181,6 +181,7 @@ def _scores(name: str, scores: dict[str, Any]) -> str:
 
 
 def _as_plain(found: Any) -> dict[str, Any]:
+    """An identification as plain lists, tables and texts for ``--json``."""
     supported = found.details.supported
     return {
         "estimates": [asdict(e) for e in found.estimates],
@@ -275,6 +276,7 @@ def reading_lines(
     refused: list[str],
     most: int = 5,  # lines on a screen
 ) -> list[str]:
+    """Lines printed of an identification, and of the trials whose recording would tell most, best first."""
     # start-up: --help needs none of it
     from validation.infer.sentences import group_by_reason, plain_sentences
 

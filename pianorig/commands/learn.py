@@ -243,6 +243,7 @@ def learn_profile(
 
 
 def learning_summary(learned: rig.Learned) -> dict[str, Any]:
+    """Facts of a learned profile for ``--json``: errors in percent of the target's peak, times in s."""
     best = learned.best
     return {
         "target": learned.target.name,
@@ -260,6 +261,7 @@ def learning_summary(learned: rig.Learned) -> dict[str, Any]:
 
 
 def _write(out: Path, learned: rig.Learned) -> None:
+    """Write ``profile.toml`` of the best blow and ``learning.json`` into the folder ``out``."""
     best = learned.best
     found = f"{100 * best.error:.2f} % RMS of the peak before key bottom in blow {best.number}"
     text = best.profile.text.replace(

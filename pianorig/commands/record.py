@@ -203,6 +203,7 @@ def _press_felt(
     named: tuple[str, str],
     room: rig.RoomInfo | None,
 ) -> None:
+    """Record the ordered presses of a felt into a session and print what was found."""
     target = out or workflows.new_session_folder(f"felt_{order.contact}")
     title = f"pressing {order.contact} on {access.backend} into {target}"
     with workflows.interrupts_told(target), recording_line(as_json, title) as progress:
@@ -248,6 +249,7 @@ def press_felt(
 
 
 def _row(press: rig.FeltPress) -> dict[str, Any]:
+    """Facts of a press of felt, with the coefficients fitted to its loading curve."""
     curve, fit = press.curve, model.calibration.fit_felt(model.calibration.read_curve(press.file))
     row: dict[str, Any] = {
         "trial": press.trial,
@@ -287,6 +289,7 @@ def _loop_at_rest(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def felt_lines(order: rig.FeltOrder, facts: dict[str, Any]) -> list[str]:
+    """Lines printed of a session of presses: each press, the loop, the command to use next."""
     if order.contact == BLOCK:
         return [
             f"compliance of arm and cell {1e6 * facts['compliance_m_per_n']:.4g} um/N (standard uncertainty "

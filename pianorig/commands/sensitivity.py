@@ -65,7 +65,7 @@ def command(
     driving = workflows.read_driving_force(source, model.choice_of(chosen).input_column)
     local = _local_sensitivities(chosen, driving, names, as_json)
     if not as_json:
-        _print_local(local, chosen.name)
+        _print_elasticities(local, chosen.name)
     files: list[Path] = []
     if out is not None:
         files = [out / "local.csv", out / "local.svg"]
@@ -95,6 +95,7 @@ def _trial_of(blow: Path, trial: int | None) -> Path:
 def _local_sensitivities(
     action: model.Action, driving: workflows.DrivingForce, names: list[str] | None, quiet: bool
 ) -> model.sensitivity.LocalTable:
+    """Elasticities of a blow's results to parameters; all that have an effect where ``names`` is None."""
     for name in names or ():
         if name.endswith(DIRECTION) and name in action.quantities:
             raise CommandInputError(
@@ -110,10 +111,11 @@ def _local_sensitivities(
     return model.sensitivity.local_table(found)
 
 
-def _print_local(table: model.sensitivity.LocalTable, name: str) -> None:
+def _print_elasticities(table: model.sensitivity.LocalTable, action_name: str) -> None:
+    """Print the table of elasticities, percent per percent, of its first `MOST_LINES` parameters."""
     from model.sensitivity.local_table import lines  # start-up: NumPy, which --help does not need
 
-    print(f"{name}: percent of a quantity per percent of a parameter")
+    print(f"{action_name}: percent of a quantity per percent of a parameter")
     for line in lines(table, HEADINGS, MOST_LINES):
         print(line)
     if len(table.parameters) > MOST_LINES:

@@ -312,6 +312,7 @@ def _contact_descriptions(action: model.Action) -> dict[str, str]:
 
 
 def _loss_facts(inside: model.inside.Inside) -> dict[str, object]:
+    """Facts of friction and felt losses, J, by contact and joint, for ``--json``."""
     contacts = [
         {
             "contact": name,

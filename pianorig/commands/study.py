@@ -115,6 +115,7 @@ def _compare(given: Sequence[model.study.Variant], action: model.Action, time_s:
 
 
 def _compare_as_thesis(action: model.Action, time_s: Any, force_n: Any) -> Found:
+    """Variants of Sections 4.2.2 and 4.4, of the built-in piano blow and of a forte under the given force."""
     studies = {
         "piano": model.study.compare(action, *model.force_table("piano"), model.study.PIANO_VARIANTS),
         "forte": model.study.compare(action, time_s, force_n, model.study.FORTE_VARIANTS),

@@ -102,6 +102,7 @@ def write_table(path: Path, table: pd.DataFrame) -> None:
 
 
 def read_table(path: Path, advice: str, columns: Iterable[str] = ()) -> pd.DataFrame:
+    """Read a CSV; refuses one that cannot be read or lacks a column, in one line that ends with ``advice``."""
     import pandas as pd  # start-up: 0.3 s that only a table needs
 
     try:

@@ -19,6 +19,7 @@ def _to_plain(value: Any) -> Any:
 
 
 def _finite(content: Any) -> Any:
+    """Copy of nested content in which arrays are lists, and numbers that are not finite None, as JSON wants."""
     if hasattr(content, "tolist"):
         content = content.tolist()
     if isinstance(content, float):

@@ -19,6 +19,7 @@ _EXAMPLES = {
 
 
 def read_settings(settings: Sequence[str], option: str = "--set") -> dict[str, float]:
+    """Parse ``path=value`` settings of an option to numbers by path."""
     out: dict[str, float] = {}
     for setting in settings:
         path, equals, text = (part.strip() for part in setting.partition("="))
@@ -102,6 +103,7 @@ def read_variant(text: str, called: str = "--variant") -> tuple[str, dict[str, f
 
 
 def _options_of(name: str, rest: str, called: str, example: str) -> dict[str, list[str]]:
+    """Parse what follows a variant's name: values of ``--scene``, ``--set`` and ``--scale``, as written."""
     given: dict[str, list[str]] = {"--scene": [], "--set": [], "--scale": []}
     words = iter(rest.split())
     for word in words:

@@ -163,6 +163,7 @@ def _boxed_in(file: Path, kind: str) -> Sent:
 
 
 def _compare(served: Served, asked: Asked) -> dict[str, Any]:
+    """Start the job that compares several sessions; its state for the page."""
     names: Any = asked.content.get("sessions")
     several = isinstance(names, list) and all(isinstance(name, str) for name in names)
     if not several or not 2 <= len(set(names)) <= MOST_COMPARED:
@@ -191,7 +192,8 @@ def _set_action(name: str, asked: Asked) -> Any:
     return changed_action(name, asked.query.get("set", []), asked.one("scene", "whole"))
 
 
-def _step(served: Served, name: str, asked: Asked) -> dict[str, Any]:
+def _turn_screw(served: Served, name: str, asked: Asked) -> dict[str, Any]:
+    """Lengths of an action before and after the screw of a target is turned by ``turn_m``, m; changes nothing."""
     turned = asked.one("turn_m")
     try:
         turn_m = float(turned)
@@ -267,6 +269,7 @@ def _film_subject(served: Served, owner: str, number: str) -> FilmSubject:
 
 
 def _track(served: Served, owner: str, number: str, asked: Asked) -> dict[str, Any]:
+    """Start the job that tracks a film with its saved outlines; its state for the page."""
     subject = _film_subject(served, owner, number)
     if not subject.bodies.is_file():
         raise CommandInputError(f"{subject.bodies.name}: no outlines yet; save them first")
@@ -328,7 +331,7 @@ ADDRESSES: dict[str, dict[str, Any]] = {
     f"{ACTION}/curves": {"get": lambda it, name, asked: blow_curves(*_blow(name, asked))},
     f"{ACTION}/animation": {"get": _blow_animation},
     f"{ACTION}/touch": {"get": lambda it, name, asked: touch(_set_action(name, asked))},
-    f"{ACTION}/step": {"get": _step},
+    f"{ACTION}/step": {"get": _turn_screw},
     f"{ACTION}/file": {"get": lambda it, name, asked: {"text": toml_of(_set_action(name, asked))}},
     TRIAL: {"get": _review},
     f"{TRIAL}/animation": {"get": _trial_animation},

@@ -287,7 +287,7 @@ class Catalogue:
 
     def report_file(self, name: str, path: str = REPORT) -> tuple[Path, str]:
         """A file of a session's report, and its media type; it lies in the session's folder, also behind links."""
-        return self._given_out(self.folder(name), path)
+        return self._served_file(self.folder(name), path)
 
     def comparisons(self) -> list[str]:
         """Names of the reports of several sessions, newest first."""
@@ -297,10 +297,11 @@ class Catalogue:
     def comparison_file(self, name: str, path: str = REPORT) -> tuple[Path, str]:
         if name not in self.comparisons():
             raise UnknownName(f"no comparison {name[:120]!r} in {self.root}")
-        return self._given_out(self.root / COMPARISONS / name, path)
+        return self._served_file(self.root / COMPARISONS / name, path)
 
     @staticmethod
-    def _given_out(report: Path, path: str) -> tuple[Path, str]:
+    def _served_file(report: Path, path: str) -> tuple[Path, str]:
+        """File of a report's folder and its media type; refuses names outside it and other kinds."""
         folder, name = report.resolve(), report.name
         try:
             file = (folder / path).resolve()

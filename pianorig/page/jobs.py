@@ -88,6 +88,7 @@ class Jobs:
 
     @staticmethod
     def _state(job: _Job) -> dict[str, Any]:
+        """What the page shows of a job."""
         return {
             "job": job.number,
             "session": job.subject,

@@ -66,9 +66,10 @@ class LiveStream:
             return b""
         part = follower.head.part(new, new[0].first_sample)
         self._sent = new[-1].first_sample + new[-1].force_n.size
-        return struct.pack("<d", new[0].first_sample) + _rows(part, follower.first_count).tobytes()
+        return struct.pack("<d", new[0].first_sample) + _live_rows(part, follower.first_count).tobytes()
 
     def _now(self) -> dict[str, Any]:
+        """What *Live* shows at this moment; peaks of newly sealed trials are read once and kept."""
         head = None if self._journal is None else self._journal.head
         sealed = self.session.trials
         for trial in sealed[-MOST_FIGURES:]:
@@ -125,8 +126,8 @@ def _channels(head: TrialHead) -> list[dict[str, Any]]:
     return columns
 
 
-def _rows(part: TrialData, first_count: Any) -> np.ndarray:
-    """Force, angles turned since the trial's first sample with the thesis's signs, motor command, further channels."""
+def _live_rows(part: TrialData, first_count: Any) -> np.ndarray:
+    """Rows (n, k) float32: raw force, N, degrees turned since the first sample, command, V, further channels."""
     sign = np.array([SIGN.get(encoder.name, 1.0) for encoder in part.encoders])
     columns = [
         part.raw_force_n[:, None],

@@ -113,6 +113,7 @@ def save(subject: FilmSubject, rows: Any) -> dict[str, Any]:
 
 
 def _body(row: Any) -> vision.Body:
+    """Parse an outline that the page sent."""
     if not isinstance(row, dict):
         raise CommandInputError(f"outline {str(row)[:60]!r}: allowed a table of name, parent, layer, points")
     name, parent, layer, points = (row.get(key) for key in ("name", "parent", "layer", "points"))

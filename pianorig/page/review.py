@@ -61,6 +61,7 @@ class FilmShelf:
         return b"".join(frame.tobytes() for frame in grey)
 
     def _film(self, path: Path) -> tuple[vision.Film, threading.Lock]:
+        """An open film with its lock; opens it anew where the file changed, closes those unused longest."""
         stat = path.stat()
         key = (path, stat.st_size, stat.st_mtime_ns)
         with self._lock:
@@ -253,6 +254,7 @@ def _measured_of(measured: MeasuredTrial, body: str) -> tuple[Array, Array] | No
 
 
 def _channels(measured: MeasuredTrial, predicted: list[_Predicted]) -> dict[str, Any]:
+    """Curves by body for the page: measured, predicted and their differences, in degrees."""
     channels = {}
     for i, body in enumerate(BODIES):
         found = _measured_of(measured, body)
@@ -289,6 +291,7 @@ def _is_moment(event: Event) -> bool:
 
 
 def _row(source: str, event: Event) -> dict[str, Any]:
+    """A row of the page's table of events."""
     kind = EVENTS[event.name]
     return {
         "source": source,

@@ -147,6 +147,7 @@ def write_target_film(path: Path) -> None:
 
 
 def _target_frames() -> Iterator[NDArray[np.uint8]]:
+    """Views of a checkerboard moved and turned in the picture, for the calibration of the camera."""
     random = np.random.default_rng(4)
     pitch_px = PITCH_M * CAMERA.scale_px_per_m
     room = 0.5 * np.array([CAMERA.width, CAMERA.height]) - 0.5 * pitch_px * (np.array(GRID) + 1.5)

@@ -17,6 +17,7 @@ FRAMES = 40  # of a film: enough for all that is compiled
 
 
 def call_once() -> None:
+    """Run model, tracker and scores once on a short blow, so that their kernels are compiled and kept."""
     action = model.load_action()
     times, force = model.force_table("forte")
     begins = times <= BEGINS_S

@@ -240,6 +240,7 @@ def _wraps(table: ChannelTable, channel: str, unit: str, bits: int) -> bool:
 
 
 def _time_lines(table: ChannelTable, time: str | None) -> list[str]:
+    """Lines of a proposed mapping that say where the times of the samples come from."""
     if time is not None:
         return [f"channel = {toml_value(time)}", f"unit = {toml_value(known_unit(table.units.get(time, '')) or 's')}"]
     clock = next(iter(table.clocks.values()), None)

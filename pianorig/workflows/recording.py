@@ -91,6 +91,7 @@ def interrupts_told(folder: Path, *, resumed: bool = False) -> Iterator[None]:
 
 
 def _remaining_words(folder: Path) -> str:
+    """What an interrupted recording left in its folder, and the command that goes on."""
     if not folder.is_dir():
         return "nothing was recorded and no session was made"
     try:

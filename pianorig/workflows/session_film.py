@@ -99,9 +99,9 @@ class SessionFilm:
         return self.owner[0].path / BODIES_NAME
 
     def frame_times(self, source: vision.Film) -> tuple[NDArray[np.float64] | None, float]:
-        """Times of the film's frames and their standard uncertainty, s.
+        """Times of the film's frames, s, None where the film's own apply, and their standard uncertainty, s.
 
-        From its trial's frame clock, else for the rate named, else None: the film's own.
+        From its trial's frame clock, else for the rate named.
         """
         # start-up: 0.1 s of every recording, which reads no film
         from vision.film.source import Corrected

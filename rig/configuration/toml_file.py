@@ -68,6 +68,7 @@ def check(model: type[Model], data: Mapping[str, Any], where: str) -> Model:
 
 
 def _one_line(error: ValidationError) -> str:
+    """One line for what pydantic found wrong: key, value found, what is allowed."""
     complaints = error.errors(include_url=False)
     # a misspelt key is unknown and missing at once: the unknown one says where to look
     first = next((c for c in complaints if c["type"] == "extra_forbidden"), complaints[0])

@@ -88,6 +88,7 @@ def translate_faults(phase: str, what: str) -> Iterator[None]:
 
 
 def _from_code(error: nidaqmx.errors.DaqError, phase: str, what: str) -> RigError:
+    """The rig's error for an error of the client; ``what`` names the task, ``phase`` what it was doing."""
     code = int(error.error_code)
     if code == CLIENTS_OWN:
         return RigError(f"{what}: the NI-DAQmx client was called wrongly during {phase}: {_first_words(str(error))}")

@@ -65,6 +65,7 @@ def make_watchdog(channel: grpc.Channel | None, config: RigConfig) -> WatchdogTa
 
 
 def close_watchdog(timer: WatchdogTask) -> None:
+    """Stop and close the timer; where closing fails it is left running, and the error is raised."""
     with contextlib.suppress(nidaqmx.errors.Error):
         timer.stop()  # closing is what counts
     try:
@@ -130,6 +131,7 @@ class SafeOutputs:
             self._tasks.clear(name)
 
     def _write(self, name: str, add: Callable[[nidaqmx.Task], None], write: Callable[[nidaqmx.Task], None]) -> None:
+        """Write with the task of this name, made by ``add`` where there is none or the kept one fails."""
         if name in self._tasks:
             with contextlib.suppress(nidaqmx.errors.Error):
                 self._write_output(name, write)
@@ -348,6 +350,7 @@ class SafeBench:
         failures += found
 
     def _write_safe(self, phase: str, failures: list[BaseException]) -> None:
+        """Put the motor at 0 V, then disable the drive; what fails is appended to ``failures``."""
         config = self._config
         if config is None:
             return

@@ -176,6 +176,7 @@ def voltage_task(new_task: NewTask, config: RigConfig, channel: str) -> nidaqmx.
 
 
 def _add_voltage(task: nidaqmx.Task, channel: str, name: str, ends_v: NDArray[np.float64]) -> None:
+    """Add a differential voltage input with the range ``ends_v`` (two ends, V)."""
     task.ai_channels.add_ai_voltage_chan(
         channel,
         name_to_assign_to_channel=name,
@@ -375,6 +376,7 @@ def next_block(made: TaskSet, config: RigConfig, first_sample: int, n_samples: i
 
 
 def _ticks(made: TaskSet, name: str, n_samples: int, timeout_s: float) -> NDArray[np.int64]:
+    """Read samples of a counter in ticks (n_samples,)."""
     ticks = np.empty(n_samples)
     with translate_faults("read", name):
         reader = CounterReader(made[name].in_stream)

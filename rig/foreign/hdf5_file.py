@@ -64,6 +64,7 @@ def read_hdf5(path: Path) -> ChannelTable:
 
 
 def _read_plain_file(path: Path, file: h5py.File) -> ChannelTable:
+    """Read every dataset of an HDF5 file as channels, with units and clocks from its attributes."""
     found: list[tuple[str, str, h5py.Dataset, str]] = []
     outer: dict[str, dict[str, Any]] = {"/": _properties(file)}
 

@@ -159,6 +159,7 @@ def channel_info(one: PositionMapping) -> ChannelInfo:
 
 
 def _reading(table: ChannelTable, one: PositionMapping, overruled: tuple[str, ...]) -> Array:
+    """Displacement of a position sensor (n,), unit of the mapping; refuses saturated samples."""
     check_unit(table, one.channel, one.unit, overruled)
     raw = table.channel(one.channel)
     if one.limits is not None:
@@ -190,6 +191,7 @@ def _trial(
     started_utc: str,
     origin: tuple[float, str],
 ) -> tuple[TrialData, str]:
+    """Trial of one cut, and the note why it is incomplete; ``values`` (n, channels) are of the cut alone."""
     n = cut.end - cut.first
     origin_s, file = origin
     start_s = origin_s + cut.first * interval_s
@@ -236,6 +238,7 @@ def sample_interval(table: ChannelTable, mapping: ImportMapping) -> float:
 
 
 def _agreed_interval(table: ChannelTable, mapping: ImportMapping) -> float:
+    """Sampling interval, s, that file and mapping agree on."""
     time = mapping.time
     time_channel = time.channel if time.channel in table.channels or not table.clocks else None
     if time_channel is not None:
@@ -395,6 +398,7 @@ def read_recording(path: Path, mapping: MappingFile) -> TrialData:
 
 
 def _recordings(file: Path, config: ImportMapping) -> tuple[ChannelTable, ...]:
+    """Read a file's recordings: its segments as trials, joined, or the one there is."""
     segments = read_segments(
         file, separator=config.separator, decimal=config.decimal, thousands=config.thousands,
         names_row=config.names_row, skip_rows=config.skip_rows,
@@ -472,6 +476,7 @@ def _recording_start(table: ChannelTable, file: Path, config: ImportMapping) -> 
 
 
 def make_trial(table: ChannelTable, mapping: ImportMapping, number: int, started_utc: str = "") -> TrialData:
+    """Trial of a recorded force and counts; forces to N, counts to whole numbers, times from 0."""
     cell = mapping.force
     if cell is None:
         raise RigInputError(f"{table.where}: the mapping has no [force]; a recording of positions is cut into strokes")

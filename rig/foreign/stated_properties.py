@@ -35,6 +35,7 @@ _INTERVAL = re.compile(r"dt|deltat|timestep|sampl(e|ing)(interval|period)(s|sec)
 
 
 def says_what_numbers_mean(name: str) -> bool:
+    """Whether a property's name is of a unit, scale, rate, interval or start."""
     letters = _letters(name)
     return bool(
         _PERHAPS_UNIT.fullmatch(name)

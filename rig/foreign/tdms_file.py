@@ -99,6 +99,7 @@ def _refuse_all(record: logging.LogRecord) -> bool:
 
 
 def _check_segments(path: Path, size: int) -> tuple[int, bool]:
+    """Number of segments of a TDMS file of ``size`` bytes, and whether the last one was finalised."""
     at = count = 0
     with path.open("rb") as stream:
         while at < size:

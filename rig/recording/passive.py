@@ -61,6 +61,7 @@ class StrokeSettings:
 
     @classmethod
     def from_rig(cls, config: RigConfig, rate_hz: float) -> StrokeSettings:
+        """Limits that tell a stroke played by hand, from the rig file."""
         return take_same_fields(
             cls,
             config.passive,

@@ -36,6 +36,7 @@ def record_entries(
     *,
     first_number: int = 1,
 ) -> None:
+    """Record the entries of a plan one after the other, with waits and prompts; trials are sealed in the session."""
     prompts = [entry for entry in entries if entry.prompt]
     if prompts and options.ask is None:
         raise _nobody(prompts[0])  # before the first blow, not in the middle of the plan

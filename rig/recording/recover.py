@@ -164,6 +164,7 @@ def _copy_session(session: Session, out: Path) -> tuple[Session, list[Recovered]
 
 
 def _refuse_if_in_use(file: Path, flags: int) -> None:
+    """Refuse a file that another program holds locked."""
     with translate_os_error(file, "opened"):
         descriptor = platform_calls.open_raw(file, flags)
     try:
@@ -174,6 +175,7 @@ def _refuse_if_in_use(file: Path, flags: int) -> None:
 
 
 def _recover_trial(session: Session, number: int, file: Path, *, keep: bool) -> Recovered:
+    """Seal what a trial's journal holds; what became of it. The journal is removed unless ``keep``."""
     journal, fate = scan_journal(file), "stays" if keep else "was removed"
     if (sealed := _read_sealed_trial(session, number)) is not None:
         # sealed just before the program ended, unless the two differ
@@ -276,6 +278,7 @@ def due_entries(session: Session) -> list[Entry]:
 
 
 def _entries(session: Session) -> list[Entry]:
+    """All planned trials of a session in order, with profiles parsed from its copies."""
     plan = session.info.plan
     if not plan.order:
         profile = parse_profile(_copy(session, session.info.profile), f"{session.path / 'profile.toml'}")

@@ -92,6 +92,7 @@ def _cut_blocks(blocks: Iterator[Block], first: int, end: int) -> Iterator[Block
 
 
 def _assemble_parts(head: TrialHead, blocks: Iterator[Block]) -> Iterator[TrialData]:
+    """Parts of a trial of at least `PART_SAMPLES`, from blocks in order."""
     waiting: list[Block] = []
     first = samples = 0
     for block in blocks:

@@ -171,6 +171,7 @@ class _Lengths:
 
     @classmethod
     def from_command(cls, config: RigConfig, command: MotorCommand, timing: Timing) -> _Lengths:
+        """Lengths in samples, from a motor command."""
         rate, recording = timing.sample_rate_hz, config.recording
         block = max(int(round(recording.block_s * rate)), int(np.ceil(timing.shortest_block_s * rate)), 1)
         moves = np.flatnonzero(command.volts)
@@ -197,6 +198,7 @@ def _earliest_rest(command: MotorCommand, timing: Timing) -> int:
 def _read_until_rest(
     backend: Backend, config: RigConfig, command: MotorCommand, timing: Timing, store: Callable[[Block], None]
 ) -> str:
+    """Read and store blocks until the action is at rest; the trial's status."""
     rate, recording = timing.sample_rate_hz, config.recording
     lengths = _Lengths.from_command(config, command, timing)
     detector = RestDetector(

@@ -89,7 +89,7 @@ def dry_run(profile: Profile, config: RigConfig, predict: Predict) -> dict[str, 
     arrays = (predicted.force_n, predicted.angle_rad, predicted.speed_rad_per_s)
     if not all(np.all(np.isfinite(values)) for values in arrays):
         raise RigInputError(f"{where}: dry run: {predicted.model} ends in values that are not finite; ease the profile")
-    figures = _check_blow(where, config, predicted)
+    figures = _refuse_above_limits(where, config, predicted)
     return {
         "profile_sha256": profile.sha256,
         "model": predicted.model,
@@ -122,7 +122,8 @@ def free_arm(arm: ArmConfig, force_n: NDArray[np.float64], sample_rate_hz: float
     return fastest, (0.5 * arm.inertia_kg_m2 * fastest**2)
 
 
-def _check_blow(where: str, config: RigConfig, predicted: PredictedBlow) -> dict[str, float | str]:
+def _refuse_above_limits(where: str, config: RigConfig, predicted: PredictedBlow) -> dict[str, float | str]:
+    """Largest force, rate of force, travels, speeds and pulse rates of a predicted blow; raises above a limit."""
     limits, force_n = config.limits, predicted.force_n
 
     def largest(what: str, unit: str, values: NDArray[np.float64], limit: float, key: str) -> float:
@@ -159,6 +160,7 @@ def _check_blow(where: str, config: RigConfig, predicted: PredictedBlow) -> dict
 def _refuse_above(
     where: str, what: str, unit: str, value: float, limit: float, key: str, time_s: float | None = None
 ) -> None:
+    """Refuse a value above its limit; ``key`` is the rig file's entry."""
     if value > limit:
         when = "" if time_s is None else f" at {time_s:.4f} s"
         raise RigInputError(

@@ -112,6 +112,7 @@ class Interlocks:
             )
 
     def _check_motion(self, first: int, n_checked: int) -> None:
+        """Stop where an encoder is beyond its travel or speed; ``first`` is the number of the window's first sample."""
         step = self._samples(SPEED_OVER_S)
         since = max(n_checked - step, 0)
         for body, name in enumerate(BODIES):
@@ -133,7 +134,7 @@ class Interlocks:
                 )
 
     def _check_exposures(self, block: Block, count: NDArray[np.int64]) -> None:
-        """Refuse a free-running camera that omits exposures: its film would be misread from there on."""
+        """Count on, and stop where a free-running camera omits exposures: its film would be misread from there on."""
         camera = self._config.camera
         if camera is None:
             return
@@ -150,6 +151,7 @@ class Interlocks:
         self._exposed = int(count[-1])
 
     def _check_stuck(self, first: int, n_checked: int) -> None:
+        """Stop where force or an encoder stands still while others move; ``n_checked`` samples were checked before."""
         need = self._samples(self._limits.stuck_s)
         if self._noisy and longest_run(np.diff(self._force[max(n_checked - need, 0) :]) == 0) >= need:
             self._stop(
@@ -172,6 +174,7 @@ class Interlocks:
                     )
 
     def _check_before_blow(self) -> None:
+        """Keep the force at rest; stop where the action still moves or the arm is not on the key."""
         self._baseline_n = float(self._force.mean())
         # a cell that had noise before the blow has noise during it
         self._noisy = longest_run(np.diff(self._force) == 0) < self._samples(self._limits.stuck_s)
@@ -197,6 +200,7 @@ class Interlocks:
             )
 
     def _check_pushes(self, first: int, baseline_n: float) -> None:
+        """Stop where the motor is told to push and no force comes."""
         n = self._force.size
         commanded_n = np.zeros(n)
         at = first + np.arange(n) - self._delay

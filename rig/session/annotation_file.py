@@ -76,6 +76,7 @@ def read(folder: Path) -> tuple[Annotation, ...]:
 
 
 def _parse(line: str, where: str) -> Annotation:
+    """Parse a line of the annotations; ``where`` names file and line in the error."""
     try:
         fields = json.loads(line)
         annotation = Annotation(**fields)

@@ -80,6 +80,7 @@ def _to_plain(value: object) -> Any:
 
 
 def _write_column(group: h5py.Group, name: str, values: np.ndarray) -> h5py.Dataset:
+    """Write a table's column as a dataset; booleans as int8 with attribute ``dtype``, the rest as text."""
     if values.dtype.kind == "b":
         dataset = group.create_dataset(name, data=values.astype(np.int8))
         dataset.attrs["dtype"] = "bool"
@@ -320,6 +321,7 @@ class Session:
         return self._files_by_number("journal")
 
     def _files_by_number(self, suffix: str) -> dict[int, Path]:
+        """Files of a session with a suffix, by trial number, in order."""
         found = {}
         with contextlib.suppress(FileNotFoundError):
             for file in self.path.iterdir():

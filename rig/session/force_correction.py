@@ -329,6 +329,7 @@ def _two_columns(time_s: ArrayLike, force_n: ArrayLike) -> tuple[Array, Array]:
 
 
 def _refuse_lost(time: Array, force: Array) -> None:
+    """Refuse times, s, that do not increase and forces, N, that are not finite."""
     if not (np.isfinite(time).all() and (np.diff(time) > 0.0).all()):
         raise RigInputError("force: found times that are lost or do not increase, allowed finite ones that increase")
     lost = np.flatnonzero(~np.isfinite(force))

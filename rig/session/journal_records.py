@@ -75,6 +75,7 @@ def encode(kind: int, sequence: int, first_sample: int, n: int, payload: bytes) 
 
 
 def block_payload(block: Block) -> bytes:
+    """Bytes of a block as the journal stores them, little-endian, column after column."""
     columns = (block.force_n, block.force_raw)
     floats = b"".join(np.ascontiguousarray(column, dtype="<f8").tobytes() for column in columns)
     counts = np.ascontiguousarray(block.encoder_count, dtype="<i8").tobytes()

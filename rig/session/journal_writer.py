@@ -164,6 +164,7 @@ class JournalWriter:
             view = view[self._write(self._file, view) :]  # type: ignore[arg-type]
 
     def _run(self) -> None:
+        """Write and sync records until closed; the writer's own thread, whose error the next call raises."""
         try:
             last_sync_s = self._now_s()
             while self._step():

@@ -128,6 +128,7 @@ def open_sealed(path: Path) -> Iterator[h5py.File]:
 
 
 def _open_locked_or_not(path: Path, has_seal: bool) -> h5py.File:
+    """Open an HDF5 file; one that another program holds locked is read whole and its seal checked."""
     try:
         return h5py.File(path, "r")
     except OSError as error:

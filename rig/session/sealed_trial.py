@@ -202,6 +202,7 @@ def read_condition(path: Path) -> str:
 
 
 def _check_shapes(path: Path, data: TrialData) -> None:
+    """Refuse data whose columns have other lengths or types than a trial's."""
     n = data.time_s.shape[0]
     shapes = {
         "force_n": (data.raw_force_n.shape, (n,)),
@@ -273,6 +274,7 @@ def _further_channels(k: int, part: TrialData) -> NDArray[np.float64]:
 def _write_daq(
     content: Content, group: h5py.Group, about: TrialData, n_samples: int, parts: Iterable[TrialData]
 ) -> None:
+    """Write the acquired columns (n_samples,) part after part, each with its SHA-256."""
     content.describe(
         group, sample_rate_hz=about.sample_rate_hz, n_valid=n_samples, status=about.status, reason=about.reason
     )

@@ -212,6 +212,7 @@ OPENER: Opener = open_backend
 
 
 def _options(url: str) -> dict[str, str]:
+    """Options of a ``sim://`` address."""
     parts = urlsplit(url)
     pairs = parse_qsl(parts.query, keep_blank_values=True)
     unknown = sorted({key for key, _ in pairs} - set(OPTIONS))

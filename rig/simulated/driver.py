@@ -225,6 +225,7 @@ def write_levels(device: DeviceState, task: SimulatedTask, values: NDArray[np.fl
 
 
 def _write_on_demand(device: DeviceState, task: SimulatedTask, row: NDArray[np.float64], auto_start: bool) -> None:
+    """Put out one row, V, at once; an idle task starts if it may."""
     if task.state != "running":
         if not auto_start:
             raise DaqStatusError(Code.CANNOT_WRITE_WHEN_AUTO_START_FALSE_AND_TASK_NOT_RUNNING, f"Task: {task.name}")

@@ -385,10 +385,11 @@ class Inventory:
         if "/" in name and (owner := self.owner_of(name)) is not self:
             return self.known_as(owner, owner.terminal("/" + name.removeprefix("/"), output=output))
         if (name, output) not in self._terminals:
-            self._terminals[name, output] = self._checked_terminal(name, output)
+            self._terminals[name, output] = self._relative_terminal(name, output)
         return self._terminals[name, output]
 
-    def _checked_terminal(self, name: str, output: bool) -> str:
+    def _relative_terminal(self, name: str, output: bool) -> str:
+        """Canonical name of a terminal without its device; refuses unknown ones, and inputs as an output."""
         given, owner = name, self.name.lower()
         if not name.startswith("/"):
             mine = re.match(re.escape(owner) + r"(mod\d+)?/", name, re.IGNORECASE)

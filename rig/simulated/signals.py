@@ -27,6 +27,7 @@ def pulse_train(task: SimulatedTask) -> PulseTrain:
 
 
 def output_terminals(device: DeviceState, task: SimulatedTask) -> set[str]:
+    """Terminals on which a counter's pulses appear."""
     channel = task.channels[0]
     owner, number = device.inventory.owner_of(channel.physical.name), channel.physical.resource.removeprefix("ctr")
     found = {device.inventory.known_as(owner, f"Ctr{number}InternalOutput")}
@@ -38,6 +39,7 @@ def output_terminals(device: DeviceState, task: SimulatedTask) -> set[str]:
 
 
 def input_terminal(device: DeviceState, task: SimulatedTask) -> str:
+    """Terminal whose edges a counter counts."""
     channel = task.channels[0]
     named = task.setting("Chan", channel.name, daqmx.CI_COUNT_EDGES_TERM, "")
     if not named:

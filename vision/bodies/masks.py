@@ -56,6 +56,7 @@ def outline_distances(
 
 
 def masks_from_distances(bodies: Sequence[Body], distances: Sequence[NDArray[np.float32]]) -> list[NDArray[np.bool_]]:
+    """Masks (height, width) of each body's usable pixels; ``distances``, px, are positive inside an outline."""
     height, width = distances[0].shape
     masks = []
     for i, body in enumerate(bodies):

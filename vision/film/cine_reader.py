@@ -164,6 +164,7 @@ class CineFilm(Film):
         return layout.unpack(self._file.view(at, min(at + layout.size, self._file.size)).tobytes())
 
     def _settings(self, at: int) -> dict[str, int]:
+        """The camera's settings by name, from the block at a byte; 0 for those that an older block lacks."""
         mark, length = self._unpack(struct.Struct("<2sH"), at + MARK_AT)
         if mark != b"ST":
             raise FilmError(

@@ -110,6 +110,7 @@ def find_contradiction(header: FilmHeader) -> str | None:
 
 
 def _fields_of_cihx(data: bytes) -> dict[str, str]:
+    """Known fields of a CIHX header by the names of `_FIELDS`; empty where missing."""
     start, end = data.find(b"<cih>"), data.rfind(b"</cih>")
     if end < start:
         raise FilmError("header is cut short: <cih> is never closed; copy the .cihx file again")
@@ -124,6 +125,7 @@ def _fields_of_cihx(data: bytes) -> dict[str, str]:
 
 
 def _fields_of_cih(data: bytes) -> dict[str, str]:
+    """Known fields of a CIH header by the names of `_FIELDS`; empty where missing."""
     text = data.decode("utf-8", errors="replace").replace("\r\n", "\n")
     lines: dict[str, str] = {}
     for line in text.split("\n\n", 1)[0].split("\n"):
@@ -143,6 +145,7 @@ def _read_integer(raw: dict[str, str], key: str, low: int, high: int, default: i
 
 
 def _rate(raw: dict[str, str]) -> float | None:
+    """Frames/s of the header; None where it has none."""
     text = raw["frame_rate_hz"]
     if not text:
         return None
@@ -167,6 +170,7 @@ def _exposure(raw: dict[str, str]) -> float | None:
 
 
 def _header(raw: dict[str, str], is_mraw: bool) -> FilmHeader:
+    """Header of a film from its fields; refuses formats that are not read."""
     file_format = raw["file_format"] or "MRaw"
     if is_mraw and file_format.lower() != "mraw":
         raise FilmError(f"header says file format {file_format[:20]!r}, only MRaw is read; save the film as MRAW")

@@ -44,6 +44,7 @@ class _Pictures(Film):
         return self._newest.get(index, self._fitting)
 
     def _fitting(self, index: int) -> NDArray[Any]:
+        """Decoded picture; refuses one of another size or type than the first."""
         where, picture = self._decode_picture(index)
         if picture.shape != (self.height, self.width) or picture.dtype != self._type:
             raise FilmError(
@@ -176,6 +177,7 @@ def _sort_by_number(folder: Path, files: list[Path], number: re.Pattern[str], al
 
 
 def _read_picture(path: Path, channel: str | None) -> NDArray[Any]:
+    """Decode a picture file to grey, of one channel where named."""
     # start-up: OpenCV costs 0.12 s, MRAW films do without
     import cv2
 

@@ -101,7 +101,7 @@ class TiffFilm(Film):
         return grey if self._turned is None else self._turned(grey)
 
     def _read_stored(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
-        """Rectangle of a frame as it lies in the file."""
+        """Rectangle of a decoded grey frame before it is turned; the whole page where it is compressed and turned."""
         start = self._place(index)
         if start is None:
             if self._turned is not None:
@@ -125,6 +125,7 @@ class TiffFilm(Film):
         warnings.warn(f"{self.path}: its file wants the picture {words}, which is done", VisionWarning, stacklevel=5)
 
     def _read_axes(self, series: list[Any], channel: str | None) -> None:
+        """Set size, depth and order of the pages from the file's series; refuses two axes of frames."""
         if not series:
             raise FilmError(f"{self.path}: holds no picture")
         kinds = {(one.axes.lstrip("IQT"), one.shape[-len(one.axes.lstrip("IQT")) :], str(one.dtype)) for one in series}
@@ -246,6 +247,7 @@ class TiffFilm(Film):
             )
 
     def _decode_page(self, index: int) -> NDArray[Any]:
+        """Decode a page to grey, as it is stored."""
         series, number = self._at[index]
         page, key = series.pages[number], self._key
         try:
@@ -264,6 +266,7 @@ class TiffFilm(Film):
         return self._grey(picture)
 
     def _decode_with_opencv(self, page: tifffile.TiffPage, index: int) -> NDArray[Any]:
+        """Decode a page that tifffile does not, to grey, as it is stored."""
         # start-up: OpenCV costs 0.12 s, other films do without
         import cv2
 
@@ -379,8 +382,10 @@ def _lie_inside(
     lengths: tuple[np.dtype[Any], int, int],
     size: int,
 ) -> bool:
-    """Whether strips lie inside a file, whose places and sizes are stored as numbers, so many, at a byte; read some at
-    a time, since a damaged file may claim many."""
+    """Whether all strips lie inside a file of ``size`` bytes; offsets and lengths are read as (type, count, byte).
+
+    Some at a time, since a damaged file may claim many.
+    """
     count = min(starts[1], lengths[1])
     for first in range(0, count, STRIPS_AT_ONCE):
         part = []

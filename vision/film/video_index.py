@@ -128,6 +128,7 @@ def choose_video(container: av.container.InputContainer) -> Any:
 
 
 def _size_as_film(stream: Any) -> int:
+    """Pixels of a video stream; 0 where it is none, or a cover picture."""
     # start-up: as above
     import av
 
@@ -283,6 +284,7 @@ def _tag(context: Any) -> str:
 
 
 def _demux(path: Path, container: Any, stream: Any) -> _Packets:
+    """Read all packets of a stream without decoding: times, positions, which are shown."""
     # start-up: as above
     import av
 
@@ -389,7 +391,7 @@ def _seek_ticks(packets: _Packets, is_avi: bool) -> NDArray[np.int64]:
 def _times(
     stamps: list[int | None], tick_s: float, nominal_s: float | None
 ) -> tuple[NDArray[np.float64] | None, Spacing | None]:
-    """Stamps from the first on, s, and how they are spaced; None where the file has none."""
+    """Times from the first stamp on, s, on an even grid where the stamps lie near one, and their spacing; else None."""
     if len(stamps) < 2 or any(at is None for at in stamps) or len(set(stamps)) == 1:
         return None, None
     ticks = np.array(stamps, dtype=np.int64)

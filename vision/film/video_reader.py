@@ -98,6 +98,7 @@ class VideoFilm(Film):
         self._local = threading.local()
 
     def _decode_frame(self, index: int) -> Picture:
+        """Decode a frame to grey; refuses one unlike the first."""
         decoder = getattr(self._local, "decoder", None)
         if decoder is None:
             decoder = self._local.decoder = _Decoder(self.path, self._index)
@@ -166,7 +167,7 @@ class _Decoder:
 
     def __init__(self, path: Path, index: VideoIndex) -> None:
         self._path, self._index = path, index
-        self._start()
+        self._open_stream()
 
     def close(self) -> None:
         self._container.close()
@@ -185,7 +186,8 @@ class _Decoder:
                 "damaged"
             ) from None
 
-    def _start(self) -> None:
+    def _open_stream(self) -> None:
+        """Open the file anew, to be decoded from its first frame."""
         self._container = open_container(self._path)
         self._stream = choose_video(self._container)
         if self._index.is_standalone:
@@ -206,7 +208,7 @@ class _Decoder:
         """Decode on to frame ``number``, from the first one where that lies behind; return it."""
         if number < self._next:
             self.close()
-            self._start()
+            self._open_stream()
         while True:
             frame = next(self._frames)
             self._next += 1
@@ -243,7 +245,7 @@ class _Decoder:
         landed = None if first is None else self._index.packet_number.get(packet_key(first))
         if landed is None or landed > wanted:
             self.close()
-            self._start()
+            self._open_stream()
             return
         self._next, self._packets = landed, chain([first], packets)
 

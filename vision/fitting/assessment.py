@@ -238,6 +238,7 @@ def coherence_ratios(
     influence: NDArray[np.float64],
     white_variance: NDArray[np.float64],
 ) -> Ratios:
+    """Coherence of residuals in blocks of each size, and how many blocks it rests on."""
     found = Ratios(np.empty((N_LEVELS, 3)), np.empty((N_LEVELS, 3)))
     block_ratios(blocks, columns, work, weight, influence, white_variance, *found)
     return found

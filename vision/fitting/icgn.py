@@ -254,7 +254,7 @@ class IcgnFitter:
         start: NDArray[np.float64],
         hidden: NDArray[np.uint8],
     ) -> Fit:
-        """Fit under the light and at the scale known so far."""
+        """Fit a pose by IC-GN under the light and scale known so far; keeps columns and, the first time, weights."""
         template, changed, offset_px = self.template, self._changes != UNCHANGED, self.template.offset_px
         columns = template.columns
         if changed:

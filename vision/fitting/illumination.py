@@ -350,6 +350,7 @@ class IlluminationField:
         return self._factor
 
     def _add_change(self, light: Illumination, more: F64) -> Illumination:
+        """Illumination with more of it: added where the light glows, else multiplied and limited."""
         if light.glows:
             return Illumination(light.shade, light.glow + more, True)
         return Illumination(

@@ -219,6 +219,7 @@ def sample_frame(region: Region, places: Places, value: F32, visible: F32) -> No
 
 @cached_njit(nogil=True)
 def mean_noise_gain(places: Places, visible: F32, gain_table: F64) -> float:
+    """Mean gain of the interpolation on noise, over every sixteenth visible pixel; 1 where none is."""
     total, count, steps = 0.0, 0, np.float32(gain_table.size - 1)
     half = np.float32(0.5)
     for i in range(0, visible.size, 16):
@@ -305,6 +306,7 @@ def tukey_weights(residual: F32, scale: float, weight: F32) -> None:
 
 @cached_njit(nogil=True, fastmath=FAST)
 def weighted_sums(residual: F32, weight: F32, value: F32, visible: F32, scale: float) -> ResidualSums:
+    """Weighted sums of residuals and values over the visible pixels; an inlier lies within three ``scale``."""
     near, one, zero = np.float32(3.0 * scale), np.float32(1.0), np.float32(0.0)
     sum_w = sum_wr2 = inlier = seen = sum_wv = sum_wvv = 0.0
     for i in range(residual.size):

@@ -55,6 +55,7 @@ class FrameFit:
         self._bodies = self._pack_bodies(occlusion, n)
 
     def _pack_bodies(self, occlusion: Occlusion, n: int) -> Bodies:
+        """Templates of all bodies in one array each, for the compiled fit; ``n`` is their number of pixels."""
         templates, m = self.templates, len(self.templates)
         offset, columns = np.zeros(2 * n, dtype=np.float32), np.zeros(4 * n, dtype=np.float32)
         for start, template in zip(self._start, templates, strict=True):
@@ -143,6 +144,7 @@ class FrameFit:
         return FirstFit(fit, found.pose[body].copy(), out, int(found.lacking[body]))
 
     def accepted_fit(self, body: int) -> Fit:
+        """Copy of the last fit of a body, by index."""
         found = self.found
         zncc, inlier, noise, gain, seen, level = found.figures[body].tolist()
         return Fit(
@@ -172,6 +174,7 @@ def _make_box(four: NDArray[np.int64]) -> Box:
 
 
 def _empty_states(motion: Motion, standards: Standards, n: int, n_frame: int) -> States:
+    """Work space of the compiled fit: ``n`` pixels of all templates, ``n_frame`` of the picture."""
     m = motion.parent.size
     return States(
         weight=np.ones(n, dtype=np.float32),
@@ -187,6 +190,7 @@ def _empty_states(motion: Motion, standards: Standards, n: int, n_frame: int) ->
 
 
 def _empty_found(m: int) -> FitOutputs:
+    """Outputs of the compiled fit for m bodies, to be filled."""
     return FitOutputs(
         expected=np.zeros((m, 3)),
         region=np.full((m, 4), NO_REGION, dtype=np.int64),

@@ -69,6 +69,7 @@ def _neighbours(grey: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.
 
 
 def correct_defects(film: FrameSource) -> FrameSource:
+    """The film with its defective pixels interpolated; itself where it has none."""
     # of a film that must be decoded in order only the beginning is near
     last = min(FIRST_FRAMES if getattr(film, "in_order", True) else film.n_frames, film.n_frames) - 1
     first, late = (_classify_outliers(film.read(k), film.bit_depth) for k in (0, last))
@@ -181,7 +182,7 @@ LEAST_VALUES = 3  # fewer grey values are no texture
 
 
 def find_grey_step(film: FrameSource, box: tuple[int, int, int, int]) -> float:
-    """Smallest difference of two grey values that occur in a rectangle (y0, y1, x0, x1) of the first frame."""
+    """Smallest step between grey values in a rectangle (y0, y1, x0, x1) of the first frame; inf where few occur."""
     while hasattr(film, "film"):  # what was taken off a frame has no steps
         if isinstance(film, RectifiedFilm):
             box = (0, film.film.height, 0, film.film.width)

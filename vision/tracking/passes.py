@@ -175,6 +175,7 @@ def doubtful_segments(table: PoseTable) -> list[tuple[int, int]]:
 
 
 def _track_backward(ready: PreparedFilm, table: PoseTable, start: int, end: int) -> PoseTable:
+    """Track rows from ``end`` back to ``start``, from where the first pass has the bodies; a new table."""
     tracker = FilmTracker(ready)
     back = PoseTable.empty(table.frame, len(ready.bodies))
     n = table.frame.size

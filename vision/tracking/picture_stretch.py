@@ -95,6 +95,7 @@ def measure_stretch(ready: PreparedFilm, table: PoseTable, before: float) -> Pic
 
 
 def _measure_remaining_stretch(ready: PreparedFilm, table: PoseTable, before: float, value: float) -> PictureStretch:
+    """Stretch of the picture that is left after ``value``, from strains of bodies that turn."""
     right, normal, chi2, degrees = 0.0, 0.0, 0.0, 0
     for i, template in enumerate(ready.templates):
         strains = _strains(ready, table, i, thin_template(template, PIXELS), value)

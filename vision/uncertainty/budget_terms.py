@@ -424,6 +424,7 @@ def _camera_terms(
 
 
 def _compression_term(ready: PreparedFilm, u_noise: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Standard uncertainty of each body's angle from the film's compression, rad."""
     compression = ready.film.compression
     return np.array(
         [

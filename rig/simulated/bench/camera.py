@@ -372,6 +372,7 @@ class _Exposures:
         self._instants = np.clip(np.ceil(blur / MAX_BLUR_STEP_PX), 1, MAX_INSTANTS).astype(int)
 
     def frames(self) -> Iterator[NDArray[Any]]:
+        """Exposed frames in order, with noise and flicker."""
         settings = self.settings
         sensor = Sensor(settings.noise_grey, settings.bit_depth, 1000 * self.seed + 98)
         # mean of the ripple over the exposure

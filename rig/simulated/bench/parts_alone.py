@@ -73,6 +73,7 @@ class FeltTruth:
 
 
 def felt_law(action: model.Action, contact: str) -> FeltLaw:
+    """Felt law of a contact, or of the steel block, as pressed without the action."""
     if contact == BLOCK:
         return FeltLaw(0.0, 0.0, BLOCK_N_PER_M, 0.0)
     if f"{contact}.normal.a" not in action.quantities:
@@ -233,6 +234,7 @@ class PosePlant:
 
 
 def pose_plant(bench: ActionPlant, text: str, where: str) -> PosePlant:
+    """Plant that holds a body at the angles, rad, that ``BODY:A,B,…`` lists."""
     body, _, listed = text.partition(":")
     try:
         angles = [float(one) for one in listed.split(",")]
@@ -327,6 +329,7 @@ def swing_plant(bench: ActionPlant, body: str, pad: str = "") -> SwingPlant:
 
 
 def _pad(action: model.Action, text: str) -> Pad:
+    """Rubbing pad from ``CONTACT:LOAD_N:RADIUS_M``, with the contact's friction."""
     try:
         contact, load, radius = text.split(":")
         load_n, radius_m = float(load), float(radius)

@@ -96,6 +96,7 @@ def usual_wiring(config: RigConfig) -> Wiring:
 
 
 def planted_wiring(table: Mapping[str, Any], wiring: Wiring, where: str) -> Wiring:
+    """Wiring with the faults that a table plants; the given one is unchanged."""
     encoders = dict(zip(ENCODED_BODIES, wiring.encoders, strict=True))
     changed: dict[str, Any] = {}
     for name, value in table.items():

@@ -61,15 +61,16 @@ _NAMED: dict[tuple[str, str], Property] = {
     # lists of a device's channels, for the client's own programs
     ("Device", "PRODUCT_CATEGORY"): device.device_property(device.product_category),
     ("Device", "AI_SIMULTANEOUS_SAMPLING_SUPPORTED"): device.device_property(device.has_simultaneous_sampling),
-    ("Device", "AI_PHYSICAL_CHANS"): device.device_property(device.list_channels("bridge", "voltage_in")),
-    ("Device", "AO_PHYSICAL_CHANS"): device.device_property(device.list_channels("voltage_out")),
+    ("Device", "AI_PHYSICAL_CHANS"): device.device_property(device.channels_getter("bridge", "voltage_in")),
+    ("Device", "AO_PHYSICAL_CHANS"): device.device_property(device.channels_getter("voltage_out")),
     **{
-        ("Device", f"{d}_LINES"): device.device_property(device.list_channels("line", "static_line"))
+        ("Device", f"{d}_LINES"): device.device_property(device.channels_getter("line", "static_line"))
         for d in ("DI", "DO")
     },
     **{("Device", f"{d}_PORTS"): device.device_property(device.list_ports) for d in ("DI", "DO")},
     **{
-        ("Device", f"{c}_PHYSICAL_CHANS"): device.device_property(device.list_channels("counter")) for c in ("CI", "CO")
+        ("Device", f"{c}_PHYSICAL_CHANS"): device.device_property(device.channels_getter("counter"))
+        for c in ("CI", "CO")
     },
     # watchdog
     ("Watchdog", "HAS_EXPIRED"): Property(device.has_expired),

@@ -25,6 +25,8 @@ def _refuse_other_type(task: SimulatedTask, type_: str) -> None:
 
 
 def make_reader(type_: str) -> TaskHandler:
+    """Handler of the read calls for samples of a type."""
+
     def read(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
         _refuse_other_type(task, type_)
         wanted, columns = int(request.num_samps_per_chan), len(task.channels)

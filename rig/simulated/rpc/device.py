@@ -39,7 +39,9 @@ def device_property(answer: Answer) -> Property:
     return Property(get)
 
 
-def list_channels(*kinds: Kind) -> Answer:
+def channels_getter(*kinds: Kind) -> Answer:
+    """Getter of the names of a device's channels of these kinds, with commas between them."""
+
     def get(device: Inventory, name: str) -> str:
         names = [one for one in device.names(*kinds) if device.owner_of(one) is device]
         if name in _modules(device):
@@ -50,7 +52,7 @@ def list_channels(*kinds: Kind) -> Answer:
 
 
 def list_ports(device: Inventory, name: str) -> str:
-    lines = filter(None, list_channels("line", "static_line")(device, name).split(", "))
+    lines = filter(None, channels_getter("line", "static_line")(device, name).split(", "))
     return ", ".join(dict.fromkeys(line.rsplit("/line", 1)[0] for line in lines))
 
 

@@ -105,6 +105,7 @@ class Service:
             return bytes(message.SerializeToString())
 
     def _answer(self, call: str, request: Any) -> Fields | None:
+        """Fields of a call's answer; None where it answers nothing. Refuses calls that are not simulated."""
         device = self.device
         if call.startswith(("Create", "Cfg", "Set")):
             refuse_not_finite(request)
@@ -117,6 +118,7 @@ class Service:
         raise NotAnswered(call)
 
     def _property(self, call: str, action: str, category: str, request: Any) -> Fields | None:
+        """Get or set a property; fields of the answer, None after a set."""
         number = enum(request, "attribute")
         answer = PROPERTIES.get((category, number))
         if answer is None or (action == "Set" and answer.put is None):
