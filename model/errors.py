@@ -47,7 +47,7 @@ class StaticsError(ModelError):
 
 
 def did_you_mean(word: str, known: Iterable[str], most: int = 1) -> str:
-    """What joins "unknown" and what is allowed in a message: the nearest names, or those that hold the word.
+    """Text to join a message on an unknown name: the nearest of the ``known`` names, or those that contain it.
 
     Parameters
     ----------

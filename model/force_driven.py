@@ -190,7 +190,7 @@ def require_force_input(choice: SceneChoice) -> None:
 def resolve_string_modes(
     action: Action, choice: SceneChoice, options: ForceDrivenOptions
 ) -> tuple[Scene, Scene | None]:
-    """The scene, its string with as many modes as the tolerance asks, and the one to judge it by where it was so."""
+    """Scene with the string modes that the tolerance needs, and one with half as many to check them, or None."""
     if STRING_EFFECT not in choice.effects or action["string.modes"] != 0.0:
         return build_scene(action, choice), None
     scene = build_scene(with_modes(action, options.tolerance), choice)

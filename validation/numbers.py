@@ -10,7 +10,7 @@ SMALLEST = 1e-9  # in the unit shown: below it a number is rounding, and shown a
 
 
 def number(value: object, digits: int = 3) -> str:
-    """A number with so many significant digits, or a dash."""
+    """Text of a number with ``digits`` significant digits; a dash for NaN."""
     if not isinstance(value, int | float) or isinstance(value, bool) or not math.isfinite(value):
         return DASH
     if abs(value) < SMALLEST:

@@ -87,7 +87,7 @@ class Member:
 
 
 def content_sha256(*values: Any, known: dict[int, bytes] | None = None) -> str:
-    """Hash of plain values, arrays and records, and of the code that computes with them.
+    """Hash of plain values, arrays and records, and of the model's code; ``known`` caches digests by id.
 
     ``known`` has hashes of arrays and records by their ``id``: of what others share, while those live.
     """
@@ -115,7 +115,7 @@ def _update_digest(digest: Any, value: Any, known: dict[int, bytes]) -> None:
 
 
 def _content_digest(value: Any, known: dict[int, bytes]) -> bytes:
-    """Hash of an array or a record by itself."""
+    """Digest of one array or record; ``known`` caches digests of its parts by id."""
     if isinstance(value, np.ndarray):
         plain = np.ascontiguousarray(value)
         digest = hashlib.sha256(f"array {plain.dtype.str} {plain.shape}\0".encode())

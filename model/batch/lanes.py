@@ -85,7 +85,7 @@ def group_jobs(jobs: Sequence[Job], todo: Sequence[int], workers: int) -> list[l
 
 
 def _lane_sort_key(run: ForceDrivenRun | None, known: dict[int, tuple[float, float]]) -> tuple[float, ...]:
-    """What sorts like members side by side, which touch and end at about the same time; those with more steps first.
+    """Sort key that puts similar members side by side: longer runs first, then more varying and stronger forces.
 
     Longer ones come first, then those whose force goes up and down more often, then the stronger; the same force is
     looked at once, as ``known`` by its ``id``.

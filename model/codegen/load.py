@@ -82,7 +82,7 @@ def memory_couplings(tables: Tables) -> list[list[int]]:
 
 
 def load_press_kernel(law: Law, memories: int, numbers: int, power: bool) -> Kernel:
-    """Kernel ``press`` of `model.codegen.single_element`, of a law with so many memories and numbers."""
+    """Kernel ``press`` of `model.codegen.single_element`, for a law with these counts of memories and parameters."""
     return load_kernel((np.array([law.number, memories, numbers, int(power)]),), "press")
 
 

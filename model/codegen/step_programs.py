@@ -306,7 +306,7 @@ class StepPrograms:
         return out + [Assign(variable(f"slides{place}_{k}"), slides.get(k, ZERO)) for k in turns]
 
     def _second_rates(self, contact: Contact, place: int, prescribed: list[Expression]) -> list[Statement]:
-        """Statements for the rates of gap rate and sliding speed, from accelerations computed before."""
+        """Statements for the rates of gap rate and sliding speed of the contact at index ``place``."""
         s = self._s
 
         def acceleration(k: int) -> Expression:

@@ -48,7 +48,7 @@ def cosine(x: Expression) -> Expression:
 
 
 def _reduce_argument(x: Expression) -> tuple[Expression, Expression]:
-    """The multiple k of log 2 next to x, as it stands in the last bits of a sum, and what is left."""
+    """Multiple k of log 2 nearest to x, shifted into the last bits of a sum, and the remainder x - k log 2."""
     shifted = _multiply_add(x, LOG2_E, ROUND)
     k = shifted - ROUND
     return shifted, _multiply_add(k, -LN2_LOW, _multiply_add(k, -LN2_HIGH, x))

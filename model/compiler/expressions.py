@@ -325,7 +325,7 @@ def total(terms: Iterable[Expression]) -> Expression:
 
 
 def differentiate_once(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorator of a law: its derivatives by its first argument, a tuple, are written once, however deep those lie.
+    """Decorator of a law: its derivatives by its first argument, a tuple, are formed once and shared.
 
     Without it a chain of n coordinates would differentiate the law's inside n times.
     """

@@ -180,7 +180,7 @@ class Contact:
 
     @property
     def memories(self) -> list[int]:
-        """Numbers of the states that its felt remembers."""
+        """Indices of the internal variables of this contact's felt."""
         return self.s.memories(self.c)
 
     @property
@@ -264,5 +264,5 @@ def largest_acceleration(turns: dict[int, Expression], ease: dict[int, Expressio
 
 
 def rate_along(turns: dict[int, Expression], rates: list[Expression]) -> Expression:
-    """What goes along with speeds or accelerations of all coordinates."""
+    """Sum of ``turns`` times ``rates`` over all coordinates: the rate along a direction."""
     return total(turn * rates[k] for k, turn in turns.items())

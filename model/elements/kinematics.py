@@ -143,7 +143,7 @@ class Kinematics:
         return {k: pose.rates.get(k, ONE) for k, centre in pose.ways.items() if centre is not None}
 
     def velocity(self, ways: dict[int, Vector]) -> Vector:
-        """Velocity that goes with ways per unit speed, m/s."""
+        """Velocity (m/s) of a point from its displacement per unit of each coordinate, ``ways``."""
         v = self.state.v
         return total(way[0] * v[k] for k, way in ways.items()), total(way[1] * v[k] for k, way in ways.items())
 

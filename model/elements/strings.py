@@ -71,11 +71,11 @@ class Modes:
 
     @property
     def give(self) -> Expression:
-        """What the modes left out give way, m/N."""
+        """Static compliance (m/N) of the modes left out."""
         return read("p", self._numbers + L.STRING_GIVE)
 
     def half(self, halves: int, i: Expression) -> Expression:
-        """How far behind the first mode's way the way of mode ``i`` is, or, one half on, its rate."""
+        """Offset of mode ``i``'s displacement (``halves`` 0) or rate (1) from the first mode's displacement."""
         return intern("whole_add", i, intern("whole_multiply", self.count, halves)) if halves else i
 
     def state(self, row: int, half: int, i: Expression) -> Expression:
@@ -125,7 +125,7 @@ class Modes:
         ]
 
     def rate(self, i: Expression, y: Expression, u: Expression, force: Expression) -> Expression:
-        """Rate of the rate ``u`` of mode ``i`` at the way ``y`` under a force, m/s^2."""
+        """Acceleration (m/s^2) of mode ``i`` at displacement ``y`` and rate ``u`` under a force (N)."""
         g, k, c = (self.number(n, i) for n in range(3))
         return g * force - c * u - k * y
 

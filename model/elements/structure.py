@@ -76,7 +76,7 @@ class Structure:
         return out
 
     def memories(self, c: int) -> list[int]:
-        """Numbers of the states that contact ``c`` remembers."""
+        """Indices of the internal variables of contact ``c``."""
         return [k for k, contact in enumerate(self.memory) if contact == c]
 
     def law(self, c: int) -> Law:
@@ -89,11 +89,11 @@ class Structure:
         return tuple(read("p", first + k) for k in range(self._law[c][1]))
 
     def first_of_string(self) -> int:
-        """Place of the string's states among all that is remembered."""
+        """Index of the string's first state among all internal variables."""
         return len(self.memory) + 2 * len(self.pin)
 
     def pin_places(self, row: int) -> dict[int, tuple[int, int]]:
-        """Where the way and the speed of each direction in which a joint gives are in a row of memories."""
+        """Indices of displacement and speed of each compliant joint direction, in internal variables from ``row``."""
         first, count = row + len(self.memory), len(self.pin)
         return {g: (first + k, first + count + k) for k, g in enumerate(self.pin)}
 

@@ -55,7 +55,7 @@ class Pressing(ArrayRecord):
 
     @property
     def speed_m_per_s(self) -> float:
-        """Mean speed of the way in, m/s, from a tenth of the depth to the deepest point."""
+        """Mean loading speed, m/s, from a tenth of the depth to the deepest point."""
         top = int(np.argmax(self.depth_m))
         # the first tenth may still be the tip finding the felt
         begin = int(np.argmax(self.depth_m[: top + 1] >= 0.1 * self.deepest_m))

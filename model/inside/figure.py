@@ -211,7 +211,7 @@ def _draw_rail(axes: Axes, inside: Inside, ends: tuple[float, float] | None) -> 
 
 
 def _intervals_to_label(found: Sequence[Any], size: Sequence[float], ends: tuple[float, float] | None) -> list[Any]:
-    """Intervals to annotate: the largest in the whole view, those of its order in the close-up."""
+    """Those of the intervals ``found`` to annotate: the largest in the whole view, similar ones in the close-up."""
     limit = max(size, default=0.0) * (1.0 if ends is None else WORTH_A_LABEL)
     return [
         one

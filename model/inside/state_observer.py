@@ -57,7 +57,7 @@ class ObservedStates:
 
     @cached_property
     def body(self) -> Array:
-        """Columns of the bodies, computed when they are asked for."""
+        """Columns of the bodies (m, n, 16), computed at first use."""
         return bodies_at(*self._given)
 
     @property

@@ -35,7 +35,7 @@ class KernelType(types.Callable):  # type: ignore[misc]
         super().__init__(name=f"kernel{of}{' of numba' if of_numba else ''}")
 
     def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
-        """Signature of a call with these arguments; numbers are converted, arrays stand for their address."""
+        """Signature of a call with these arguments: numbers are converted, arrays passed by address."""
         if kws or len(args) != len(self.of.args):
             return None
         pairs = zip(args, self.of.args, strict=True)

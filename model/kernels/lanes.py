@@ -54,7 +54,7 @@ class Lanes(_Row):
         return Conversion.unsafe if isinstance(other, (types.Float, types.Integer)) else None
 
     def unify(self, typingctx: Any, other: Any) -> Any:
-        """A name that is a number on one way and lanes on another is lanes."""
+        """Common type of a variable that is scalar on one branch and lanes on another: lanes."""
         return self if isinstance(other, (types.Float, types.Integer)) else None
 
 
@@ -91,7 +91,7 @@ def _width(args: Any) -> int | None:
 
 
 def _operation(key: Any, arguments: int, lower: Any) -> None:
-    """Give an operator a meaning for lanes: of so many ``arguments``, numbers among them, as ``lower`` writes it."""
+    """Register an operator for lanes with ``arguments`` operands, scalars among them, that ``lower`` writes."""
 
     class Template(AbstractTemplate):  # type: ignore[misc]
         key: Any = None

@@ -156,7 +156,7 @@ def _repeat_rounds(bench: Bench, before: TargetValues, say: Say) -> _Attempt:
 
 
 def _regulate_with_offset_aims(bench: Bench, before: TargetValues, say: Say) -> _Attempt | None:
-    """Rounds with the targets at rest aimed a little beside, since let-off and check height jump as a screw turns.
+    """Repeat the rounds with slightly offset targets at rest, since let-off and check height jump; None if unmet.
 
     Where the jump lies, and between which values, depends on how the action rests: within the tolerance of the targets
     at rest it may not cross the wanted value.

@@ -109,7 +109,7 @@ class Scene(Tabular, ArrayRecord):
 
     @cached_property
     def static_tables(self) -> L.Tables:
-        """Tables of the same scene at rest, where felt that remembers presses as its slow loading curve says."""
+        """Tables of the scene at rest, where hereditary and hysteretic felt follows its slow loading curve."""
         nothing, contact = np.zeros(0, dtype=np.int64), self.tables.contact.copy()
         contact[:, 4:] = LAWS[USUAL].number, 0
         return self.tables._replace(contact=contact, memory=nothing, string=nothing)
@@ -122,7 +122,7 @@ class Scene(Tabular, ArrayRecord):
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Names of all coordinates: bodies and what effects add, then directions in which joints give."""
+        """Names of all coordinates: bodies and those of effects, then compliant joint directions."""
         return (*self.bodies, *(f"{body}_pin_{axis}" for body, axis in self.pins))
 
     @property
@@ -132,17 +132,17 @@ class Scene(Tabular, ArrayRecord):
 
     @cached_property
     def wound(self) -> tuple[int, ...]:
-        """Coordinate of the winding's charge, which has no place of rest; none for most scenes."""
+        """Coordinate of the winding's charge, which has no equilibrium; none for most scenes."""
         return (self.bodies.index(WINDING),) if WINDING in self.bodies else ()
 
     @property
     def remembers(self) -> bool:
-        """Whether the scene has states beside angles and speeds: felt with memory, a string, joints that give."""
+        """Whether the scene has internal variables: of felt, a string or compliant joints."""
         return len(self.tables.memory) + len(self.tables.string) + len(self.tables.pin) > 0
 
     @cached_property
     def pins(self) -> tuple[tuple[str, str], ...]:
-        """Body and direction, x or y, of each way in which a joint gives."""
+        """Body and direction, x or y, of each compliant joint direction."""
         return tuple((self.bodies[body], AXES[axis]) for body, axis in self.tables.pin.tolist())
 
     @cached_property

@@ -156,7 +156,7 @@ def check_drive(action: Action) -> None:
 
 
 def command_of(action: Action, bodies: list[str]) -> Command | None:
-    """How the input of a run reaches the kernels; None where it is given to them as it is."""
+    """Conversion of a run's input to that of the kernels; None where they are the same."""
     if WINDING in bodies:
         gain = action["motor_drive.voltage_gain"]
         if gain != 0.0:

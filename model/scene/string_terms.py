@@ -45,7 +45,7 @@ def modes_asked(action: Action, tolerance: float = DEFAULT_TOLERANCE) -> int:
 
 
 def with_modes(action: Action, tolerance: float, share: float = 1.0) -> Action:
-    """The action with the modes that a tolerance asks, or a share of them, where its scene's string leaves it open."""
+    """Copy with the string modes that ``tolerance`` (rad) needs, or a share of them, unless their count is stated."""
     if STRING_EFFECT not in action.scene.get("effects", ()) or round(action["string.modes"]) != 0:
         return action
     return action.with_effects({"string.modes": max(1.0, float(round(share * modes_asked(action, tolerance))))})

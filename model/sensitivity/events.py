@@ -284,7 +284,7 @@ class Events:
     def _time_derivative(
         self, name: str, state: tuple[Array, Array], own: tuple[Array, Array], d_check: Array
     ) -> Array:
-        """Derivative (P,) of the time of an event: what is passed moves by d, and changes at a rate."""
+        """Derivative (P,) of an event's time, from ``own`` (1, n, P), the derivatives of angles and speeds there."""
         pressing = {"key_bottom_s": KEY_FRONT, "check_s": BACK_CHECK, RELEASE: BACK_CHECK}
         contact = (pressing | {"let_off_s": getattr(self, "_leaver", "")}).get(name)
         if contact:

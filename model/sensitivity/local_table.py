@@ -70,7 +70,7 @@ class LocalTable(ArrayRecord):
 
 
 def local_table(found: Sensitivities) -> LocalTable:
-    """Rank parameters by what a percent of each does to a blow.
+    """Rank parameters by the effect of one percent of each on a blow, from its sensitivities ``found``.
 
     Parameters
     ----------

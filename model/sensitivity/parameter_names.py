@@ -181,7 +181,7 @@ def as_action_type(kind: type[T], action: Action) -> T:
 
 
 def _values(action: Action) -> dict[str, float]:
-    """All values by path, to be changed; read from the action once, which is asked hundreds of times."""
+    """Fresh dict of all values by path, from a cached read of the action."""
     kept: dict[str, float] | None = action.__dict__.get("shifted") or action.__dict__.get("values_by_path")
     if kept is None:
         quantities = (*action.quantities.items(), *action.effects.items())
@@ -190,12 +190,12 @@ def _values(action: Action) -> dict[str, float]:
 
 
 def shift_parameter(action: Action, parameter: Parameter, by: float) -> Action:
-    """An action whose parameter is changed ``by`` something small."""
+    """Copy of an action with one parameter changed ``by`` a step, in its unit; ranges are not checked."""
     return shift_parameters(action, (parameter,), (by,))
 
 
 def shift_parameters(action: Action, parameters: Sequence[Parameter], by: Iterable[float]) -> Action:
-    """An action whose parameters are changed, each ``by`` so much; not checked against what is allowed."""
+    """Copy of an action with each parameter changed ``by`` its step, in its unit; ranges are not checked."""
     values = _values(action)
     for parameter, change in zip(parameters, by, strict=True):
         for path, weight in parameter.paths.items():

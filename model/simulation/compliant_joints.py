@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class CompliantJointMotion:
-    """How far joints give at the output times."""
+    """Displacements of compliant joints at the output times."""
 
     directions: tuple[str, ...]  # (g,) such as ``hammer_pin_x``: which joint, to the right (x) or up (y)
     way_m: Array  # (m, g) how far the pivot of the body is from its place in the set
@@ -32,13 +32,13 @@ class CompliantJointMotion:
         return way, speed
 
     def columns(self) -> dict[str, Array]:
-        """Columns by name: ways, m, then forces, N."""
+        """Columns by name: displacements, m, then forces, N."""
         out = {f"{name}_m": self.way_m[:, i] for i, name in enumerate(self.directions)}
         return out | {f"{name}_n": self.force_n[:, i] for i, name in enumerate(self.directions)}
 
 
 def pin_motion(scene: Scene, rows: Array) -> tuple[Array, Array]:
-    """Ways (m, g), m, and speeds (m, g), m/s, of the directions in which joints give, from rows (m, z)."""
+    """Displacements (m, g), m, and speeds (m, g), m/s, of compliant joint directions, from rows (m, z)."""
     first, count = len(scene.tables.memory), len(scene.pins)
     return (
         np.ascontiguousarray(rows[:, first : first + count]),
@@ -53,7 +53,7 @@ def bushing_parameters(scene: Scene) -> Array:
 
 
 def compliant_joint_motion(scene: Scene, rows: Array) -> CompliantJointMotion | None:
-    """What the joints of a scene give; None where they are rigid."""
+    """Motion of a scene's compliant joints at rows (m, z); None where joints are rigid."""
     if not scene.pins:
         return None
     way, speed = pin_motion(scene, rows)

@@ -49,7 +49,7 @@ def slip_angle(action: Action, angle_rad: Array) -> Array:
 
 
 def _starts(usual: Array, found: list[Array]) -> Iterator[Array]:
-    """Start states from which the hammer is let down, extended by the rest states found so far."""
+    """Start states from which the hammer is let down, with the rest states ``found`` so far."""
     for lift, room in LIFTS:
         start = usual.copy()
         start[HAMMER] -= lift

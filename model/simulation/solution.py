@@ -76,7 +76,7 @@ class Contacts(tuple[str, ...]):
         normal_n: NDArray[np.float64] | None,
         friction_n: NDArray[np.float64] | None,
     ) -> Contacts:
-        """The contacts of a solution, with their forces where those were asked for."""
+        """The contacts of a solution, with their forces (m, c), N, where requested."""
         out, known = cls(names or ()), {} if action is None else action.structure
         out._normal_n, out._friction_n = normal_n, friction_n
         out._titles = {known.get(f"{name}.description", name): name for name in out}

@@ -137,7 +137,7 @@ def solve_rest(
 def _loose_direction(
     scene: Scene, q: NDArray[np.float64], u: float, free: NDArray[np.int64], stiff: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
-    """A direction (f,) in which the balance at ``q`` gives way, None where it holds in all.
+    """Direction (f,) in which the equilibrium at ``q`` is unstable, None where it is stable in all.
 
     The stiffness says it of small turns. A felt that presses by what rounding left counts in it and holds nothing: so
     each coordinate is pushed both ways as well.

@@ -46,7 +46,7 @@ def _fit_strike(motion: Motion, crossing_s: float) -> Strike:
 
 
 def _find_near_misses(motion: Motion, known: list[float]) -> list[Strike]:
-    """Sharp reversals close below the string line: a string that is lower than the geometry says."""
+    """Sharp reversals close below the string line but for times ``known``: a string lower than the geometry's."""
     time, height = motion.time_s, motion.hammer_height_m
     out = []
     step = float(np.median(np.diff(time)))

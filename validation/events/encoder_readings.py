@@ -54,7 +54,7 @@ class ReadingFault:
 def measure_step_excess(
     change_rad: Array, time_s: Array, resolution_rad: float, quiet_stop: int
 ) -> tuple[Array, float]:
-    """By how much each step lies outside of its neighbours, rad, signed, (n − 1,), and the limit of what is one."""
+    """Signed excess (n − 1,), rad, of each step over its neighbours', and the limit above which it is a leap."""
     steps = np.diff(change_rad)
     out = np.zeros(steps.size)
     if steps.size < 5:  # one step and its four neighbours

@@ -161,7 +161,7 @@ def fit_flight(time_s: Array, way_m: Array, contact_s: float, side: int, sigma_m
 
 
 def _measure_swing(age: Array, position: Array) -> float:
-    """How far a bent path swings about a straight line, root mean square, m."""
+    """Root mean square deviation (m) of a path from its regression line."""
     line = np.polyfit(age, position, 1)
     return float(np.std(position - np.polyval(line, age)))
 

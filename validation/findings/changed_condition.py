@@ -13,7 +13,7 @@ from validation.verdict.error_draws import TrialErrors
     {CHANGED_CONDITION: "Look for what changed between the two parts of the session, and validate them apart."}
 )
 def find_changed_condition(found: Mapping[int, TrialErrors], limits: Mapping[str, float]) -> list[SessionFinding]:
-    """Finding of the trial from which on a primary quantity's error differs, by `find_change`; empty if none."""
+    """Finding of the trial from which on a primary quantity's error (``found``, by trial) differs; empty if none."""
     change = find_change(found, limits) if found else None
     if change is None:
         return []

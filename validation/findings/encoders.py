@@ -150,7 +150,7 @@ def _fit_lever_before_flight(change_rad: Array) -> float:
 
 
 def _has_sharp_turn(time: Array, height: Array, step: float) -> bool:
-    """Whether the way turns round at its largest value as at a string, not as under gravity."""
+    """Whether the path turns at its largest value as sharply as at a string, not as under gravity."""
     top = int(np.argmax(height))
     near, far = (max(round(x / step), 1) for x in SHARP_S)
     if near == far or top < far or top + far >= time.size:
@@ -217,7 +217,7 @@ def find_travel_differences(
 
 
 def _has_another_key_stop(t: Travel) -> bool:
-    """Whether neither key nor whippen goes by far as far as in the model, or both go further: it is their motion."""
+    """Whether key and whippen both travel far less, or both far more, than in the model."""
     away = t.ratio[:2] - 1
     return bool(np.all(np.abs(away) > GROSS)) and away[0] * away[1] > 0
 
@@ -273,7 +273,7 @@ def is_standing_still(m: MeasuredTrial) -> NDArray[np.bool_]:
 
 
 def is_at_rest_again(m: MeasuredTrial) -> NDArray[np.bool_]:
-    """Whether each encoder stands still where it began."""
+    """Whether each encoder ends at rest, back at its angle of rest."""
     return is_standing_still(m) & (np.abs(m.change_rad[select_last_samples(m)].mean(axis=0)) < np.array(RETURNS_RAD))
 
 

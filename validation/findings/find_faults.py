@@ -201,7 +201,7 @@ def _check_single_trials(
 def _check_travel(
     predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest, found: Sequence[SessionFinding]
 ) -> list[SessionFinding]:
-    """Travel of the encoders between the stops, of those that nothing else is said of."""
+    """Findings on encoder travel between the stops, but for trials whose prediction a fault in ``found`` spoils."""
     travels = {
         m.number: measure_travel(
             m,
@@ -218,7 +218,7 @@ def _check_travel(
 def _check_let_off_and_check(
     predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest, found: Sequence[SessionFinding]
 ) -> list[SessionFinding]:
-    """Let-off and check, of the trials without a fault of an encoder or of the force; a scale explains both."""
+    """Findings on let-off and check, of trials without a fault of encoders or force in ``found``."""
     if any(f.kind == "travel difference" and f.channel == "hammer" for f in found):
         return []
     let_off, check = {}, {}
@@ -238,7 +238,7 @@ def _list_explained(found: Sequence[SessionFinding]) -> set[tuple[int, str]]:
 def _split_conditions(
     stage: _Stage, found: Sequence[SessionFinding]
 ) -> tuple[list[SessionFinding], list[tuple[int, ...]]]:
-    """Trials that stand out from those of their condition, the trials from which another one holds; all conditions.
+    """Outlying trials of each condition, first trials of new conditions, and all conditions.
 
     A change is looked for before single trials are, which would else be those of the shorter part, and again without
     the trials that stand out.
@@ -259,7 +259,7 @@ def _split_conditions(
 
 
 def _find_outlying(stage: _Stage, found: Sequence[SessionFinding]) -> list[SessionFinding]:
-    """Trials that stand out from the others in channels nothing else explains, or that only the model finds odd."""
+    """Findings of outlying trials: in channels without another fault, or in their difference from the model."""
     predicted, events, tested, traces = stage.predicted, stage.events, stage.tested, stage.scored.traces
     by_number = {m.number: m for m in predicted.trials}
     release = [e["key_release"].value for e in events.trial.values() if e["key_release"].status != "absent"]
@@ -283,7 +283,7 @@ def _find_change(stage: _Stage, found: Sequence[SessionFinding]) -> list[Session
 
 
 def _check_capstan(events: SessionEvents, found: Sequence[SessionFinding]) -> list[SessionFinding]:
-    """Disagreements of key and whippen, where nothing else is said of what they or the force read."""
+    """Findings on disagreements of key and whippen, but for trials with a fault of these or the force in ``found``."""
     travel = any(f.kind == "travel difference" and f.channel != "hammer" for f in found)
     if travel or any(f.kind in ("let-off", "force lag") for f in found):
         return []

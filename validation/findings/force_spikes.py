@@ -95,7 +95,7 @@ def find_candidate_spikes(m: MeasuredTrial) -> list[Spike]:
 
 
 def _find_stretches(excess: Array, least: Array | float, max_samples: int) -> list[Spike]:
-    """Stretches of at most so many samples in which a force exceeds what is usual."""
+    """Runs of at most ``max_samples`` samples in which ``excess`` (N), of either sign, exceeds ``least`` (N)."""
     found = []
     for sign in (1.0, -1.0):
         pairs = find_runs(sign * excess > least).tolist()
@@ -150,7 +150,7 @@ class _Suspect:
 
 
 def _list_suspects(m: MeasuredTrial, off: Array, like: LikeTrials | None) -> Iterator[_Suspect]:
-    """Spikes of the force that may be read only: by the record alone, then by comparison with like trials."""
+    """Force spikes that may be faulty readings: by the record alone, then compared with trials ``like`` it."""
     for spike in find_candidate_spikes(m):
         before = _select_window(m, spike, -MISSED_S, 0.0)
         missed = rms(_subtract_line(m.time_s[before], off[before])) if before.size > 2 else 0.0
@@ -178,7 +178,7 @@ def _list_suspects(m: MeasuredTrial, off: Array, like: LikeTrials | None) -> Ite
 def find_unanswered_spikes(
     tested: ModelUnderTest, m: MeasuredTrial, p: PredictedAngles, until_s: float, like: LikeTrials | None = None
 ) -> list[SessionFinding]:
-    """The worst spike of the force that neither key nor whippen answers, until the release.
+    """Finding of the worst force spike without effect on key or whippen, until the release; empty if none.
 
     Conventions: counts of key and whippen, from 4 ms before a spike to 8 ms after it, about a straight line. The answer
     is what the model's motion with the spike and without it differ by; its share that is lacking is that of the

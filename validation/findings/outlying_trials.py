@@ -126,7 +126,7 @@ def find_outlying_trials(
     reach: Callable[[int], float],
     until_s: float,
 ) -> list[SessionFinding]:
-    """One finding per trial that stands out in channels nothing else explains.
+    """One finding per trial that is an outlier in channels without another fault.
 
     Conventions: distances of curves as in `validation.statistics.repeatability.compute_distance_ratios`. With fewer
     than four trials one cannot be told from the others, and none is flagged. Source: with few trials no test of
@@ -246,7 +246,7 @@ LARGER = 5.0  # times the others' usual residual: choice
 def find_outlying_residuals(
     tested: ModelUnderTest, trials: dict[int, MeasuredTrial], residuals: Residuals
 ) -> list[SessionFinding]:
-    """One finding per trial whose residual stands out in any channel.
+    """One finding per trial whose residual is an outlier in any channel.
 
     Conventions: residuals as in `residuals`, over the channel's range. A trial is named when its residual is five times
     as large as the others' usually are, lies four times as far from them as is usual and a hundredth of the range, and

@@ -15,7 +15,7 @@ from validation.prediction.posterior import TABLE, TRIALS, digests
 
 
 def identified_text(found: Any) -> str:
-    """The text of the action file of an `Identification`, which saves itself by it.
+    """Text of the action file of an `Identification` ``found``.
 
     A valid action file: every command takes it with ``--action``. Its table ``[identification]`` holds the asked
     parameters with intervals and correlations, what the strokes cannot tell, the scores, the hashes of the data, and
@@ -29,7 +29,7 @@ def identified_text(found: Any) -> str:
 
 
 def _with_uncertainties(found: Any) -> model.Action:
-    """The action whose asked quantities carry their posterior u; the rest says that it was fitted beside them."""
+    """Copy of the action with posterior u of requested quantities; the source of others says they were fitted, too."""
     quantities = {**found.action.quantities, **found.action.effects}
     for path in found.action.changed:
         quantities[path] = replace(quantities[path], source="fitted beside what was identified; not a finding")

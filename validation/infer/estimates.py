@@ -186,7 +186,7 @@ def _correct_others(problem: Problem, fitted: Fitted, j: int, z: Array, linear: 
 def _evaluate_points(
     problem: Problem, fitted: Fitted, points: Sequence[Array], own: Sequence[Sequence[Own] | None]
 ) -> list[tuple[float, list[Array] | None]]:
-    """Objective at each point z, and residuals by trial that the linear model of the fit would have at z = 0.
+    """Objective at each point z with random effects ``own``, and the linear model's residuals at z = 0 by trial.
 
     (inf, None) where the model cannot run. ``own`` has for each point what each trial has of its own, or None.
     """

@@ -223,7 +223,7 @@ class _Attempt:
 
 
 def _search_damping(problem: Problem, marginal: Marginal, here: Sequence[Array], z: Array, damping: float) -> _Attempt:
-    """The least damped step that lowers the objective (Marquardt)."""
+    """Attempt of the least damped step from residuals ``here`` that lowers the objective; zero if none does."""
     before, bent = marginal.objective(here, z), 0.0
     for more in list_dampings(damping):
         step = box_step(marginal, here, z, problem.box(), more)
@@ -286,7 +286,7 @@ def fit_conditional(
 
 
 def _first_iterate(fitted: Fitted) -> _Iterate:
-    """Where a fit with all trials alike ended."""
+    """First iterate of the conditional fit, at the end of a fit whose trials share all parameters."""
     marginal, linear, z = fitted.marginal, fitted.linear, fitted.z
     here = [r - b.moved @ z for r, b in zip(linear, marginal.blocks, strict=True)]
     return _Iterate(z, make_nothing_own(marginal.blocks), here, linear, here, marginal, np.full(len(linear), np.inf))
@@ -326,7 +326,7 @@ def _iterate(
     say: Say | None,
     budget: Budget,
 ) -> tuple[Fitted, _Iterate]:
-    """Gauss–Newton steps from an iterate, and where they ended."""
+    """Gauss–Newton steps from the iterate ``at``: the fit, and the last iterate."""
     box = problem.box()
     steps, idle = 0, 0
     with budget.interruptible():
@@ -363,7 +363,7 @@ def _iterate(
 def _conclude(
     problem: Problem, before: Fitted, at: _Iterate, steps: int, bifurcations: Mapping[int, int], budget: Budget
 ) -> Fitted:
-    """Where the fit ended and how, with the likeliest variance components."""
+    """Fit of the last iterate ``at`` and how it ended, with the most probable variance components."""
     marginal, z = select_noise_model(at.marginal.blocks, at.linear, at.marginal.sizes, LAST_ROUNDS, anew=False), at.z
     remaining = box_step(marginal, at.here, z, problem.box(), 0.0)
     asked = problem.unknowns.asked
@@ -424,7 +424,7 @@ def _search_line(problem: Problem, at: _Iterate, shares: Sequence[float]) -> tup
 
 
 def _cost(marginal: Marginal, run: Sequence[Array], own: Sequence[Own], z: Array) -> float:
-    """Twice the negative log density of runs, random effects and z, up to a constant.
+    """Twice the negative log density of runs, random effects ``own`` and z, up to a constant.
 
     What trials share is at its mode for these runs, and its own density counts: else a step that needs less of it is
     taken for none.
@@ -481,7 +481,7 @@ class _Modes:
 
 
 def _find_modes(problem: Problem, at: _Iterate, z: Array, shares: Sequence[float]) -> _Modes | None:
-    """The mode of each trial at z, by the linear model and corrected by runs; None where one cannot run.
+    """Modes of the random effects of each trial at z, from the linear model ``at``, corrected by runs; or None.
 
     What a trial has of its own turns with z along a curve: without corrections all could follow z by short steps only.
     """
@@ -511,7 +511,7 @@ def _find_modes(problem: Problem, at: _Iterate, z: Array, shares: Sequence[float
 def _run_towards(
     problem: Problem, z: Array, modes: OwnModes, own: Sequence[Own], shares: Sequence[float]
 ) -> _Modes | None:
-    """Of each trial the likeliest of some shares of the way to its mode; None where it cannot be run at all."""
+    """For each trial the most probable point on the line to its mode, among ``shares``; None where none can run."""
     tried = [[a.towards(b, s) for a, b in zip(own, modes.most, strict=True)] for s in shares]
     found = problem.response.curves(len(tried) * [z], tried)
     run = [(own, residuals(problem.trials, c)) for own, c in zip(tried, found, strict=True) if c is not None]
@@ -526,7 +526,7 @@ def _run_towards(
 def _linearise(
     columns: Columns, found: tuple[Array, _Modes, float], before: _Iterate, bifurcations: Mapping[int, int]
 ) -> _Iterate | None:
-    """The linear model where a step led; None where it cannot be made.
+    """Iterate linearised at the end of a step ``found`` (z, modes, gain); None where the model cannot run.
 
     Variance components are estimated once every trial is followed, until they settle.
     """
@@ -617,7 +617,7 @@ def _typical_trials(trials: Sequence[ObservedTrial]) -> list[int]:
 
 
 def fit_alike(problem: Problem, z: Array, sizes: Sizes | None = None) -> Fitted:
-    """The linear model at z with all trials alike, its variance components from those given; no step is taken."""
+    """Fit at z without random effects and without a step; variance components are re-estimated from ``sizes``."""
     curves, blocks = curves_at(problem, z), _blocks(Columns(problem), z, True)
     if curves is None:
         raise ValidationInputError("identify: the model cannot run at the start; use other values (`overrides`)")

@@ -71,7 +71,7 @@ def shelf(
     phases: int,
     levels: Sequence[float] = LEVELS,
 ) -> tuple[list[Candidate], list[str]]:
-    """Every shipped profile at every level that the bench allows.
+    """Candidate strokes: every shipped profile at every level that the bench of trial ``like`` allows.
 
     What the bench's limits forbid is left out, with the reason. The blow is predicted by the identified action on the
     arm of the rig file (a callable, as for the rig's dry run), and read as the bench's sensors would read it, without
@@ -125,7 +125,7 @@ def at_level(profile: Profile, level: float) -> Profile:
 
 
 def as_measured(blow: PredictedBlow, like: MeasuredTrial) -> MeasuredTrial:
-    """The blow as the bench would measure it: sensors of another trial, no noise."""
+    """The blow as the bench would measure it, without noise, by the sensors of trial ``like``."""
     step = float(np.median(np.diff(blow.time_s)))
     rest = int(np.ceil(REST_S / step))
     time = np.concatenate([blow.time_s[0] + step * np.arange(-rest, 0), blow.time_s])
@@ -152,7 +152,7 @@ SEED = 163
 
 
 def rehearsed(fitted: Fitted, planned: Marginal, block: Block, play: Play, trials: int) -> Marginal | None:
-    """The model of the fit with rehearsed trials of one stroke beside those at hand, sizes of noise learnt from all.
+    """Marginal model of the fit with simulated trials of one stroke added; variance components from all.
 
     The Fisher information takes a stroke to answer a scatter of its laws linearly. Near a fork of its motion it does
     not: what is not linear is taken for something the model lacks, and widens every interval. So the stroke is played
@@ -328,7 +328,7 @@ def prospects(
 
 
 def _add_best_rehearsed(found: Sequence[Prospect], told: Callable[[Prospect], Prospect]) -> list[Prospect]:
-    """Prospects, the best first; the best strokes as rehearsed, until one of these is the best of all strokes."""
+    """Prospects, the best first, the best of ``found`` replaced by simulated ones (``told``) until one leads."""
     ranked = sorted(found, key=lambda p: p.mean)
     done = 0
     while True:

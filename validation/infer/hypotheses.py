@@ -84,7 +84,7 @@ class Source:
         return bool(self.scaled)
 
     def scene(self, action: model.Action, z: float) -> model.SceneChoice | None:
-        """The scene of the action with so much of the effect; None where it has one that excludes it."""
+        """Scene of the action with the amount ``z`` of the effect added; None where the action excludes it."""
         choice = model.choice_of(action)
         if set(self.effects) & set(choice.effects) or any(action.law(felt) in MEMORIES for felt, _ in self.laws):
             return None

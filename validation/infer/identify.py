@@ -193,7 +193,7 @@ def look_before(problem: Problem, columns: Columns) -> list[str]:
 
 
 def bounds_not_run(problem: Problem) -> list[str]:
-    """A line for each end of an asked parameter's range at which the model cannot run these strokes."""
+    """Lines on ends of requested parameters' ranges at which the model cannot run the strokes."""
     asked, (low, high) = problem.unknowns.asked, problem.box()
     ends = [(j, side, edge[j]) for j in range(len(asked)) for side, edge in (("lower", low), ("upper", high))]
     points = [at * np.eye(low.size)[j] for j, _, at in ends]
@@ -221,7 +221,7 @@ def action_at(start: model.Action, asked: Unknowns, z: Array) -> model.Action:
 
 
 def of_many(names: Sequence[str]) -> list[str]:
-    """What is said where more values are asked for at once than were tried."""
+    """Warnings where more parameters are fitted at once than were tested; empty for fewer."""
     if len(names) <= MOST_ASKED:
         return []
     return [

@@ -194,7 +194,7 @@ Columns = Iterator[tuple[Parameter, model.Action, list[Array]]]
 def _held_columns(
     problem: Problem, fitted: Fitted, response: ModelResponse, own: list[Sequence[Own]] | None
 ) -> Columns:
-    """Every value that the fit held, the action, and its column (c m,) in each trial."""
+    """Each parameter that the fit held, its action, and its column (c m,) in each trial, at random effects ``own``."""
     action, unknowns = problem.action, problem.unknowns
     moved = {p.name for p in unknowns.moved}
     names = {n: paths for n, paths in single_names(action).items() if n not in moved}
@@ -218,7 +218,7 @@ def _measured_rows(fitted: Fitted, columns: Sequence[Array]) -> list[Array]:
 def _effect_columns(
     problem: Problem, fitted: Fitted, response: ModelResponse, own: list[Sequence[Own]] | None
 ) -> Columns:
-    """Effects that the action does not have: what says the size of each, its action, and its column, as stated."""
+    """Effects that the action lacks: parameter of size, action with it, column (c m,), at random effects ``own``."""
     action, base = problem.action, response.curves([fitted.z], own)[0]
     for source in addable(action) if base is not None else ():
         scene = None if LIFTING & set(source.effects) else source.scene(action, 1.0)

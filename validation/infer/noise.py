@@ -77,7 +77,7 @@ class Sizes:
 
     @staticmethod
     def start(families: NDArray[np.intp], seen: Array) -> Sizes:
-        """Sizes to start learning from; ``seen`` (sessions, c) is 1 where a session has a channel, else 0."""
+        """Variance components to start from; ``seen`` (sessions, c) is 1 where a session has a channel, else 0."""
         return Sizes._fill(families, seen, SCATTER, OWN, COMMON)
 
     @staticmethod
@@ -88,7 +88,7 @@ class Sizes:
 
     @staticmethod
     def tight(families: NDArray[np.intp], seen: Array) -> Sizes:
-        """Sizes with next to no discrepancy, which pull values to the data wherever they stand."""
+        """Start values with a very small discrepancy, with which a fit follows the data closely."""
         return Sizes._fill(families, seen, SCATTER, 2.0 * FLOOR, 2.0 * FLOOR)
 
     @staticmethod
@@ -144,7 +144,7 @@ class Sizes:
         return Sizes(self.families, self.by_family, self.own, np.where(there, factor * self.common, LEAST))
 
     def belief(self) -> tuple[Array, Array]:
-        """Median and standard deviation of the logarithms, as believed before the strokes."""
+        """Median and standard deviation of the log-normal prior's logarithms."""
         total = self.discrepancy
         there = total > 2.0 * NOT_SEEN
         mean = (np.log(np.maximum(total, LEAST)) * there).sum(axis=1) / np.maximum(there.sum(axis=1), 1)
@@ -348,7 +348,7 @@ class Marginal:
         return lower, solve_lower(lower, self.design(b))
 
     def projected(self, residuals: Sequence[Array]) -> tuple[Array, float]:
-        """Xᵀ C⁻¹ r (q,) and rᵀ C⁻¹ r; those of the residuals asked for last are kept."""
+        """Xᵀ C⁻¹ r (q,) and rᵀ C⁻¹ r; the last residuals' are cached."""
         if self._asked is residuals:
             return self._projected
         b, square = np.zeros(self.q), 0.0
@@ -489,7 +489,7 @@ LEAST_DAMPING, MARQUARDT = 0.03, 10.0  # of the curvature's diagonal; factor to 
 
 
 def box_step(marginal: Marginal, here: Sequence[Array], z: Array, box: tuple[Array, Array], damping: float) -> Array:
-    """Step (p,) to the minimum of the linear model in a box, shortened by Marquardt's damping.
+    """Step (p,) to the linear model's minimum in a box, from residuals ``here``, with Marquardt's damping.
 
     Parameters
     ----------
@@ -615,7 +615,7 @@ def _add_scores(
 def learn(
     blocks: Sequence[Block], residuals: Sequence[Array], sizes: Sizes, rounds: int, floor: float = FLOOR
 ) -> Marginal:
-    """The model with sizes learnt in so many rounds, fewer when they no longer change.
+    """Marginal model with variance components estimated (REML) in at most ``rounds`` scoring steps.
 
     Parameters
     ----------

@@ -82,7 +82,7 @@ def _own_frames(frame_s: Array, phase_s: Array) -> tuple[NDArray[np.intp], NDArr
 
 
 def _growing_u(film: FilmAngles, name: str, noise: Array, known: NDArray[np.bool_]) -> float:
-    """Relative standard uncertainty of what the total has beside noise, where the body has turned most."""
+    """Relative standard uncertainty of a film angle beyond its noise, where the body has turned most."""
     beside = np.sqrt(np.maximum(film.u_rad[name][known] ** 2 - noise[known] ** 2, 0.0))
     turned = np.abs(film.change_rad[name][known])
     far = turned > 0.5 * turned.max()

@@ -42,7 +42,7 @@ class Problem:
 
     @property
     def watched(self) -> NDArray[np.intp]:
-        """Places in z of what must have settled: what is asked for, and errors of the force, which bend a stroke."""
+        """Indices in z of parameters that must converge: requested ones, and errors of the session's channels."""
         n = len(self.unknowns.asked)
         return np.array([j for j, p in enumerate(self.unknowns.moved) if j < n or not p.paths], dtype=np.intp)
 

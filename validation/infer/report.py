@@ -39,7 +39,7 @@ def z_of(parameter: Parameter, prior: float, value: float) -> float:
 
 
 def forest(found: Identification) -> Forest:
-    """Values before and after, one scale for all rows: prior standard uncertainties."""
+    """Figure of values before and after, in prior standard uncertainties."""
     rows = []
     table = _tables(found, "estimates", found)[0]
     for cells, p, e in zip(table.rows, found.details.problem.unknowns.asked, found.estimates, strict=True):
@@ -111,7 +111,7 @@ def _figure(figure: Figure, key: str, caption: str) -> ReportFigure:
 
 
 def profile_figure(found: Identification) -> list[ReportFigure]:
-    """How the fit worsens when one parameter is held elsewhere; empty where no profile was made."""
+    """SVG of the likelihood profiles of each parameter; empty where none was computed."""
     profiles = found.details.profiles
     if not profiles:
         return []

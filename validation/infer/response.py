@@ -91,7 +91,7 @@ class Own:
     drive: Array  # (k,) of what drives the trial, in standard deviations
 
     def towards(self, other: Own, share: float) -> Own:
-        """A share of the way to another."""
+        """Random effects a ``share`` of the difference towards ``other``."""
         return Own(self.laws + share * (other.laws - self.laws), self.drive + share * (other.drive - self.drive))
 
     def apart(self, other: Own, scatter: Array) -> float:
@@ -350,7 +350,7 @@ class ModelResponse:
     def jacobian(
         self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None, driven: bool = False
     ) -> list[Array]:
-        """Derivatives, see `Response`; differences of runs where tangents do not hold."""
+        """Derivatives as of `Response.jacobian`, by differences of runs where tangents fail a check."""
         out: list[Array] = [np.empty(0)] * len(self.trials)
         for places in self._by_drive():
             some, those = self.of_trials(places), None if own is None else [own[k] for k in places]
@@ -443,7 +443,7 @@ class ModelResponse:
     def differences(
         self, at: Array, own: Sequence[Own] | None, columns: Sequence[int], asked: Sequence[int]
     ) -> list[Array]:
-        """Derivatives (m, c, len(columns)) of every trial; those asked for by differences of runs, of the others 0.
+        """Derivatives (m, c, len(columns)) of every trial: ``asked`` ones by differences of runs, others 0.
 
         Raises
         ------
@@ -471,7 +471,7 @@ class ModelResponse:
         return out
 
     def _wrong(self, at: Array, own: Sequence[Own] | None, columns: list[int], jacobian: Sequence[Array]) -> list[int]:
-        """Trials in which a small step in all that moves at once does not do what the derivatives say.
+        """Indices of trials in which a small step in all parameters at once contradicts the derivatives.
 
         A tangent that steps over a layer in which friction turns round may grow without bound; a difference shows it.
         """

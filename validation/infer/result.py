@@ -120,7 +120,7 @@ def sensor_calibration(problem: Problem, fitted: Fitted, sources: Sources) -> Se
 
 
 def calibrated(m: MeasuredTrial, sensors: SensorCalibration | None) -> MeasuredTrial:
-    """A trial of position sensors by another calibration of them; any other as it is."""
+    """Copy of a trial of position sensors with other calibration errors; any other trial unchanged."""
     if m.sensors is None or sensors is None:
         return m
     new = replace(m.sensors, calibration=sensors)
@@ -186,7 +186,7 @@ class Details:
 
     @cached_property
     def explained(self) -> tuple[str, ...]:
-        """Sentences on which part of the model explains the difference; found when first asked for, in seconds."""
+        """Sentences on which part of the model explains the difference; computed at first use, in seconds."""
         if not self.fitted.converged:
             return (f"{TITLE} is not asked: {self.fitted.end}.",)
         budget = Budget(self.left_s)

@@ -67,7 +67,7 @@ RISES = 1.02  # an RMSE that is larger by less says nothing
 
 
 def why_it_rises(before: Mapping[str, float], found: Mapping[str, float], whole: Mapping[str, float]) -> list[str]:
-    """A line for each channel whose RMSE rises by the identified values, and why that may be.
+    """Line for each channel whose RMSE is larger with the identified values, with a possible reason.
 
     Parameters
     ----------

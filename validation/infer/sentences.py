@@ -21,7 +21,7 @@ WHO = (("identified", "with the identified values"), ("before", "with those befo
 
 
 def plain_sentences(found: Identification, ranked: Sequence[Prospect] = ()) -> list[str]:
-    """The sentences at the head of the page.
+    """Sentences of an identification for the head of its page.
 
     Parameters
     ----------

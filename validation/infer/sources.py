@@ -180,7 +180,7 @@ def collect(sessions: Sequence[Session | str | Path], action: model.Action, opti
 
 
 def _conditions(session: Session, options: IdentifyOptions) -> Sequence[str | None]:
-    """Conditions of a session that count as a session each: those of an imported one; else the one that is asked."""
+    """Conditions of a session, each treated as a session: all of an imported one, else the requested one."""
     several = not session.info.plan.conditions and options.condition is None
     found = conditions_of(session) if several else []
     return found if len(found) > 1 else [options.condition]

@@ -65,7 +65,7 @@ def group_members(action: model.Action, group: str) -> list[str]:
 
 
 def expand(action: model.Action, asked: Sequence[str], option: str = PARAMETERS) -> list[str]:
-    """Single names of what was asked for, in that order, each once.
+    """Single names of the requested parameters and groups, in order, each once.
 
     A name is one of those of ``--set`` and ``--scale``, or ``felt:contact02``: stiffness and damping of that felt. A
     group stands for its members, each free by itself:
@@ -242,7 +242,7 @@ class Unknowns:
 def parameter_of(
     action: model.Action, name: str, paths: tuple[str, ...], given: float | None = None
 ) -> Parameter | None:
-    """A single name with its paths and prior; None where nothing says how large it may be."""
+    """Parameter of a single name with paths and prior u (``given``, else stated); None without a prior."""
     lead = lead_of(model.quantities_of(action), paths)
     value = abs(lead.value)
     law = any(belongs(name, paths) for belongs in BELONGS.values())

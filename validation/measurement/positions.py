@@ -128,7 +128,7 @@ def _places(found: dict[str, DisplacementReading]) -> dict[str, str]:
 
 
 def _onset_s(data: TrialData, key: DisplacementReading) -> float:
-    """When the key first leaves its rest by 1 % of its way, s."""
+    """Time, s, at which the key first exceeds 1 % of its travel from rest."""
     return float(data.time_s[int(np.argmax(key.value_m > 0.01 * key.value_m.max()))])
 
 

@@ -225,7 +225,7 @@ def _verdict(
     tested: ModelUnderTest,
     chosen: ComparisonOptions,
 ) -> Verdict:
-    """The verdict on the usable trials and channels; none where the draws were not asked for."""
+    """Verdict on the usable trials and channels; undecided where no draws were requested."""
     limits = relevance_limits(chosen.relevant)
     if not chosen.budget:
         return undecided_verdict("the uncertainties were not drawn")

@@ -184,7 +184,7 @@ class TrialJudge:
 def _differing(
     own: TrialErrors, of_model: int, rows: Sequence[ObservedDifference], limits: Mapping[str, float]
 ) -> list[str]:
-    """Words for what happens in trial or model only, and for each quantity beyond its limit of relevance."""
+    """Texts on events in trial or model only, and on quantities of the trial's errors ``own`` beyond their limits."""
     apart = own.branch ^ (of_model & own.known)
     out = [
         f"{words[not own.branch >> i & 1]} in the trial, {words[not of_model >> i & 1]} in the model"

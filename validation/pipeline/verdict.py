@@ -146,7 +146,7 @@ def _score(row: Any) -> str:
 
 
 def _score_lines(scored: pd.DataFrame) -> list[str]:
-    """The ISO-style score of each channel beside what a perfect model would score."""
+    """Sentence on the ISO-style score of each channel and of a perfect model."""
     shown = [
         f"{row.channel} {row.iso_overall:.2f}" + (f" ({row.iso_ceiling:.2f})" if math.isfinite(row.iso_ceiling) else "")
         for row in scored.itertuples()

@@ -181,7 +181,7 @@ class _Normal:
 
 @cache
 def _terms(kind: str, order: tuple[int, int]) -> tuple[tuple[int, ...], ...]:
-    """Products of so many means or lags at most, as their numbers; of the instant (-1) Chebyshev's polynomials."""
+    """Terms of an order: index tuples of means or lags to multiply; -1 for Chebyshev polynomials of the instant."""
     stretches, degree = order
     of = (-1,) if kind == POLYNOMIAL else range(stretches)
     return tuple(term for d in range(degree + 1) for term in combinations_with_replacement(of, d))

@@ -209,7 +209,7 @@ def drawn_tolerance(tested: ModelUnderTest) -> float:
 
 
 def drawn_run(tested: ModelUnderTest, m: MeasuredTrial, drawn: DrawnAction, time_s: Array) -> Run:
-    """The run of a draw under the force of trial ``m`` with the drawn errors; it gives out what `inside` says."""
+    """Run of a draw under the force of trial ``m`` with the drawn errors, at times ``time_s``."""
     draw, f, rng = drawn.draw, m.force, drawn.draw.rng(m.number, "force")
     offset = f.hum.u_offset_n if np.isfinite(f.hum.u_offset_n) else 0.0
     force = f.force_n * (1 + f.channel.gain_relative_u * draw.z_gain) + f.channel.u_preload_n * draw.z_preload

@@ -111,7 +111,7 @@ class ModelUnderTest:
 
     @property
     def identity(self) -> tuple[str, str, float]:
-        """What the outcome of a run depends on beside the trial: action, model and tolerance."""
+        """Hash inputs of a run apart from the trial: action, model and tolerance."""
         return self.action_hash, self.version, self.tolerance
 
     def load(self, preload_n: float) -> Load:
@@ -131,7 +131,7 @@ class ModelUnderTest:
         return model.rest_state(action, force_n=preload_n, near=near)
 
     def geometry_of_trial(self, m: MeasuredTrial) -> ActionGeometry:
-        """Geometry in which the readings of a trial stand: of position sensors one for all models."""
+        """Geometry for the readings of a trial; for position sensors one for all models."""
         return self.geometry_at(m.force.preload_n) if m.sensors is None else reference_geometry()
 
     def geometry_at(self, preload_n: float) -> ActionGeometry:

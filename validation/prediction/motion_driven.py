@@ -38,7 +38,7 @@ COLUMNS = [
 
 
 def motion_driven(tested: ModelUnderTest, m: MeasuredTrial, at: Array, lifted: NDArray[np.bool_]) -> pd.DataFrame:
-    """Measured and predicted force of one trial.
+    """Measured and predicted force (N) of one trial at the times ``at`` (s).
 
     Parameters
     ----------

@@ -168,7 +168,7 @@ VALUES_SHA256, ORIGIN_SHA256 = "values_sha256", "origin_sha256"
 
 
 def digests(action: model.Action, provenance: Mapping[str, Any], posterior: Mapping[str, Any]) -> dict[str, str]:
-    """What the file holds beside values, trials and joint uncertainty.
+    """Hashes, by name, of an identified action's values, and of its trials and posterior.
 
     Parameters
     ----------

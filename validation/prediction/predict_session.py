@@ -262,7 +262,7 @@ def _predict(m: MeasuredTrial, tested: ModelUnderTest) -> PredictedTrial:
 
 
 def _curves_of(found: PredictedAngles, m: MeasuredTrial) -> RivalCurves:
-    """What is compared of a rival; the rest, two thirds of it, would be kept for every trial.
+    """Compared curves of a rival, which are a third of its prediction.
 
     In single precision, a thousandth of an encoder's count.
     """
@@ -272,7 +272,7 @@ def _curves_of(found: PredictedAngles, m: MeasuredTrial) -> RivalCurves:
 
 
 def _warn_of_missed_tolerance(found: PredictedAngles, tolerance: float) -> str:
-    """What to say where the numerical error is far above the requested one; empty where it is not."""
+    """Warning where the estimated numerical error exceeds the tolerance by far; empty where it does not."""
     if not found.error_rad > MISSED * tolerance:
         return ""
     return (

@@ -76,7 +76,7 @@ def write_files(folder: Path, texts: dict[str, str | bytes]) -> dict[str, Path]:
 
 
 def _make(folder: Path, made: list[Path]) -> None:
-    """Make a folder and its parents, noting each that was not there."""
+    """Make a folder and its parents; each new one is appended to ``made``."""
     if folder.is_dir():
         return
     if folder.parent != folder:

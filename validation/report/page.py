@@ -171,7 +171,7 @@ def session_section(view: SessionView, is_first: bool = True) -> dict[str, Any]:
 
 
 def _lines_left(result: ValidationResult) -> list[str]:
-    """Lines of the verdict that stand neither on the first screen nor in the tables of the scores."""
+    """Verdict lines that are neither on the first screen nor in the score tables."""
     return [line for line in result.verdict_lines[1:] if not line.startswith(ELSEWHERE)]
 
 
@@ -225,7 +225,7 @@ def is_simulated(result: ValidationResult) -> bool:
 
 
 def _warnings(view: SessionView) -> list[str]:
-    """Warnings that do not stand among the findings; one that not every model raises names its model."""
+    """Warnings that are no findings; one that not every model raises names its model."""
     said: dict[str, list[str]] = {}
     for r in view.results:
         shown = set(r.findings["text"])

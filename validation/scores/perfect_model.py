@@ -43,7 +43,7 @@ class Ceiling:
     nuisance: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=NUISANCE_COLUMNS))
 
     def row(self, channel: str, score: str, value_of_same: float) -> dict[str, object]:
-        """Median and range over draws, and how a score of the same trials lies to them; never clipped."""
+        """Median and range over draws of a perfect model's score, and a reading of ``value_of_same``; not clipped."""
         known = self.scores.get((channel, score), np.empty(0))
         known = known[np.isfinite(known)]
         if not known.size:

@@ -105,7 +105,7 @@ def _estimate_shifts(curves: Array, u_sample: float, way: float, window: Array) 
 
 
 def extend_in_time(mean: Array, scatter: Array, n: int) -> Array:
-    """How far a mean curve may lie from itself when shifted by as much as its trials may be, (n_samples,).
+    """Largest change (n_samples,) of a mean curve when shifted in time within its trials' scatter.
 
     Parameters
     ----------

@@ -96,7 +96,7 @@ def extract_features(time_s: Array, key: Array, unit: str, force_n: Array | None
 
 
 def _select_notes(place: Array, every: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Strikes that are notes: a key that bounces on its front rail, or is pressed deeper, strikes no second one."""
+    """Strikes that count as notes: not a key bouncing on its front rail or pressed deeper."""
     out = list(every[:1])
     for start, end in every[1:]:
         if place[out[-1][1] : start + 1].min() < AGAIN * place.max():
@@ -159,7 +159,7 @@ MOST_NAMED = 4  # in a sentence
 
 
 def describe_domain(action: str, places: pd.DataFrame, known: bool, lost: Collection[int] = ()) -> list[str]:
-    """Where the trials that were not fitted lie, in sentences; inside is not said of those ``lost`` to a rival."""
+    """Sentences on which trials not fitted are inside or outside the domain; ``lost``: nearer to a rival."""
     if not known:
         return [
             f"Domain: not known, {action} does not say what the strokes it was fitted to were like; identify it again."

@@ -126,7 +126,7 @@ def curve_repeatability(curves: Array, kinds: Sequence[int] | None = None) -> Cu
 
 
 def compute_distance_ratios(curves: Array) -> Array:
-    """How far each trial lies from the others, over how far trials usually do.
+    """Distance of each trial from the others, over the trials' usual distance.
 
     The distance of a trial is the root mean square of its difference from the median curve of the others; the ratio is
     to the median distance.  NaN with fewer than four trials, where one trial cannot be told from the others.

@@ -39,7 +39,7 @@ def describe_stroke(m: MeasuredTrial) -> dict[str, Any]:
 
 
 def make_example(m: MeasuredTrial) -> Example:
-    """A measured trial as a black box sees it: what drives it in, angles that are compared since rest out, rad.
+    """Input and outputs of a measured trial for a black box: force or key motion in; angles since rest, rad, out.
 
     What drives is the force, N, or the key's angle, rad.
     """
@@ -71,7 +71,7 @@ def compare_rivals(
     tested: ModelUnderTest,
     without: Collection[tuple[int, str]],
 ) -> Rivals:
-    """Score the rivals that `tested` names, and say how far each trial lies from what was fitted.
+    """Score the rivals that ``tested`` names, and locate each trial in the training domain.
 
     Parameters
     ----------

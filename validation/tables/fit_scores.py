@@ -51,7 +51,7 @@ COLUMNS = (
 
 
 def rows(found: Any) -> Iterator[dict[str, object]]:
-    """Events, then angles, of each set of trials of an identification."""
+    """Rows of event and angle scores of each set of trials of an identification."""
     for name, curves in found.scores.items():
         events = found.events.get(name, {})
         for event in next(iter(events.values()), {}):

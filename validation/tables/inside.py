@@ -56,7 +56,7 @@ ENERGIES = {
 
 
 def rows(comparison: Comparison) -> list[dict[str, Any]]:
-    """Forces, ways and energies inside the model's scene, in the blow of the sound trial of median peak force."""
+    """Rows of forces, distances and energies in the model, for the sound trial of median peak force."""
     return inside_rows(comparison.sound, comparison.tested, is_drawn=comparison.options.budget)
 
 

@@ -56,7 +56,7 @@ def separate_conditions(
 
 
 def find_change(found: Mapping[int, TrialErrors], limits: Mapping[str, float]) -> Change | None:
-    """The change within trials of one stroke, of those on the branch of the motion that most of them take.
+    """Step in the errors ``found`` (by trial) of a stroke's trials on the most frequent branch; None if none.
 
     Parameters
     ----------

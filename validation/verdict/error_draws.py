@@ -120,7 +120,7 @@ def errors_of_trials(
 def usable_errors(
     found: Mapping[int, TrialErrors], without: Collection[tuple[int, str]] = ()
 ) -> dict[int, TrialErrors]:
-    """The errors of trials that have a usable encoder; ``without`` pairs of trial and channel, NaN of these."""
+    """Errors of trials that have a usable encoder, NaN for the (trial, channel) pairs ``without``."""
     out = {}
     for number, one in found.items():
         lost = {name for name in (*ENCODER_CHANNELS, *FILM_CHANNELS) if (number, name) in without}
@@ -191,7 +191,7 @@ def session_errors(
     conditions: Sequence[Collection[int]] = (),
     u_rest_level_m: float = 0.0,
 ) -> SessionErrors | None:
-    """Errors found in all usable trials, and draws on one representative trial of each condition.
+    """Errors ``found`` in all usable trials, by number, and draws on a representative trial of each condition.
 
     Returns None where no trial is usable.
 
@@ -261,7 +261,7 @@ def _block_diagonal(blocks: Sequence[Array]) -> Array:
 def _majorities(
     usable: Sequence[MeasuredTrial], found: Mapping[int, TrialErrors], conditions: Sequence[Collection[int]]
 ) -> tuple[list[list[MeasuredTrial]], dict[int, tuple[int, int]]]:
-    """Trials of each condition on the branch that most of them take, and the branch of the others by number."""
+    """Trial numbers of each condition on its most frequent branch, and the branch of the others by number."""
     groups: list[list[MeasuredTrial]] = []
     other: dict[int, tuple[int, int]] = {}
     for numbers in conditions or [[m.number for m in usable]]:

@@ -134,7 +134,7 @@ def estimate_errors(sample: ErrorSample) -> Estimates:
 def draw_trial_scatter(
     residuals: Array, own: Array, n_trials: NDArray[np.int64], n_draws: int, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Draws of the mean of what differs between trials, (n_draws, V), and its standard deviation, (V,).
+    """Draws (n_draws, V) of the mean of trials' random errors ``own``, and its standard deviation (V,).
 
     Random combinations of the trials' residuals and of the declared errors, so that quantities stay correlated.
 
@@ -159,7 +159,7 @@ def draw_trial_scatter(
 
 
 def pooled_scale(drawn: Array, found: Array, floor: Array, tail: float = SIGMA) -> tuple[Array, Array, Array]:
-    """Median of draws and of what was found, and how far below and above it a share ``tail`` of them begins, (V,) each.
+    """Median of ``found`` and draws, and its distances to the lower and upper quantile ``tail``, (V,) each.
 
     What was found is one of N + 1 exchangeable values: a scale of the draws alone would favour it.
     """
@@ -203,7 +203,7 @@ def interval_by_rank(found: Array, drawn: Array, share: float) -> tuple[Array, A
 
 
 def rare_branches(branch: NDArray[np.int64], found: NDArray[np.int64]) -> tuple[NDArray[np.bool_], float]:
-    """Draws whose branches are rare, and p of those found: the share of draws and trials on some as rare as they.
+    """Mask of draws on rare branches, and p of the branches ``found``: share of draws on branches as rare.
 
     ``branch`` (N, P), ``found`` (P,): those of all conditions together are one outcome.
     """

@@ -44,7 +44,7 @@ def observed_differences(errors: Array, of: int | None = None) -> list[ObservedD
 
 
 def observed_text(found: Mapping[int, TrialErrors]) -> str:
-    """Lines that a waiting user reads while the uncertainties are drawn; empty where no quantity is measured."""
+    """Text on measured errors ``found`` for a user who waits for the draws; empty where none is measured."""
     rows = observed_differences(np.array([one.errors for one in found.values()])) if found else []
     if not rows:
         return ""

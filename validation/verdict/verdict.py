@@ -187,7 +187,7 @@ def _trials_of_condition(errors: SessionErrors, one: Condition) -> str:
 
 
 def _state(q: Quantity, one: Condition, found: float, low: float) -> str:
-    """Why a quantity has no estimate; empty where it has one."""
+    """Reason why a quantity of condition ``one`` has no estimate; empty where it has one."""
     if not math.isfinite(found):
         if q.channel:
             before = list(PHASES)[: list(PHASES).index(q.phase)][-1:]

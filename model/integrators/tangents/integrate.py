@@ -157,7 +157,7 @@ def load_string_tangents(row, motion, linear):
 
 @inlined_uncounted
 def clear_released_memories(channels):
-    """Set the internal variables' tangents of felt that was left to 0: it remembers nothing of its parameters."""
+    """Set to 0 the tangents of internal variables of felt that has been released."""
     for c in range(channels.before.shape[0]):
         if channels.began[c] == 1:
             for j in range(channels.inner.shape[1]):

@@ -96,7 +96,7 @@ NORMAL_SLOPES = types.void(MOVED, _numbers, _i, SOURCES, LOADS, _numbers, _table
 
 @uncounted_loop(NORMAL_SLOPES)
 def normal_force_derivatives(moved, p, own, sources, loads, w, normal, out):
-    """Fill ``normal`` (m, c), N, and add to ``out`` (m, c, P), which is 0, its derivatives.
+    """Fill ``normal`` (m, c), N, and add its derivatives to ``out`` (m, c, P), zeros before; ``own``: free coordinates.
 
     ``own`` coordinates stand in a row of states before their speeds and what is remembered; ``w`` is a workspace.
     """

@@ -76,7 +76,7 @@ class Responses:
 
     @cached_property
     def base(self) -> Array | None:
-        """Differences (trials, 3 m) of the model as it is; None where one of the trials cannot be run."""
+        """Differences (trials, 3 m), rad, of the unchanged model from the trials; None where a trial cannot be run."""
         return self.exact(Point())
 
     def exact(self, point: Point) -> Array | None:
@@ -129,7 +129,7 @@ class Responses:
     def columns(
         self, asked: Sequence[tuple[Point, int, int]], here: Sequence[Array], longest: Sequence[float] = ()
     ) -> list[Array]:
-        """Derivative (3 m,) of one trial's prediction with respect to one source; zeros where none is found.
+        """Derivative (3 m,) of a trial's prediction by a source for each of ``asked``; ``here``: differences there.
 
         Parameters
         ----------
@@ -187,7 +187,7 @@ class Responses:
         return groups
 
     def _read_all(self, asked: Sequence[tuple[_Place, int]]) -> list[Array | None]:
-        """What the encoders read (3 m,) of each run since rest; what is asked twice runs once."""
+        """Encoder readings (3 m,), rad since rest, of each (point, trial index); equal requests run once."""
         runs = [
             (replace(place, amounts=tuple(a for a in place.amounts if a[0] not in self._read)), t) for place, t in asked
         ]
@@ -196,7 +196,7 @@ class Responses:
         return [self._read_encoders(self._turned[run], place, t) for run, (place, t) in zip(runs, asked, strict=True)]
 
     def _read_encoders(self, turned: Array | None, place: _Place, t: int) -> Array | None:
-        """Readings (3 m,) of the encoders in trial ``t`` (index) for turns, with the encoders' errors but delays."""
+        """Encoder readings (3 m,), rad, in trial ``t`` (index) for the model's turns, with errors but no delays."""
         wrong = [(self._read[j], z) for j, z in place.amounts if j in self._read]
         if turned is None or not wrong:
             return turned
@@ -209,7 +209,7 @@ class Responses:
         return read.ravel()
 
     def _reading_times(self, place: _Place, trial: ObservedTrial) -> Array:
-        """When the model is where each encoder reads it (3, m): earlier by its delay, on a clock of the true rate."""
+        """Times (3, m), s, of the model that each encoder reads: earlier by its delay, at the true clock rate."""
         when = np.tile(trial.time_s, (len(ENCODERS), 1))
         rate = 1.0
         for j, z in place.amounts:
@@ -268,7 +268,7 @@ class Responses:
         return Run(action, rest, *table, output, drawn_tolerance(self.tested))
 
     def _coarse_force(self, trial: ObservedTrial, delay_s: float, knot: int) -> tuple[Array, Array]:
-        """Force of a trial as it is run, s and N, read so much too late and with a bump at one knot; made once."""
+        """Coarse force table (s, N) of a trial whose force was read ``delay_s`` late, with a bump at a knot; cached."""
         key = trial.number, delay_s, knot
         if key not in self._forces:
             force = np.interp(trial.force_time_s + delay_s, trial.force_time_s, trial.force_n)

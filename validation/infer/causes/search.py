@@ -107,7 +107,7 @@ class Search:
         return self.test.threshold(self.turned(self.at.each))
 
     def _conditions(self) -> list[tuple[int, float]]:
-        """Trials (indices) that have least and most of the fit's causes, with the share of trials each stands for."""
+        """(trial index, share of trials it represents) of the trials with least and most of the fit's causes."""
         weights = [self.responses.candidates[i].weights for i in self.at.members]
         weights = [w for w in weights if np.ptp(w)]
         if not weights:
@@ -147,7 +147,7 @@ class Search:
         return float(found[k] - 0.5 * z @ z), k
 
     def start_fit(self, members: tuple[int, ...], at: Fit | None = None) -> Fit:
-        """Causes at their amounts in another fit, zero if it has none; its other causes are taken off linearly."""
+        """Start of a fit of causes ``members``: amounts as in the fit ``at`` or 0, its others removed linearly."""
         base = self.at if at is None else at
         z = np.array([base.z[base.members.index(i)] if i in base.members else 0.0 for i in members])
         sources = [self.responses.candidates[i].source for i in members]
@@ -271,7 +271,7 @@ class Search:
         return around, every
 
     def pairs(self, singles: Sequence[Fit]) -> list[Fit]:
-        """Pairs to start from: the best single causes with what gains most beside them, and with one another."""
+        """Fits of pairs to start from: the best single causes with those that gain most given them."""
         started: dict[frozenset[int], Fit] = {}
         for one in singles[:SECOND]:
             for i in [
