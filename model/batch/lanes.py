@@ -38,7 +38,7 @@ Kind = tuple[object, ...]
 
 
 def _lane_group_key(jobs: Sequence[Job]) -> list[Kind | None]:
-    """What members of one unit share: method, structure, count of numbers (a string's modes); None: not for lanes."""
+    """Group key of each job: method, structure, count of parameters (a string's modes); None: not for lanes."""
     of_scene: dict[int, Kind] = {}
     out: list[Kind | None] = []
     for job in jobs:

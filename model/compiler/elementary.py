@@ -71,7 +71,7 @@ def _exponential(x: Expression) -> Expression:
 
 
 def _tanh(x: Expression) -> Expression:
-    """By Pade's quotient of the exponential (6, 6), exp r = (even + odd) / (even - odd): one division in all."""
+    """tanh(x) as an expression, by Padé's quotient (6, 6) of the exponential: one division in all."""
     y = maximum(-40.0, -2.0 * abs(x))  # beyond, tanh is 1 to the last digit; what is no number stays none
     shifted, r = _reduce_argument(y)
     square = r * r

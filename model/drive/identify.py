@@ -228,7 +228,7 @@ def _log_coefficients(name: str) -> dict[str, float]:
 def _loop_gain(
     total: float, relative: float, logs: Array, spread: Array, unknown: list[str], free: Array
 ) -> tuple[str, float, float]:
-    """What is left of resistance and loop gain together without the first."""
+    """Loop gain as (reason if undetermined, value, relative u), from ``total``, its sum with the resistance."""
     k = unknown.index("share")
     if np.linalg.norm(free[:, k]) > OPEN:
         return NOT_MET["share"], total, relative

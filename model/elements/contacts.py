@@ -245,7 +245,7 @@ class Contact:
         return self.law.stiffness(self.pressed_by(ZERO, rate))
 
     def energy(self, label: str = "") -> list[Statement]:
-        """What the felt stores, J; what felt and friction lose, W; to names that end with ``label``."""
+        """Statements that set energy stored (J) and powers lost (W) in variables that end with ``label``."""
         lasting = bool(self.memories) and self.law.anew is None
         x, (rate, slide) = self.gap[0], self.relative_speeds
         felt = self.pressed_by(where(self.touches, x, 0.0) if lasting else x, rate)

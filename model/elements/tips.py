@@ -42,7 +42,7 @@ class Tip:
         return [If((self.depth > 0.0) & pressing, pushes)]
 
     def energy(self, label: str = "") -> list[Statement]:
-        """What its felt stores, J, and loses, W; to names that end with ``label``."""
+        """Statements that set energy stored (J) and power lost (W) in variables that end with ``label``."""
         _, stored, lost = LAW.energy(self._felt, label)
         return [
             If(

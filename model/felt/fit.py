@@ -131,7 +131,7 @@ def law_search(kind: str, presses: Sequence[Pressing]) -> Search:
 
 
 def cubic_law_search(kind: str, depth: float, force: float, speed: float) -> Search:
-    """Of any law on a cubic: its numbers from lowest to highest, by their logarithm where that spans decades."""
+    """Search of a law on a cubic: its parameters within their ranges, as logarithms where these span decades."""
     numbers = KNOWN[kind].numbers
     far = {name for name, n in numbers.items() if n.low > 0.0 and n.high > DECADES * n.low}
     damped = KNOWN[kind].damped

@@ -111,7 +111,7 @@ def _longest_stretch(times: Array, forces: Array, level: float) -> float:
 
 
 def _blow_seconds(times: Array, forces: Array) -> tuple[float, float]:
-    """How long the key is pressed without a pause, and how long the force takes to rise to its peak, s."""
+    """Durations, s, of the press without a pause, and of the rise of the force to its peak."""
     peak = int(np.argmax(forces))
     most, until = float(forces[peak]), slice(0, peak + 1)
     low = np.flatnonzero(forces[until] <= RISE[0] * most)
@@ -121,7 +121,7 @@ def _blow_seconds(times: Array, forces: Array) -> tuple[float, float]:
 
 
 def blow_implausibility(time_s: ArrayLike, force_n: ArrayLike, where: str = "force table") -> str:
-    """Why a force table cannot be a blow on a key, in one sentence; empty where it can.
+    """Sentence on why a force table cannot be a blow on a key; empty where it can.
 
     Such a table is most often in another unit, as milliseconds under ``time_s``. It can be simulated all the same.
 

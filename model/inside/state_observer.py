@@ -26,7 +26,7 @@ class Observer:
         self.scene = scene
 
     def evaluate(self, q: ArrayLike, v: ArrayLike, u: ArrayLike, memory: ArrayLike | None = None) -> ObservedStates:
-        """Everything at states (m, n) under inputs (m,); ``memory`` (m, z) is what a run remembered there, if anything.
+        """Observed quantities at states (m, n) under inputs (m,); ``memory`` (m, z) are internal variables, if any.
 
         Raises
         ------

@@ -244,7 +244,7 @@ def key_load(
     vector: Array | None = None,
     memory: Array | None = None,
 ) -> tuple[Array, Array]:
-    """What holds the last coordinate to its motion, (m,), and the force of the pivot on the key (m,), N, upwards.
+    """Force or torque (m,) that holds the last coordinate to its motion, and the pivot's force on the key (m,), N, up.
 
     Of a key it is a force, N, down at the drive point; of an arm or a finger the torque on its joint, N m.
 

@@ -105,7 +105,7 @@ class KeyMotion(ArrayRecord):
 
 
 def _rises(tables: Tables, states: tuple[Array, Array], memory: Array | None) -> tuple[Array, Array] | None:
-    """How far (m,) and how fast the pivot of a key has risen whose front is prescribed; None of any other scene.
+    """Rise (m,), m, and its rate, m/s, of the pivot of a key whose front is prescribed; None in other scenes.
 
     At states of the bodies and of what joints give.
     """

@@ -119,7 +119,7 @@ class Events:
     def _find_first(
         self, name: str, value: Callable[[Array, Array], Array], rising: bool, after: float, why: str
     ) -> bool:
-        """Note the first time from ``after`` on at which ``value`` passes zero."""
+        """Set ``at[name]`` to the first time (s) after ``after`` at which ``value`` crosses zero; False if none."""
         y = value(*self.motion)
         above = y > 0.0
         passes = (above[1:] & ~above[:-1]) if rising else (~above[1:] & above[:-1])

@@ -134,7 +134,7 @@ class ResultStore:
             self._failures.setdefault(kind, []).append(failure)
 
     def summary(self) -> dict[str, str]:
-        """How many results of each kind were reused, ``4 of 5``."""
+        """Texts by kind on how many results were reused, such as ``4 of 5``."""
         kinds = dict.fromkeys(kind for kind, _ in self._counts)
         ordered = sorted(kinds, key=lambda kind: KINDS.index(kind) if kind in KINDS else len(KINDS))
         return {

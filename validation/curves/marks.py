@@ -62,7 +62,7 @@ def trial_marks(frame: pd.DataFrame, events: pd.DataFrame) -> list[Mark]:
 
 
 def _released_s(time_s: Array, force_n: Array, key_release_s: float) -> float:
-    """When the force falls below its level of release for the last time before the key rises; NaN if it never does.
+    """Last time, s, before the key rises at which the force falls below its level of release; NaN if none.
 
     A force that is still there when the key rises is followed to its end; what the motor arm does later, when it
     bounces on the resting key, does not count.

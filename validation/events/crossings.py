@@ -59,7 +59,7 @@ def down_crossings(time_s: Array, signal: Array, level: float, hysteresis: float
 
 
 def bend_uncertainty_s(time_s: Array, signal: Array, at_s: float) -> float:
-    """What a straight line between two samples may miss of a bent signal at a crossing, as a standard uncertainty, s.
+    """Standard uncertainty (s) of a crossing by linear interpolation, from the signal's curvature there.
 
     The line is off by up to a·dt²/8 for a second derivative a, in root mean square by √(8/15) of that.
     """

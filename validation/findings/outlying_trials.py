@@ -211,7 +211,7 @@ def _find_unusual_events(number: int, events: dict[int, dict[str, Event]]) -> li
 
 
 def _find_reasons(number: int, measured: Sequence[MeasuredTrial], scale: float) -> list[str]:
-    """What is odd about a trial's readings or its blow."""
+    """Texts on what is unusual about a trial's readings or its blow."""
     reasons = []
     if np.isfinite(scale):
         reasons.append(f"its readings are {scale:.3f} times the usual ones all the way")

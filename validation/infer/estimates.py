@@ -204,7 +204,7 @@ def _evaluate_points(
 
 
 def _crossings(z: Array, rise: Array, best: float, level: float, width: float) -> tuple[float, float]:
-    """Where the root of the rise, signed, crosses the root of the level on each side; beyond the last point, linear."""
+    """Ends (z) of the interval in which a profile's rise is below ``level``, linear in its signed root."""
     root = np.sqrt(np.maximum(rise, 0.0))
     want = float(np.sqrt(level))
     edges = []

@@ -606,7 +606,7 @@ def _fit_pilots(problem: Problem, start: Array, say: Say, budget: Budget) -> lis
 
 
 def _typical_trials(trials: Sequence[ObservedTrial]) -> list[int]:
-    """Of each session the trial that is nearest to the median of all."""
+    """Index of the trial of each session that is nearest to the median of its trials."""
     out = []
     for session in dict.fromkeys(t.session for t in trials):
         those = [k for k, t in enumerate(trials) if t.session == session]

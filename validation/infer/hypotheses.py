@@ -144,7 +144,7 @@ class Candidate:
 
 
 def sources(action: model.Action, trial: ObservedTrial) -> tuple[Source, ...]:
-    """Everything that may be wrong: the channels of the session first, then the action's values.
+    """All possible causes: errors of the session's channels, then parameters of the action, then effects.
 
     Conventions: amounts are in units of `Source.wrong`: a factor exp(wrong z), or wrong z added in SI. What is known
     of a value (its stated u, or the joint uncertainty of an identified action) is taken out of every comparison;

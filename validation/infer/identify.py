@@ -161,7 +161,7 @@ def identify(
 
 
 def look_before(problem: Problem, columns: Columns) -> list[str]:
-    """What derivatives at the start say before anything is fitted.
+    """Sentences on identifiability from the derivatives at the start, before the fit.
 
     Raises
     ------

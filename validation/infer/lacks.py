@@ -57,7 +57,7 @@ class LetIn:
 
     @property
     def words(self) -> str:
-        """What was let in, with its size."""
+        """Text on the parameter that was freed, with its size."""
         if self.parameter is None:
             return "nothing"
         p, action = self.parameter, self.problem.action
@@ -110,7 +110,7 @@ class Supported:
 def supported(
     problem: Problem, fitted: Fitted, say: Callable[[str], None], budget: Budget | None = None
 ) -> Supported | None:
-    """What the strokes say in spite of what the model lacks.
+    """Estimates that hold in spite of the model's discrepancy, from fits with further parameters freed; or None.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def supported(
 
 
 def _rank_changes(kinds: Sequence[Sequence[Promise]], lack: float) -> list[Promise]:
-    """What is fitted anew: the most promising of each kind, and, where a lack is large, the felt of each contact there.
+    """Changes to refit: the most promising of each kind, and where the discrepancy is large each contact's felt.
 
     A felt twice as stiff is no small change: where the fit ended its linear model may promise less than a law of
     another form, or another place, of the same contact.
@@ -310,7 +310,7 @@ def _combine_estimates(
 
 
 def shows_in(problem: Problem, lack: Sequence[Array]) -> str:
-    """Which part of the stroke a lack shows in: where it first exceeds `SHOWS` u of the sensors, and where it is most.
+    """Text on where in the stroke a discrepancy first exceeds `SHOWS` u of the sensors, and where it is largest.
 
     Parameters
     ----------
@@ -336,7 +336,7 @@ def shows_in(problem: Problem, lack: Sequence[Array]) -> str:
 
 
 def _lack(problem: Problem, fitted: Fitted, best: LetIn) -> list[Array]:
-    """What the likeliest fit does that the model without what was let in does not; else what is left of the trials."""
+    """Discrepancy (c m,) by trial: the most probable extended fit less the model, else the residuals."""
     z = best.fitted.z
     if best.parameter is not None:
         z = np.delete(z, best.problem.unknowns.moved.index(best.parameter))
@@ -347,7 +347,7 @@ def _lack(problem: Problem, fitted: Fitted, best: LetIn) -> list[Array]:
 
 
 def telling(let_in: Sequence[LetIn], trials: Sequence[ObservedTrial]) -> Array:
-    """How far the fits differ in each stroke (trials,), RMS in standard deviations of the sensors; 0 of those not run.
+    """RMS difference of the fits in each stroke (trials,), in standard deviations of the sensors; 0 if not run.
 
     Parameters
     ----------

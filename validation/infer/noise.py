@@ -222,7 +222,7 @@ def law_columns(block: Block, sizes: Sizes) -> Array:
 
 
 def reached(block: Block, sizes: Sizes, root: Array) -> Array:
-    """How the common parts of a session, as a root (l + n, l + n), reach a trial: laws by its columns, the rest as is.
+    """Root of a trial's covariance by its session's common parts, from their root (l + n, l + n).
 
     Trials of one kind differ by some per cent in their force, and after an impact their columns of a law by half.
     """
@@ -233,7 +233,7 @@ def reached(block: Block, sizes: Sizes, root: Array) -> Array:
 
 
 def common_parts(blocks: Sequence[Block], sizes: Sizes) -> RandomEffectColumns:
-    """What the model lacks in all trials of one session, which have the same phases; rows as in `reached`."""
+    """Columns of the model discrepancy that all trials of a session share; rows as in `reached`."""
     lead, c = blocks[0], sizes.channels
     m, first = lead.time_s.size, len(FAMILIES) + sizes.own.size + lead.session * sizes.common.shape[1]
     columns, component = [], []

@@ -42,7 +42,7 @@ class FilmSeen:
 
 
 def film_seen(m: MeasuredTrial, phase_s: Array) -> FilmSeen:
-    """What a trial's film says at times (m,); all lost without a film.
+    """Film angles of a trial at times (m,), s; all lost (NaN) without a film.
 
     Conventions: relative to the whippen and to rest, rad; a phase without a frame of its own is lost (NaN): frames may
     be further apart than phases, and one frame counts once. Noise differs from frame to frame; the reference, an

@@ -67,7 +67,7 @@ def _held_out(found: Identification) -> list[str]:
 
 
 def _speed(by: Mapping[str, Mapping[str, EventScore]]) -> str:
-    """How far the hammer's speed is off, as a sentence."""
+    """Sentence on the error of the predicted hammer speed."""
     title, factor, unit = event_words(SPEED)
     parts = []
     for who, words in WHO:

@@ -112,7 +112,7 @@ def expand(action: model.Action, asked: Sequence[str], option: str = PARAMETERS)
 
 
 def _keep_free(action: model.Action, text: str, members: list[str]) -> list[str]:
-    """Those that can be identified: no component of a unit normal, which the other one and the length fix."""
+    """Names of ``members`` without components of unit normals; refuses a ``text`` that the geometry fixes."""
     if text in action.structure:
         raise ValidationInputError(
             f"{PARAMETERS} {text}: is fixed by the geometry (it says {action.structure[text]!r}, which is no number); "

@@ -7,7 +7,7 @@ from rig.session import Trial
 
 
 def clock_offsets(trial: Trial, tracked: vision.TrackResult) -> dict[str, tuple[float, float]]:
-    """For each body with both: s to add to the film's times, and its standard uncertainty.
+    """Offset (s) to add to the film's times and its u, by each body that film and encoder both see.
 
     Bodies that hardly move are left out; the times themselves are not changed.
     """

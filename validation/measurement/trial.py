@@ -37,7 +37,7 @@ class KeyHeads:
     u_turn_relative: float
 
     def note(self, quiet: Quiet) -> str:
-        """What to say of the lift, in one line."""
+        """Note on the lift, in one line."""
         rest = float(np.mean(self.lift_m[: max(quiet.stop, 1)]))
         largest = float(np.max(self.lift_m) - rest)
         u = float(np.hypot(self.u_lift_m, largest * self.u_radius_relative))
@@ -155,7 +155,7 @@ class MeasuredTrial:
 
 
 def _force_doubt(force: CorrectedForce) -> list[str]:
-    """Why the force cannot be a blow, as a note; a force that cannot be simulated either is refused later."""
+    """Notes on why the force is implausible as a blow; one that cannot be simulated is refused later."""
     known = np.isfinite(force.force_n)
     try:
         doubt = model.blow_implausibility(force.time_s[known], force.force_n[known], "force")

@@ -72,7 +72,7 @@ def mend(findings: Sequence[SessionFinding]) -> list[str]:
 
 
 def advise_on_causes(explained: Explained) -> list[str]:
-    """What to measure, by the sets that explain what all trials share."""
+    """Advice on what to measure, by the causes that explain the difference in all trials."""
     sets: dict[int, list[CompatibleChange]] = {}
     for change in (c for c in explained.changes if c.profile == ALL):
         sets.setdefault(change.set, []).append(change)
@@ -93,7 +93,7 @@ def advise_on_causes(explained: Explained) -> list[str]:
 
 
 def advise_on_domain(outside: Mapping[int, str]) -> list[str]:
-    """What to record before strokes are trusted that lie outside of what was fitted.
+    """Advice on what to record before predictions outside the training domain are trusted.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def _phase_missing(why: str, phase: str) -> bool:
 
 
 def nearer(skill: Mapping[str, Skill]) -> list[str]:
-    """What to do where a rival is nearer on strokes that were not fitted, beyond the interval of the skill."""
+    """Advice where a rival is nearer on strokes not fitted, beyond the interval of the skill."""
     lost = {channel: one for channel, one in skill.items() if one.high < 0.0}
     if not lost:
         return []

@@ -65,7 +65,7 @@ def versions() -> dict[str, str]:
 def provenance(
     session: Session, tested: ModelUnderTest, trials: Sequence[MeasuredTrial], window: Window, now: datetime
 ) -> dict[str, Any]:
-    """Everything a reader needs to make the same report again, as plain values.
+    """Plain values needed to reproduce a report: hashes, versions, options, window.
 
     Conventions: SHA-256 in hexadecimal; times in UTC; a version that cannot be found is the word ``unknown``.
     """
@@ -234,7 +234,7 @@ def _verdict(
 
 
 def cost_of(predicted: PredictedSession) -> dict[str, float]:
-    """What a blow costs with this model: mean right-hand sides of a trial, least seconds of processor time of one.
+    """Cost of a prediction: mean right-hand sides of a trial, and smallest processor time of one, s.
 
     The least, since the first may compile; each with the run that estimates its error. NaN for a stand-in.
     """

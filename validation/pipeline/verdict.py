@@ -28,7 +28,7 @@ def fitted_trials(action: model.Action, trials: Sequence[MeasuredTrial]) -> list
 
 
 def prediction_lines(action: model.Action, trials: Sequence[MeasuredTrial]) -> list[str]:
-    """What the verdict says of an identified model: prediction or not; nothing of any other model."""
+    """Sentences on which trials an identified model was fitted to and which it predicts; none for other models."""
     posterior = posterior_of(action)
     if posterior is None:
         return []

@@ -221,7 +221,7 @@ def drawn_run(tested: ModelUnderTest, m: MeasuredTrial, drawn: DrawnAction, time
 
 
 def drawn_readings(m: MeasuredTrial, drawn: DrawnAction, time_s: Array, solution: model.Solution) -> Array:
-    """What the channels would have read in trial ``m`` if the draw were true, (len(time_s), 5) rad since rest.
+    """Readings (len(time_s), 5), rad since rest, of trial ``m``'s channels if the draw were true.
 
     ``solution`` is that of `drawn_run`. Columns are `CHANNELS`; those of a film are NaN where the trial has none.
     """

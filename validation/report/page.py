@@ -302,7 +302,7 @@ def _window_words(side: SideBySide) -> str:
 
 
 def cannot_claim(side: SideBySide) -> list[str]:
-    """What a reader must not take from this report."""
+    """Sentences on what the report does not show."""
     limits = [
         "The trials were played in one session on one action: this is repeatability. Other days, remounting, other "
         "actions and other benches are reproducibility, which is not measured here.",

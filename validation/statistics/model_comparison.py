@@ -223,7 +223,7 @@ def _evidence(first: ValidationResult, other: ValidationResult) -> dict[str, obj
 
 
 def _describe_unequal(first: ValidationResult, second: ValidationResult, both: pd.DataFrame) -> str:
-    """Why the scores of two results may not be set against each other, or an empty text."""
+    """Reason why the scores of two results may not be compared; empty where they may."""
     a, b = first.window, second.window
     step = min(float(np.median(np.diff(t["time_s"]))) for t in first.traces.values())
     if max(abs(a.start_s - b.start_s), abs(a.end_s - b.end_s)) > 1.5 * step:

@@ -87,7 +87,7 @@ def describe_skills(skill: Mapping[str, Skill], fitted: str) -> tuple[str, ...]:
 
 
 def describe_nearer_rivals(skill: Mapping[str, Skill]) -> str:
-    """What the headline says of the rivals that are nearer; empty where the model is nearer in every channel."""
+    """Headline clause on rivals that are nearer; empty where the model is nearer in every channel."""
     parts = []
     for channel, one in skill.items():
         if one.skill >= 0.0:
@@ -103,7 +103,7 @@ def describe_nearer_rivals(skill: Mapping[str, Skill]) -> str:
 
 
 def describe_nearest(errors: pd.DataFrame) -> list[str]:
-    """Which of the model and its rivals is nearest to each trial, by channel, in one line."""
+    """Line on which of the model and its rivals is nearest to each trial, by channel."""
     parts = []
     for channel, part in errors[errors["nearest"] != ""].groupby("channel", sort=False):
         by_name: dict[str, list[int]] = {}

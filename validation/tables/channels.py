@@ -230,7 +230,7 @@ def _difference(base: Array, apart: Array, verdict: Verdict, name: str) -> tuple
 
 
 def _state(curves: Array) -> str:
-    """Why a channel has no repeatability, or an empty text."""
+    """Reason why a channel has no repeatability; empty where it has one."""
     if not np.isfinite(curves).any():
         return "no frame tracked"
     n = curves.shape[1]

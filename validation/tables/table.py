@@ -79,7 +79,7 @@ class Column:
         return f"{self.head} ({unit})" if unit and self.text is None else self.head
 
     def cell(self, row: Row) -> str:
-        """What a page shows of a row."""
+        """Text of this column's cell of a row."""
         if self.text is not None:
             return self.text(row)
         value = row[self.name]

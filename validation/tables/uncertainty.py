@@ -32,7 +32,7 @@ def rows(comparison: Comparison) -> list[dict[str, Any]]:
 def uncertainty_rows(
     measurements: Sequence[MeasuredTrial], film: Mapping[int, pd.DataFrame]
 ) -> Iterator[dict[str, Any]]:
-    """Of encoders by their step, their stated uncertainty and that of their scale; of film as tracked."""
+    """Rows of the uncertainty budget: encoders by step, stated u and u of scale; film as tracked."""
     names = [column.name for column in COLUMNS]
     for m in measurements:
         steps = m.resolution_rad / np.sqrt(12)

@@ -40,7 +40,7 @@ def log_evidence(found: Array, drawn: Array, floor: Array) -> tuple[float, float
 
 
 def _log_density(found: Array, drawn: Array, least: Array) -> float:
-    """Of Student's t from draws (N, d), at ``found`` (d,); ``least`` is added to their covariance."""
+    """Log density at ``found`` (d,) of Student's t from draws (N, d); ``least`` is added to their covariance."""
     n, d = drawn.shape
     free = n - d
     covariance = np.cov(drawn, rowvar=False).reshape(d, d) + least

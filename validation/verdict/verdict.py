@@ -322,7 +322,7 @@ def _largest_ends(ordered: pd.DataFrame) -> str:
 
 
 def _untested_words(rows: Sequence[Any]) -> str:
-    """What these trials do not test, with the least error that they would show."""
+    """Text on quantities that these trials do not test, with the smallest detectable error."""
     parts = []
     for row in rows:
         q = QUANTITIES[INDEX[str(row.quantity)]]
@@ -332,7 +332,7 @@ def _untested_words(rows: Sequence[Any]) -> str:
 
 
 def _why_not(ordered: pd.DataFrame, untested: Sequence[Any]) -> str:
-    """What could be shown, which input makes it so much, what would halve it, and what agrees all the same."""
+    """Text on the detectable error, its main input, what would halve it, and the quantities that agree."""
     inside = is_within_limit(ordered)
     if inside.all():
         if not len(ordered):
@@ -392,7 +392,7 @@ def halving(row: Any) -> str:
 
 
 def _reservations(table: pd.DataFrame, errors: SessionErrors, e: Estimates) -> list[str]:
-    """What the first line must say beside the outcome."""
+    """Reservations to add to the outcome in the verdict's first line."""
     said = []
     if len(errors.conditions) > 1:
         names = "; ".join(trials_in_words(one.trials) for one in errors.conditions)

@@ -85,7 +85,7 @@ def substitute(space, n, x, first, blocks):
 
 @inlined
 def substitute_four(space, n, x, first, blocks):
-    """As `substitute` for four blocks, computed together: one alone waits for each of its sums."""
+    """Replace four blocks of ``n`` rows of ``x`` by their solutions with the factors, computed together for speed."""
     a, lower = space.matrix, space.lower
     for i in range(n):
         k = first + i * blocks

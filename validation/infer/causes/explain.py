@@ -187,7 +187,7 @@ _SUBJECTS = {True: "about the session, not the model: ", False: "about the model
 
 
 def _comparison_words(search: Search, trials: int) -> str:
-    """What was compared, and what the answer rests on."""
+    """Text on which causes were compared, and on what the answer assumes."""
     named = [search.source(i) for i in search.named]
     kinds = dict.fromkeys(re.sub(r"^\w+ encoder (\w+)$", r"\1 of the encoders", s.kind) for s in named if not s.added)
     lacking = len({s.name for s in named if s.added})
@@ -228,7 +228,7 @@ def _group_rows(rows: Sequence[CompatibleChange]) -> list[list[CompatibleChange]
 
 
 def _make_findings(sets: Sequence[Sequence[CompatibleChange]], where: str) -> tuple[SessionFinding, ...]:
-    """What some of the trials have: a finding for each cause of the only set, else one for all sets."""
+    """Findings of trials that have a cause: one for each cause of the only set, else one for all sets."""
     told = "explains what {} differ by among themselves, and no other cause that was compared does nearly as well"
     if len(sets) == 1:
         rows = [row for row in sets[0] if row.profile != ALL]

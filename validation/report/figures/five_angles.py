@@ -141,7 +141,7 @@ def _draw(top: Axes, low: Axes, view: SessionView, channel: str) -> None:
 
 
 def _words(view: SessionView, channel: str) -> str:
-    """What a picture shows, for readers who cannot see it."""
+    """Text alternative of a channel's picture."""
     said = []
     for name, result in zip(view.names, view.results, strict=True):
         difference = _mean(_difference(result, channel))
