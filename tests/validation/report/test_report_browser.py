@@ -316,7 +316,7 @@ def test_axe_core_finds_no_violation(browser, written):
     page.evaluate("document.querySelectorAll('tbody tr:nth-child(n+4)').forEach(e => e.remove())")
     colours = page.evaluate(AXE_RUN, CONTRAST)
     assert colours["violations"] == [] and colours["nodes"] > 700 and colours["undecided"] == 0
-    page.evaluate("document.querySelector('main').insertAdjacentHTML('beforeend', '<p style=\"color:#555\">pale</p>')")
+    page.evaluate("document.querySelector('main').insertAdjacentHTML('beforeend', '<p style=\"color:#aaa\">pale</p>')")
     assert [rule for rule, _ in page.evaluate(AXE_RUN, CONTRAST)["violations"]] == ["color-contrast"]
     page.close()
 
