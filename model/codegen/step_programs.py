@@ -257,7 +257,8 @@ class StepPrograms:
         differentiators: Differentiators,
         ease: dict[int, Expression],
     ) -> list[Statement]:
-        """Force and derivatives of a contact where it touches; its gap and how fast that changes in any case."""
+        """Statements of a contact's gap, its rate and, in touch, its force and derivatives; ``ease``: 1/inertia by
+        coordinate."""
         s, c = self._s, contact.c
         where_ = s.place[c]
         if isinstance(contact, StringContact):
@@ -571,7 +572,7 @@ class StepPrograms:
         return out + [Assign(variable("on the string"), read("w", W.S_FORCE)) for _ in s.string]
 
     def _stage_statements(self, e: Elements, pa: Row) -> list[Statement]:
-        """Statements of all forces at a stage, and of the accelerations ``a0``, ``a1``, … that follow from them."""
+        """Statements of all forces at a stage and of the accelerations ``a0``, …; ``pa`` are the prescribed ones."""
         s = self._s
         friction = [rub for i, rub in e.bodies.joint_friction().items() if i < s.own]
         out: list[Statement] = [

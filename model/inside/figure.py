@@ -176,7 +176,7 @@ def _draw_contact(axes: Axes, inside: Inside, c: int, label: str | None) -> None
 
 
 def _draw_rail(axes: Axes, inside: Inside, ends: tuple[float, float] | None) -> None:
-    """Upward force of the balance rail on the key; red where the rail would have to pull."""
+    """Draw the rail's upward force on the key, red where it would have to pull, between the times ``ends``, s."""
     time, force = inside.dense_time_s, inside.dense_joint_n[:, inside.bodies.index("key"), 1]
     if RAIL in inside.contacts:
         time, force = inside.time_s, inside.normal_n[:, inside.contacts.index(RAIL)]

@@ -127,7 +127,7 @@ class _Record:
 def observe(
     scene: Scene, states: States, time_s: ArrayLike, start: float, input_time_s: ArrayLike, value: ArrayLike
 ) -> Inside:
-    """Forces, accelerations, and sliding and losses accumulated from ``start`` (s), along a motion.
+    """Forces, accelerations, sliding and losses along a motion that the function ``states`` gives at any times.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ COMMANDS = {
     "demo": Listed("demo", FIRST, "Record five virtual blows, film and track one, report."),
     "examples": Listed("examples", FIRST, "Write small files to try every command with."),
     "open": Listed("open_report", FIRST, "Open a session's report in the browser."),
-    "info": Listed("info", FIRST, "Show a session, a recording, a backend, or the versions; --propose writes a rig file or mapping."),
+    "info": Listed("info", FIRST, "Show a session, a recording, a backend or the versions; propose a rig file."),
     "record": Listed("record", BENCH, "Play a motor profile; record force, angles, frame clock."),
     "learn": Listed("learn", BENCH, "Learn motor profiles whose force follows recorded ones."),
     "recover": Listed("recover", BENCH, "Rebuild unsealed trials from the journals of a recording."),
@@ -52,7 +52,7 @@ GROUPED = {
     "calibrate": {
         "force": Listed("calibrate_force", BENCH, "Calibrate the load cell: weights, shunt or zero."),
         "encoder": Listed("calibrate_encoder", BENCH, "Calibrate an encoder over its arc."),
-        "joint": Listed("calibrate_joint", BENCH, "Calibrate a joint's friction on the bench: a body is let go and swings freely."),
+        "joint": Listed("calibrate_joint", BENCH, "Calibrate a joint's friction by free swings on the bench."),
         "contact": Listed("calibrate_contact", BENCH, "Calibrate the friction of a contact."),
         "felt": Listed("calibrate_felt", MODEL, "Calibrate felt, friction, string damping and inertia."),
         "drive": Listed("calibrate_drive", MODEL, "Identify the motor's drive from a log of the bench."),

@@ -28,7 +28,7 @@ def command(
     figure: Figure = None,
     as_json: AsJson = False,
 ) -> None:
-    """Calibrate a joint's friction on the bench: a body is let go and swings freely.
+    """Calibrate a joint's friction by free swings on the bench.
 
     The body hangs on its joint alone, is lifted, let go, and swings until it rests; the motor stays off.
 

@@ -203,7 +203,7 @@ NO_SESSION = (
 
 
 def next_strokes(found: validation.Identification) -> tuple[list[Prospect], list[str]]:
-    """Strokes and sensors on the bench of the first session, ranked by how far they would shrink the intervals.
+    """Strokes and sensors ranked by how far they would shrink the intervals; and what is refused, with reasons.
 
     Returns
     -------

@@ -46,7 +46,7 @@ def command(
     figure: Figure = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show a session, a recording, a backend, or the versions; --propose writes a rig file or mapping.
+    """Show a session, a recording, a backend or the versions; propose a rig file.
 
     Of a recording (text, LVM, TDMS, HDF5, MATLAB) it lists the channels and proposes a mapping for its import.
 

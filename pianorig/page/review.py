@@ -129,7 +129,7 @@ def outlined_film(film: SessionFilm, found: tuple[pd.DataFrame, dict[str, Any]] 
 def _outlines(
     file: Path, source: vision.Film, table: pd.DataFrame, attributes: dict[str, Any]
 ) -> tuple[list[dict[str, Any]], str]:
-    """Outline of each tracked body about its centre, its pose in every tracked frame, and what to doubt."""
+    """Outlines of an outlines file about their centres with their poses by tracked frame; a text of what to doubt."""
     if not file.is_file():
         return [], f"{file.name} is missing; the tracked outlines cannot be drawn"
     if "frame" in table:

@@ -47,7 +47,7 @@ def read_mat(path: Path) -> ChannelTable:
 
 
 def _entries(content: Any, above: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield names and values of variables and of the fields of structs."""
+    """Yield names, ``struct/field`` of a field, and values of all variables."""
     fields = content if isinstance(content, dict) else vars(content)
     for name, value in fields.items():
         if name.startswith("_"):

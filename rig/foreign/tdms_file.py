@@ -168,7 +168,7 @@ def _parts(stream: BinaryIO, segments: int, where: str) -> list[_Part]:
 def _numeric_channels(
     file: Any, part: _Part, size: int, complaints: _Complaints, where: str
 ) -> dict[str, tuple[Any, str]]:
-    """Return the channels of a file of ``size`` bytes by name, and what npTDMS says of their scales in a part."""
+    """Numeric channels by name, each with npTDMS's complaint about its scale; sets the properties that ``part`` has."""
     channels = [channel for group in file.groups() for channel in group.channels() if len(channel)]
     for node in (file, *file.groups(), *channels):
         # npTDMS applies the scales that an object's properties state

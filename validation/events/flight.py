@@ -197,9 +197,9 @@ def _has_vibration(age: Array, residual: Array, sigma: float) -> bool:
 def _fit_shaken_flight(
     stretch: Stretch, sigma: float, slowing: float, side: int
 ) -> tuple[float, float, float, float, float, str] | None:
-    """Fit the longest stretch that rigid flight and one vibration describe; None when there is none of 3 to 6 ms.
+    """Speed, m/s, its u, way, m, its u, deceleration, m/s², of rigid flight at age 0, and what was fitted.
 
-    Of the rigid flight at age 0: speed (m/s) and its u, way (m) and its u, deceleration (m/s²); what was fitted.
+    Of the longest stretch that rigid flight and one vibration describe; None when there is none of 3 to 6 ms.
 
     Parameters
     ----------

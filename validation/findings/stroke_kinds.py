@@ -44,7 +44,7 @@ STEP_S = 1e-3  # of the averaged curves
 
 
 def group_strokes(trials: Sequence[MeasuredTrial]) -> tuple[tuple[int, ...], ...]:
-    """The trials of each kind of stroke, first trials first; one kind where all are alike.
+    """Numbers of the trials of each kind of stroke, lowest first; one kind where all are alike.
 
     Conventions: distance of two strokes is the root mean square difference of their forces, since their onsets and
     averaged over 20 ms, over the root mean square of the larger one, as far as both were recorded. Strokes are joined
@@ -107,7 +107,7 @@ def find_mixed_strokes(trials: Sequence[MeasuredTrial], kinds: Sequence[Sequence
     {"stroke of its own": "Validate the stroke unlike the others apart, or reject it (pianorig annotate)."}, spoils=BLOW
 )
 def find_single_strokes(trials: Sequence[MeasuredTrial], kinds: Sequence[Sequence[int]]) -> list[SessionFinding]:
-    """Findings of trials whose force makes a kind of one trial, where other kinds have several."""
+    """Findings of trials alone in their kind, where others have several; ``kinds`` are lists of trial numbers."""
     if not any(len(kind) > 1 for kind in kinds):
         return []
     held = {m.number: sustained_force_n(m) for m in trials}

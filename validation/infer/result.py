@@ -79,7 +79,7 @@ Trials = list[tuple[ObservedTrial, MeasuredTrial | None]]
 
 
 def driven_by_force(sources: Sources) -> list[Trials]:
-    """Trials of each session that a force drives, as they are compared and as measured: None for those of tables."""
+    """By session, the trials that a force drives: as compared, and as measured (None where it was given as tables)."""
     observed = [t for t in sources.fitted if t.key is None]
     tables = len(observed) - len(sources.measured)  # their trials come first
     out: dict[int, Trials] = {}

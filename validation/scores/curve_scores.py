@@ -23,7 +23,7 @@ PAIR_SEED = 20260101
 
 
 def score_curve(time_s: Array, trial: Array, model: Array) -> dict[str, float]:
-    """Score a prediction against a measurement on the same time base; nothing is aligned or scaled first.
+    """RMSE, bias, scatter and largest difference, rad, of a prediction on a measurement's time base, as they are.
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ ROUND_SAMPLES = 0.05  # to which shifts are rounded: a twentieth of a sample
 
 
 def estimate_time_scatter(curves: Array, u_sample: float = 0.0) -> Array:
-    """Standard deviation of the trials' shift in time at each sample, in samples; 0 where none is detectable.
+    """Standard deviation of the shift in time of curves (samples, trials), at each sample, in samples; 0 if not found.
 
     Parameters
     ----------

@@ -227,10 +227,10 @@ def detectable_errors(drawn: Array, middle: Array, lower: Array, upper: Array, l
 
 
 def divide_variance(errors: Array, inputs: Array, middle: Array, lower: Array, upper: Array) -> tuple[Array, Array]:
-    """Standard uncertainties that each input makes of each quantity, (q, V), and what is left, (V,).
+    """Standard uncertainty of the errors (N, V) by each drawn input (N, q), as (q, V), and what is left, (V,).
 
-    Regression on the drawn inputs; of its squared slopes their own uncertainty is taken off. Draws far away count as
-    `WINSOR` scales.
+    Regression on the inputs; of its squared slopes their own uncertainty is taken off. Errors beyond ``middle`` (V,) by
+    `WINSOR` scales, ``lower`` or ``upper`` (V,), count as that far.
     """
     n, q = inputs.shape
     varied = int((np.ptp(inputs, axis=0) > 0.0).sum()) if n else 0

@@ -172,9 +172,9 @@ def quantity_table(errors: SessionErrors, e: Estimates, limits: Mapping[str, flo
 
 
 def is_another_fall(one: Condition, found: Array) -> bool:
-    """Whether the model's hammer lands before that of the trials drops, or the other way round: two different falls.
+    """Whether model and trials show two different falls of the hammer; ``found`` are mean differences, in order.
 
-    ``found``: mean differences of the quantities of this condition, in their order.
+    Two are different where one hammer lands before the other drops.
     """
     drop, landing = (float(one.values[INDEX[name] - len(ANGLES)]) for name in FALL)
     moved_drop, moved_landing = drop + found[INDEX[FALL[0]]], landing + found[INDEX[FALL[1]]]

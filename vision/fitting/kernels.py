@@ -323,7 +323,7 @@ def weighted_sums(residual: F32, weight: F32, value: F32, visible: F32, scale: f
 
 @inner_njit()
 def step_over_uncertainty(matrix: F64, q: F64, sums: ResidualSums, rhs: F64, column: F64) -> float:
-    """Largest of turn, x and y of a step over its standard uncertainty; ``rhs`` and ``column`` (5,) are scratch."""
+    """Largest component (turn, x, y) of the step ``q`` over its u; ``rhs`` and ``column`` (5,) are scratch."""
     largest = 0.0
     for k in range(3):
         rhs[:] = 0.0

@@ -246,7 +246,7 @@ class BodyTracker:
         first_flag: FrameFlag,
         search: bool,
     ) -> tuple[Fit, FrameFlag]:
-        """Fit from the newest known placement, then from a wide search around it."""
+        """Fit the ``step``-th tracked frame from the newest placement, then, if it may, search widely; counts searches."""
         newest = self.predict(step, is_moving=False)
         fit, flag = self._fit_anew(film, index, newest, covered)
         if not flag & FAILURE:

@@ -469,7 +469,7 @@ def advance_channels(channels):
 
 @inlined_uncounted
 def channel_start(c, b, channels):
-    """Return block ``b`` of s of channel ``c`` at the start of the step."""
+    """Derivatives of internal variable (channel) ``c`` by the parameters of block ``b``, at the start of a step."""
     modes, blocks = channels.modes, channels.inner.shape[1] // LANES
     out = broadcast_like(0.0, rows(channels.inner, LANES)[0])
     if c < channels.many.shape[0] - modes.awake.shape[0]:

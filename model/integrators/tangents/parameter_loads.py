@@ -62,9 +62,8 @@ PARAMETER_LOADS = types.void(_numbers, _numbers, _f, SOURCES, LOADS, _table, _ta
 
 @uncounted_loop(PARAMETER_LOADS)
 def parameter_loads(w, p, u, sources, loads, load, entering):
-    """Fill ``load`` (n, P) with d(f - M a)/dp at the state and the accelerations in the workspace ``w``.
-
-    And ``entering`` (C, P) with derivatives of the memories' rates, then of the string's force.
+    """Fill ``load`` (n, P) with d(f - M a)/dp, and ``entering`` (C, P) with those of the memories' rates, then of the
+    string's force, at the state and the accelerations in the workspace ``w``.
     """
     n = load.shape[0]
     load[:, :] = 0.0
