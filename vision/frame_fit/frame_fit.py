@@ -122,7 +122,7 @@ class FrameFit:
         return self.states.covered[start : start + self.templates[body].n_pixels]
 
     def go_on(self, part: FilteredPart, position: int, step: int) -> tuple[int, int]:
-        """Fit bodies in the ``step``-th tracked frame, from the ``position``-th in order; where it ended and why."""
+        """Fit bodies in the ``step``-th tracked frame, from the ``position``-th on; where it ended and why."""
         y0, _, x0, _ = part.box
         at, region = self.stop.at, Region(part.coefficient, float(x0), float(y0))
         at[0], at[1] = position, step
