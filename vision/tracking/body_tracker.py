@@ -246,7 +246,7 @@ class BodyTracker:
         first_flag: FrameFlag,
         search: bool,
     ) -> tuple[Fit, FrameFlag]:
-        """Fit the ``step``-th tracked frame from the newest placement, else, if it may, by a search, which is counted."""
+        """Fit the ``step``-th tracked frame from the newest placement, else, if ``search``, by a search; counts it."""
         newest = self.predict(step, is_moving=False)
         fit, flag = self._fit_anew(film, index, newest, covered)
         if not flag & FAILURE:
