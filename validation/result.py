@@ -108,7 +108,7 @@ class ValidationResult:
         except KeyError:
             if "tables" not in self.__dict__ or name.startswith("__"):  # while it is being copied or unpickled
                 raise AttributeError(name) from None
-            near = get_close_matches(name, dir(self), n=1, cutoff=0.7)
+            near = get_close_matches(name, dir(self), n=1, cutoff=0.7)  # choice: one letter in four wrong
             hint = f"; did you mean {near[0]}?" if near else f"; tables are {', '.join(self.tables)}"
             raise AttributeError(f"ValidationResult has no attribute or table {name!r}{hint}") from None
 

@@ -44,7 +44,7 @@ def error_shape(kind: str, turned: Array) -> Array:
 def _encoder_errors(name: str, encoder: int) -> tuple[ChannelError, ...]:
     """Errors of one encoder: 5 % of its scale, 1 ms, and 1 mrad, a sixtieth of what a key turns."""
     return (
-        ChannelError(f"{name} {SCALE}", "1", 0.05, SCALE, encoder),
+        ChannelError(f"{name} {SCALE}", "1", 0.05, SCALE, encoder),  # choice: pulses miscounted or a loose disc
         ChannelError(f"{name} {DELAY}", "s", 1e-3, DELAY, encoder),
         ChannelError(f"{name} {ZERO}", "rad", 1e-3, ZERO, encoder),
     )

@@ -231,7 +231,7 @@ def _interval_kind(z: Array, alone: Array, best: float, level: float) -> str:
     return "open below" if below else "open above" if above else "two-sided"
 
 
-NEAR_BOUND = 0.02
+NEAR_BOUND = 0.02  # prior standard deviations: an estimate so near a bound lies on it
 NORMAL = float(ndtri(0.5 + 0.5 * COVERAGE))
 LACKING = 0.01
 """Size of the discrepancy, of what all laws together could do, above which the model is said to lack something."""

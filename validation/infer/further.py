@@ -50,7 +50,7 @@ from validation.infer.response import ModelResponse, Response
 from validation.measurement.trial import MeasuredTrial
 from validation.report.files import check_target, write_files
 
-LEVELS = (0.7, 1.0, 1.4)
+LEVELS = (0.7, 1.0, 1.4)  # times a recorded stroke's force: half the energy, the same, twice
 REST_S = 0.1  # of rest before the blow
 STARTS = 0.01  # of the largest change of the force
 
@@ -204,12 +204,12 @@ def _lacking(planned: Marginal, new: Block) -> Array:
     return np.asarray(columns[laws.shape[1] :] + laws @ columns[: laws.shape[1]])
 
 
-TRIALS = 5
+TRIALS = 5  # choice: strokes of a kind to be recorded, as a plan's default
 TOLD, MOST_TOLD = 3, 8  # strokes that are rehearsed: at least; until the best of all is one of them, at most
 OF_ANOTHER_KIND = 0.2
 """Standard deviation of the logarithm of a shrink by a kind of stroke not played so far, beside all that is computed:
 measured (`python -m benchmarks record_next_sizes`, seed 1, the first six experiments of seed 2)."""
-HALF_KNOWN = 0.5
+HALF_KNOWN = 0.5  # of the prior standard deviation: what one more calibration is taken to leave
 SENSORS = {
     "load cell's gain": (FORCE_GAIN,),
     "load cell's preload": (FORCE_LEVEL,),
@@ -396,7 +396,7 @@ def _halve_sensor_u(problem: Problem, fitted: Fitted, columns: Sequence[str]) ->
     return Marginal(blocks, fitted.marginal.sizes)
 
 
-SHOWN = 8
+SHOWN = 8  # rows of a figure, on one page
 
 
 def best_stroke(ranked: Sequence[Prospect]) -> Prospect | None:

@@ -33,13 +33,14 @@ class Combination:
         text = ""
         for i, (name, w) in enumerate(self.weights.items()):
             sign = ("−" if w < 0 else "") if i == 0 else (" − " if w < 0 else " + ")
-            digits = ".1f" if abs(w) >= 0.095 else ".1g"
+            digits = ".1f" if abs(w) >= 0.095 else ".1g"  # from what rounds to 0.1 on
+            # what rounds to 1.0 needs no size
             size = "" if abs(abs(w) - 1.0) < 0.05 else f"{abs(w):{digits}} × "
             text += f"{sign}{size}{name}"
         return text
 
 
-HALF = 0.5
+HALF = 0.5  # share of the prior standard deviation left: more is hardly told by the strokes
 CANNOT_TELL = "these strokes cannot tell the size of"
 NAMED = 0.25  # of the largest weight: smaller ones are left out of the name where it holds without them
 EXPECTED = 0.05

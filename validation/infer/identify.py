@@ -32,8 +32,8 @@ from validation.infer.unknowns import Unknowns, unknowns
 from validation.prediction.model_under_test import action_sha256
 from validation.prediction.posterior import EARLIER, TRIALS, posterior_of
 
-LEAST_EFFECT_RAD = 1e-8
-EVENT_TOLERANCE = 1e-5
+LEAST_EFFECT_RAD = 1e-8  # a twentieth of the error of the runs: less is rounding
+EVENT_TOLERANCE = 1e-5  # rad, of the runs whose events are scored
 PROVISIONAL = (
     "intervals are provisional: how often they hold the truth is known from few virtual experiments "
     "(docs/explanation/identification.md)"
@@ -261,7 +261,7 @@ def _of_fit(best: Fitted, end: End, fits: Sequence[Fitted], sources: Sources) ->
         other = sum(a > SAME for a in apart)
         better = "" if best.is_slight else "; more starts (`starts`) may find a better one"
         said.append(f"{other} of {len(fits)} fits ended in a worse minimum and are not used{better}")
-    if len(sources.fitted) < 5:
+    if len(sources.fitted) < 5:  # a standard deviation of four is known to a factor of two and more
         said.append(
             f"{len(sources.fitted)} trials fitted: scatter between trials is poorly known; five or more are advised"
         )

@@ -28,15 +28,15 @@ OWN_S = (3e-3, 0.01, 3e-2)
 SCALES_S = (3e-3, 3e-2, 0.3)
 """Correlation times of the discrepancy: an impact, a stroke, a trial."""
 FAMILIES = ("friction of contacts", "friction of joints", "damping", "stiffness", "springs")
-LEAST = 1e-6
+LEAST = 1e-6  # of the response: a component's size below it is none
 NOT_SEEN, HELD = 1.5 * LEAST, 0.01  # of a channel that was not measured: its size, standard deviation of the logarithm
 FLOOR = 2e-3  # of the response: no model is taken to be closer, and no linear model of it is
 # prior of a size: median, standard deviation of its natural logarithm; learning starts there but for the scatter
 SCATTER_PRIOR, SCATTER_SD = 0.05, 1.1  # 1.5 % of a law whose prior is 30 %, to a factor of three
 SCATTER = 0.07  # where learning starts
 NULL_SCATTER = 0.1  # 3 % of a law, where causes are tested: by the prior, laws scatter less on three benches of four
-OWN, OWN_SD = 0.01, 2.0
-COMMON, COMMON_SD = 0.05, 2.5
+OWN, OWN_SD = 0.01, 2.0  # 1 % of the response, to a factor of seven
+COMMON, COMMON_SD = 0.05, 2.5  # 5 % of the response, to a factor of twelve
 LIKE_LAWS = 0.5  # standard deviation of the logarithm: the part that is like laws, beside the smooth ones
 
 

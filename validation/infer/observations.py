@@ -89,7 +89,7 @@ def _growing_u(film: FilmAngles, name: str, noise: Array, known: NDArray[np.bool
     return float(np.median(beside[far] / turned[far])) if far.any() and turned.max() > 0.0 else 0.0
 
 
-PHASES = 60
+PHASES = 60  # instants a stroke, of three encoders each
 LEAD_S, AFTER_S = 0.02, 2e-3  # rest kept before the force acts; kept of the force around what is compared
 HELD = 0.15  # of the peak force: below it for good, the key is being let go
 EVEN = 0.15  # share of the phases that is spread evenly over time
@@ -380,7 +380,7 @@ def _observe_driven_trial(name: str, session: int, m: MeasuredTrial, span: Span,
 
 
 UP = 0.02  # of the hammer's way: below it for good, it is back
-HAMMER_ALONE = (2,)
+HAMMER_ALONE = (2,)  # index of the hammer among key, whippen, hammer
 
 
 def observe_positions(

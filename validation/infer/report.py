@@ -65,7 +65,7 @@ def residual_rms(trials: Sequence[ObservedTrial], curves: Sequence[Array]) -> di
 
 BEFORE, AFTER = VERMILION, BLUE
 ROW_IN = 2.1
-ACROSS = 4
+ACROSS = 4  # profiles side by side in a figure
 PROFILES = (
     "Profiles: how much twice the negative logarithm of the posterior rises when one parameter is held and all else is "
     "fitted again. Dashed: level of the 95 % interval; shaded: the interval. A flat curve: the strokes do not tell. "

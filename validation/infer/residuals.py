@@ -26,7 +26,7 @@ from validation.infer.response import ModelResponse
 from validation.infer.sources import IdentifyKeywords, IdentifyOptions, collect
 from validation.infer.unknowns import unknowns
 
-ROUNDS = 20
+ROUNDS = 20  # of learning the sizes at most
 
 
 class ResidualProblem:

@@ -148,10 +148,10 @@ def own_units(trial: ObservedTrial) -> Array:
 
 
 DRAWS, DRAW_SEED = 24, 160  # of a key's motion: the same wherever the fit stands
-TOLERANCE = 2e-7
+TOLERANCE = 2e-7  # rad, of runs: a thousandth of an encoder's step
 LOOSEST = 1e-5  # rad, of runs that are compared with position sensors: a thousandth of what they know of an angle
 MODES_RAD = 3e-5  # error of an angle by which a fit chooses a string's modes: the runs' own asks for all there are
-MOTION, TANGENT = 1e-7, 1e-4
+MOTION, TANGENT = 1e-7, 1e-4  # rad, of a run with tangents; of the tangents, relative
 FINER = 0.1  # times the tolerance, of runs whose differences are derivatives: a run's error is divided by the step
 KEPT = 200  # actions, with their rests and curves, that are kept from run to run
 PROBE, PROBED_RAD = 0.01, 1e-5  # prior standard uncertainties, and angle: the step that checks the derivatives

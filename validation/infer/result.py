@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 MOST_SHOWN = 8  # estimates in `repr`
 TITLE = "Which part of the model explains the difference"
 NOT_LOOKED_FOR = "nothing was looked for, the difference is a few thousandths of the motion or the model cannot run"
-SAMPLES = 2.5
+SAMPLES = 2.5  # sampling intervals within which two times of one trial agree
 BY_MOTION = f"{TITLE} is not asked where the key's motion drives the model; strokes with a recorded force tell."
 
 

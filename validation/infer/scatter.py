@@ -19,8 +19,8 @@ from validation.infer.fit import Fitted
 from validation.infer.noise import Marginal, scores
 
 COVERAGE = 0.95  # of intervals
-LEAST_TRIALS = 3
-LEAST_FREEDOM = 2.0
+LEAST_TRIALS = 3  # that are left when one is taken away, so that a jackknife has a spread
+LEAST_FREEDOM = 2.0  # degrees of freedom: Student's t has a mean and is not wider than 4.3
 BY_CHANCE = 0.99  # probability: a jackknife that is larger than chance makes it widens an interval
 
 

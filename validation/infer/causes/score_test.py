@@ -22,7 +22,7 @@ from validation.infer.noise import Sizes, null_covariances
 
 DEVIATIONS = tuple(1e-3 * 10.0 ** (0.5 * k) for k in range(5))
 """Grid of each trial's deviation, relative to the response."""
-DRAWS = 1999
+DRAWS = 1999  # sessions under the null: ten lie beyond its 99.5 % point
 LEVEL = 0.01  # probability that any cause is named where the null hypothesis holds
 ODDS = 100.0  # posterior odds from which one cause is preferred to another
 PAIRED = 8  # causes, the best alone, that are paired with all others, or tried in place of one
