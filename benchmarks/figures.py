@@ -1,6 +1,7 @@
 """The page of figures: written from ``results.jsonl``, where every figure has its machine, date, command and commit.
 
     python -m benchmarks figures                                  # write docs/figures.md
+    python -m benchmarks all [--minutes M]                        # measure again what is older than its code; goes on
     python -m benchmarks figures --row NAME --figure "4.1 ms"     # a figure read off by hand: stamped, then the page
 
 A benchmark that makes a figure itself stores it with ``--write``. A row says on the page that the code it measures has
@@ -15,7 +16,10 @@ import json
 import os
 import platform
 import re
+import shlex
 import subprocess
+import sys
+import time
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from functools import cache
@@ -126,10 +130,32 @@ def page(known: Sequence[Row], later: Sequence[str]) -> str:
     return "\n".join(out) + "\n"
 
 
+def later_commits(registry: dict[str, dict[str, Any]]) -> list[str]:
+    """Of each row the last commit at what it measures, where that changed since; else empty."""
+    measured = [row.get("measures") or registry[row["benchmark"]]["measures"] for row in rows()]
+    return [changed_since(row, paths) for row, paths in zip(rows(), measured, strict=True)]
+
+
 def write(registry: dict[str, dict[str, Any]]) -> None:
     """Write the page, every row held against the history of its code."""
-    known = rows()
-    measured = [row.get("measures") or registry[row["benchmark"]]["measures"] for row in known]
-    later = [changed_since(row, paths) for row, paths in zip(known, measured, strict=True)]
-    PAGE.write_text(page(known, later), encoding="utf-8")
-    print(f"{PAGE.relative_to(ROOT)}: {len(known)} figures, {sum(map(bool, later))} older than their code")
+    later = later_commits(registry)
+    PAGE.write_text(page(rows(), later), encoding="utf-8")
+    print(f"{PAGE.relative_to(ROOT)}: {len(later)} figures, {sum(map(bool, later))} older than their code")
+
+
+def measure_stale(registry: dict[str, dict[str, Any]], minutes: float) -> int:
+    """Run the command of each row older than its code, and store its figure; how many rows are left."""
+    began, left = time.monotonic(), 0
+    for row, later in zip(rows(), later_commits(registry), strict=True):
+        words = shlex.split(row["command"].strip("`"))
+        if not later:
+            continue
+        if words[:3] != ["python", "-m", "benchmarks"] or not row["benchmark"] or "--quick" in words:
+            print(f"{row['row']}: read off by hand: {row['command']}", flush=True)
+            left += 1
+        elif time.monotonic() - began > 60.0 * minutes:
+            left += 1
+        else:
+            print(f"--- {row['row']}: {row['command']}", flush=True)
+            subprocess.run([sys.executable, *words[1:], "--write"], cwd=ROOT, check=False)
+    return left

@@ -5,6 +5,7 @@
     python -m benchmarks NAME --results FILE --minutes M     # a case is a line of FILE; the same again goes on
     python -m benchmarks NAME --against CHECKOUT             # also with the packages of another checkout
     python -m benchmarks figures                             # write docs/figures.md (`benchmarks.figures`)
+    python -m benchmarks all --minutes M                     # measure again each figure that is older than its code
 
 ``registry.toml`` names each benchmark's claim, the code that it measures, its full size (which are its options) and its
 quick one. A benchmark is a module with ``main(run)``, or a function of its name in the module that the registry names;
@@ -295,6 +296,10 @@ def main(arguments: Sequence[str]) -> int:
     name = arguments[0] if arguments else ""
     if name == "figures":
         return _figures(arguments[1:], entries)
+    if name == "all":
+        options = argparse.ArgumentParser(prog="python -m benchmarks all", description=figures.measure_stale.__doc__)
+        options.add_argument("--minutes", type=float, default=np.inf, help="begin no row after this time")
+        return LEFT if figures.measure_stale(entries, options.parse_args(arguments[1:]).minutes) else 0
     if name not in entries:
         show_list(entries)
         if name in ("", "--help", "-h"):
