@@ -22,7 +22,7 @@ def draw(feels: Sequence[Touch], path: str | Path) -> None:
     Examples
     --------
     >>> import model
-    >>> model.touch.figure.draw([model.touch.measure(model.load_action(), forces_n=[5.0, 10.0])], "touch.svg")
+    >>> model.touch.figure.draw([model.measure_touch(model.load_action(), forces_n=[5.0, 10.0])], "touch.svg")
     """
     with new_sheet(path, 10.0, 4.2) as figure:
         press, blow = figure.subplots(1, 2)
