@@ -130,23 +130,23 @@ def page(known: Sequence[Row], later: Sequence[str]) -> str:
     return "\n".join(out) + "\n"
 
 
-def later_commits(registry: dict[str, dict[str, Any]]) -> list[str]:
-    """Of each row the last commit at what it measures, where that changed since; else empty."""
-    measured = [row.get("measures") or registry[row["benchmark"]]["measures"] for row in rows()]
-    return [changed_since(row, paths) for row, paths in zip(rows(), measured, strict=True)]
+def later_commits(known: Sequence[Row], registry: dict[str, dict[str, Any]]) -> list[str]:
+    """Last commit at what each row measures, where that changed since the row was measured; else empty."""
+    return [changed_since(row, row.get("measures") or registry[row["benchmark"]]["measures"]) for row in known]
 
 
 def write(registry: dict[str, dict[str, Any]]) -> None:
     """Write the page, every row held against the history of its code."""
-    later = later_commits(registry)
-    PAGE.write_text(page(rows(), later), encoding="utf-8")
+    known = rows()
+    later = later_commits(known, registry)
+    PAGE.write_text(page(known, later), encoding="utf-8")
     print(f"{PAGE.relative_to(ROOT)}: {len(later)} figures, {sum(map(bool, later))} older than their code")
 
 
 def measure_stale(registry: dict[str, dict[str, Any]], minutes: float) -> int:
     """Run the command of each row older than its code, and store its figure; how many rows are left."""
-    began, left = time.monotonic(), 0
-    for row, later in zip(rows(), later_commits(registry), strict=True):
+    began, left, known = time.monotonic(), 0, rows()
+    for row, later in zip(known, later_commits(known, registry), strict=True):
         words = shlex.split(row["command"].strip("`"))
         if not later:
             continue

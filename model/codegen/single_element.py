@@ -26,7 +26,18 @@ from model.compiler.expressions import (
     value_of,
     where,
 )
-from model.compiler.programs import Assign, If, Program, Reload, Statement, While, as_integer, compute, slot, variable
+from model.compiler.programs import (
+    Assign,
+    If,
+    Program,
+    Reload,
+    Statement,
+    While,
+    compute,
+    make_shared_integer,
+    slot,
+    variable,
+)
 from model.elements.drives import amplifier
 from model.elements.laws.curve import Power
 from model.elements.laws.felt_law import Felt
@@ -76,7 +87,7 @@ class SingleElement:
         the slow curve where that runs straight, and for one that follows the way. Where surfaces part or meet, or
         something else that the law decides by turns, an interval is divided.
         """
-        row = as_integer(value_of("row"))
+        row = make_shared_integer(value_of("row"))
         t, x, rate = (read("x", k, intern("whole_multiply", row, 3)) for k in range(3))
         lasting = bool(self._z) and self._law.anew is None
         touching, felt = self._touching(x, rate, self._z), self._felt(x, rate, self._z)

@@ -115,12 +115,12 @@ def is_unmasked(bit: int) -> Expression:
     return intern("bit", bit)
 
 
-def as_integer(e: Expression) -> Expression:
+def make_shared_integer(e: Expression) -> Expression:
     """Integer expression, as an offset of `read`; all lanes use the first lane's value."""
     return intern("whole", as_expression(e))
 
 
-def as_integer_per_lane(e: Expression) -> Expression:
+def make_lane_integer(e: Expression) -> Expression:
     """Integer expression that differs by lane; `read` gathers at it."""
     return intern("whole_per_lane", as_expression(e))
 

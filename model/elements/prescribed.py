@@ -8,7 +8,7 @@ time since the row's break. Outside the breaks the first or last polynomial goes
 from __future__ import annotations
 
 from model.compiler.expressions import Expression, intern, maximum, minimum, read, value_of
-from model.compiler.programs import Assign, Statement, While, as_integer_per_lane, variable
+from model.compiler.programs import Assign, Statement, While, make_lane_integer, variable
 
 ORDER = 6  # coefficients of a piece: a quintic
 Motion = tuple[Expression, Expression, Expression, Expression]
@@ -20,14 +20,14 @@ def interpolate_motion(o: int, t: Expression, piece: Expression) -> tuple[list[S
     k = value_of("piece")
 
     def start(behind: int) -> Expression:
-        return read("p", o + 1 + behind, as_integer_per_lane(k))
+        return read("p", o + 1 + behind, make_lane_integer(k))
 
     find: list[Statement] = [
         Assign(variable("piece"), minimum(maximum(piece, 0.0), count - 1.0)),
         While((k < count - 1.0) & (t >= start(1)), [Assign(variable("piece"), k + 1.0)]),
         While((k > 0.0) & (t < start(0)), [Assign(variable("piece"), k - 1.0)]),
     ]
-    behind = intern("whole_add", as_integer_per_lane(count), intern("whole_multiply", as_integer_per_lane(k), ORDER))
+    behind = intern("whole_add", make_lane_integer(count), intern("whole_multiply", make_lane_integer(k), ORDER))
     row = [read("p", o + 2 + i, behind) for i in range(ORDER)]
     x = t - start(0)
     out = []

@@ -39,8 +39,8 @@ from model.compiler.programs import (
     Place,
     Reload,
     Statement,
-    as_integer,
     loop_over,
+    make_shared_integer,
     slot,
     variable,
 )
@@ -63,7 +63,7 @@ class Modes:
         self.array, self.row = array, row
         self._numbers, self.first = s.offset[7], s.first_of_string()
         self._count = read("p", self._numbers)
-        self.count = as_integer(self._count)
+        self.count = make_shared_integer(self._count)
 
     def number(self, which: int, i: Expression) -> Expression:
         """Gain 1/kg, stiffness 1/s^2 or damping 1/s of mode ``i``."""
@@ -317,7 +317,7 @@ class StringContact(Contact):
         return [
             Assign(variable("share"), ONE),
             If(read("w", W.S_AWAKE) > 0.0, [
-                Assign(variable("give"), ZERO), loop_over("eased", as_integer(read("w", W.S_COUNT)), one),
+                Assign(variable("give"), ZERO), loop_over("eased", make_shared_integer(read("w", W.S_COUNT)), one),
                 Assign(variable("share"), share),
                 Assign(slot("w", W.S_SHARE), value_of("share")),
             ]),

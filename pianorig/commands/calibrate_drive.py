@@ -89,7 +89,8 @@ def _options(mode: str, length: str, known: list[str], u: tuple[float, float, fl
     return model.drive.DriveOptions(mode, length_m, u_length or 0.0, *u, known=values)
 
 
-def _known(e: model.drive.Estimate) -> str:
+def _format_uncertainty(e: model.drive.Estimate) -> str:
+    """Text of an estimate's standard uncertainty with its unit."""
     return f"standard uncertainty {e.u:.2g} {e.unit}"
 
 
@@ -99,9 +100,11 @@ def scene_text(found: model.drive.DriveIdentified, length_m: float) -> str:
     for name in ("inertia", "joint_friction", "spring_stiffness"):
         e = found[name]
         if e.is_determined and e.value > e.u:
-            arm.append(f"{name} = {e.value!r}  # {_known(e)}")
+            arm.append(f"{name} = {e.value!r}  # {_format_uncertainty(e)}")
     for e in (e for e in found.drive if e.name != SUM):
-        drive.append(f"{e.name} = {e.value!r}  # {_known(e)}" if e.is_determined else f"# {e.name}: {e.why}")
+        drive.append(
+            f"{e.name} = {e.value!r}  # {_format_uncertainty(e)}" if e.is_determined else f"# {e.name}: {e.why}"
+        )
     if found.mode == "voltage":
         drive += ["current_gain = 0.0", "loop_gain = 0.0"]
     elif found[SUM].is_determined and not found["loop_gain"].is_determined:

@@ -176,7 +176,7 @@ class RandomEffectColumns:
     component: NDArray[np.intp]
 
     @cached_property
-    def by_component(self) -> list[tuple[int, slice, Array]]:
+    def component_blocks(self) -> list[tuple[int, slice, Array]]:
         """For each variance component: its index in `Sizes.log`, range of rows that are not zero, columns there."""
         out = []
         for component in np.unique(self.component):
@@ -602,8 +602,8 @@ def _add_scores(
     slope: Array, information: Array, variance: Array, part: RandomEffectColumns, weight: Array, left: Array | None
 ) -> None:
     """Add what one independent piece says of its sizes."""
-    for k, (i, rows, columns) in enumerate(part.by_component):
-        for j, others, more in part.by_component[: k + 1]:
+    for k, (i, rows, columns) in enumerate(part.component_blocks):
+        for j, others, more in part.component_blocks[: k + 1]:
             across = columns.T @ weight[rows, others] @ more
             found = 2.0 * variance[i] * variance[j] * float(np.vdot(across, across))
             information[i, j] += found

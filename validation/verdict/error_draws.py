@@ -125,11 +125,11 @@ def usable_errors(
     for number, one in found.items():
         lost = {name for name in (*ENCODER_CHANNELS, *FILM_CHANNELS) if (number, name) in without}
         if not lost.issuperset(ENCODER_CHANNELS):
-            out[number] = _without_channels(one, lost) if lost else one
+            out[number] = _drop_channels(one, lost) if lost else one
     return out
 
 
-def _without_channels(one: TrialErrors, lost: Collection[str]) -> TrialErrors:
+def _drop_channels(one: TrialErrors, lost: Collection[str]) -> TrialErrors:
     """Copy in which errors and events that need the channels ``lost`` are NaN and do not count for the branch."""
     errors, values = one.errors.copy(), one.values.copy()
     of_events = QUANTITIES[len(ANGLES) :]

@@ -30,6 +30,7 @@ from vision.film.source import FrameSource
 F64 = NDArray[np.float64]
 
 RAMP_SCORE = -3.72  # standard normal quantile of 1e-4
+TICKS = 1.001  # that a stamp rounded to a tick may be off, with a thousandth for the rounding of numbers
 COARSEST = 0.3  # tick over the interval, up to which rounding is allowed for: below a half, multiples stay apart
 WHOLE = 0.1  # intervals may be off a whole multiple by this share of the interval: the jitter of a computer's clock
 MOSTLY = 0.8  # of coarse intervals, that are single: of one that is no whole number of ticks fewer would be
@@ -71,7 +72,7 @@ def classify_spacing(stamp_s: F64, tick_s: float, nominal_s: float | None = None
     median = float(np.median(intervals))
     rounding = 1e-9 * float(np.abs(stamp_s).max(initial=0.0)) + 1e-12
     # rounded to a tick they lie within one about their line, and a fit is off it by less than one
-    for interval, width in ((nominal_s, 1.0 + 1e-3), (_even_interval(stamp_s, intervals, tick_s, median), 2.0)):
+    for interval, width in ((nominal_s, TICKS), (_even_interval(stamp_s, intervals, tick_s, median), 2.0)):
         if interval and np.ptp(stamp_s - interval * np.arange(stamp_s.size)) <= width * tick_s + rounding:
             return Spacing("even", interval, none)
     if intervals.min() <= 0.0:
@@ -104,7 +105,7 @@ def _multiples(intervals: F64, tick_s: float, base_s: float) -> NDArray[np.int64
     if multiple.min() >= 1.0:
         base_s = float(intervals.sum() / multiple.sum())
         multiple = np.rint(intervals / base_s)
-    slack = max(WHOLE, min((1.0 + 1e-3) * tick_s / base_s, COARSEST))
+    slack = max(WHOLE, min(TICKS * tick_s / base_s, COARSEST))
     if multiple.min() < 1.0 or np.any(np.abs(intervals / base_s - multiple) > slack):
         return None
     return multiple.astype(np.int64)

@@ -75,6 +75,7 @@ LEAST_CELLS = 4  # of significant squares: fewer may be a glint
 BETTER = 0.9  # misfit of all pixels with the local light taken out over that without, at most
 OUTLYING = 3.0  # a residual of more standard deviations counts as one of so many
 SETTLED = 0.5  # a field that changes by less than this many standard uncertainties in all squares needs no further fit
+ROUNDING = 1e-3  # relative, by which a first look is wider than what decides, whose numbers round otherwise
 MAX_VARIANCE_INFLATION = 3.0  # of the turn, that local light may cost: choice; beyond it the uncertainty has it
 
 
@@ -142,7 +143,7 @@ def can_show_illumination(squares: Squares, visible: F32, residual: F32, gain: f
             continue
         middle, least = (
             max(gain * squares.middle[k], 1.0),
-            (1.0 - 1e-3) * SIGNIFICANT_U * MEDIAN_U * noise / math.sqrt(end - start),
+            (1.0 - ROUNDING) * SIGNIFICANT_U * MEDIAN_U * noise / math.sqrt(end - start),
         )
         count = loud_shade = loud_glow = 0
         for j in range(start, end):
@@ -165,11 +166,11 @@ def can_show_illumination(squares: Squares, visible: F32, residual: F32, gain: f
             change = select_median(room, n) * (1.0 if glows else middle)
             size = abs(change)
             if (
-                size * math.sqrt(count) < (1.0 - 1e-3) * SIGNIFICANT_U * MEDIAN_U * noise
-                or size > (1.0 + 1e-3) * MOST_LIGHT * middle
+                size * math.sqrt(count) < (1.0 - ROUNDING) * SIGNIFICANT_U * MEDIAN_U * noise
+                or size > (1.0 + ROUNDING) * MOST_LIGHT * middle
             ):
                 continue
-            most, near = (1.0 + 1e-3) * (SAME_BODY * noise + EDGE * size) / 1.4826, 0
+            most, near = (1.0 + ROUNDING) * (SAME_BODY * noise + EDGE * size) / 1.4826, 0
             for j in range(start, end):
                 i = squares.pixel[j]
                 off = residual[i] - change * (1.0 if glows else gain * squares.grey[j] / middle)

@@ -29,6 +29,7 @@ from vision.reference.prepared_film import PreparedFilm
 from vision.results.pose_table import PoseTable
 from vision.tracking.film_tracker import FilmTracker
 
+INSIDE = 0.999  # of an interpolated mask: all four pixels around lie in the body, but for rounding
 MOVED_PX = 1.5  # in the middle or half way to the rim, from which a body has moved: a grain of texture and more
 LEAST_ROWS = 8  # of a body that has moved, for their median: choice
 MOST_ROWS = 120  # of each body that are looked at: the pattern is then known to a tenth of the noise
@@ -235,7 +236,7 @@ def _difference(
     matrix[:, 2] = np.array(centre) + pose[1:] - matrix[:, :2] @ centre - origin
     size = (width, height)
     there = cv2.warpAffine(ready.reference.picture, matrix, size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
-    inside = cv2.warpAffine(mask.astype(np.float32), matrix, size, flags=cv2.INTER_LINEAR) >= 1.0 - 1e-3
+    inside = cv2.warpAffine(mask.astype(np.float32), matrix, size, flags=cv2.INTER_LINEAR) >= INSIDE
     y, x = np.nonzero(inside)
     place = np.stack([x, y]) + origin[:, None]
     way = matrix[:, :2] @ place + matrix[:, 2:] + origin[:, None] - place
