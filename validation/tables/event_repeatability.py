@@ -45,6 +45,13 @@ TABLE = Table(
     "event: scatter over trials (the model enters by its geometry at rest only)",
     COLUMNS,
     rows,
-    (Page("repeatability", "Repeatability of the events", order=1),),
+    (
+        Page(
+            "repeatability",
+            "Repeatability of the events",
+            order=1,
+            where=lambda table: table[table["n_found"] + table["n_ambiguous"] > 0],
+        ),
+    ),
     of_model=False,
 )

@@ -85,12 +85,21 @@ NOTES = (
     "Model − trial after ASME V&V 20. Model error: interval with force, sensors, parameters as declared and the "
     "scatter of the trials; plain difference: without the parameters, what would be seen again. Angles are means "
     "over a phase. “differs”: shown by the test of all quantities of the claim together (5 %); “alone”: excluded by "
-    "its own interval only. Detectable: would be shown in 80 % of such sessions.",
+    "its own interval only. Detectable: would be shown in 80 % of such sessions. Quantities that no trial "
+    "shows are left out.",
 )
 TABLE = Table(
     "quantities",
     "quantity of the verdict",
     COLUMNS,
     rows,
-    (Page("scores", "Error of the model, quantity by quantity", NOTES, order=1),),
+    (
+        Page(
+            "scores",
+            "Error of the model, quantity by quantity",
+            NOTES,
+            order=1,
+            where=lambda table: table[table["n_trials"] > 0],
+        ),
+    ),
 )

@@ -95,5 +95,13 @@ TABLE = Table(
     "channel and score, over all trials",
     COLUMNS,
     rows,
-    (Page("scores", "Every score beside that of a perfect model and of the null model", NOTES, order=3),),
+    (
+        Page(
+            "scores",
+            "Every score beside that of a perfect model and of the null model",
+            NOTES,
+            order=3,
+            where=lambda table: table[table["value"].notna()],
+        ),
+    ),
 )

@@ -211,16 +211,18 @@ def page_table(table: Table, page: Page, results: Sequence[ValidationResult], pr
 def made_table(
     table: Table, page: Page, rows: Sequence[tuple[str, Row]], named: bool = False, prefix: str = ""
 ) -> PageTable | None:
-    """Rows with the name of their model as text; ``named``: the name leads each."""
+    """Rows with the name of their model as text, less columns without a value; ``named``: the name leads each."""
     if not rows:
         return None
     columns = [c for c in table.columns if (c.name in page.columns if page.columns else c.head)]
+    cells = {c.name: [c.cell(row) for _, row in rows] for c in columns}
+    columns = [c for c in columns if c is columns[0] or set(cells[c.name]) - {DASH, ""}]
     first = rows[0][1]
     return PageTable(
         f"{prefix}{page.section}-{table.name}",
         page.caption.format(**first),
         [*(["model"] if named else []), *(c.heading for c in columns)],
-        [[*([name] if named else []), *(c.cell(row) for c in columns)] for name, row in rows],
+        [[*([name] if named else []), *(cells[c.name][i] for c in columns)] for i, (name, _) in enumerate(rows)],
         [note.format(**first) for note in page.notes],
         table.name,
     )

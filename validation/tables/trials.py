@@ -20,7 +20,7 @@ def _state(row: Row) -> str:
 
 
 def _hum(row: Row) -> str:
-    if not row["used"]:
+    if not isinstance(row["hum_accepted"], bool):  # not used, or no force was recorded
         return DASH
     return f"{number(row['hum_1_n'], 3)} N at {row['hum_hz']:.2f} Hz" if row["hum_accepted"] else "none subtracted"
 
@@ -85,33 +85,37 @@ def _rows(comparison: Comparison) -> Iterator[dict[str, object]]:
 
 def _used(m: MeasuredTrial, reused: bool) -> dict[str, object]:
     """Row of a used trial; ``reused``: its prediction came from the store."""
-    hum = m.force.hum
-    row: dict[str, object] = {
+    row = {
         "trial": m.number,
         "used": True,
         "reason": "",
         "quiet_s": m.quiet.length_s,
         "onset_s": m.quiet.onset_s,
+        "filmed": m.film is not None,
+        "reused": reused,
+        "seal": m.seal,
+        "notes": "; ".join(m.notes),
+    }
+    return row | (_force_cells(m) if m.has_force else {})
+
+
+def _force_cells(m: MeasuredTrial) -> dict[str, object]:
+    hum = m.force.hum
+    row: dict[str, object] = {
         "offset_n": hum.offset_n,
         "u_offset_n": hum.u_offset_n,
         "hum_hz": hum.frequency_hz,
         "hum_searched": hum.frequency_searched,
         "hum_accepted": hum.accepted,
         "hum_reason": hum.reason,
-    }
-    row |= {f"hum_{k}_n": a for k, a in enumerate(hum.amplitude_n, start=1)}
-    row |= {f"hum_{k}_phase_rad": a for k, a in enumerate(hum.phase_rad, start=1)}
-    return row | {
         "noise_n": m.force.noise_n,
         "preload_n": m.force.preload_n,
         "u_preload_n": m.force.channel.u_preload_n,
         "group_delay_s": m.force.channel.group_delay_s,
         "peak_force_n": float(m.force.force_n.max()),
-        "filmed": m.film is not None,
-        "reused": reused,
-        "seal": m.seal,
-        "notes": "; ".join(m.notes),
     }
+    row |= {f"hum_{k}_n": a for k, a in enumerate(hum.amplitude_n, start=1)}
+    return row | {f"hum_{k}_phase_rad": a for k, a in enumerate(hum.phase_rad, start=1)}
 
 
 TABLE = Table(

@@ -16,7 +16,7 @@ from validation.tables.table import CHANNEL, TRIAL, Column, Page, Table
 COLUMNS = (
     TRIAL,
     CHANNEL,
-    Column("source", "", "Sensor: encoder or film", str, head="sensor"),
+    Column("source", "", "Sensor: encoder, position sensor or film", str, head="sensor"),
     Column("quantisation_rad", "rad", "Standard uncertainty by the sensor's step; null for film", head="by its step"),
     Column("u_rad", "rad", "Standard uncertainty of one sample", head="of a sample"),
     Column("scale_relative_u", "1", "Relative standard uncertainty of the scale; null for film", head="of the scale",
@@ -36,8 +36,9 @@ def uncertainty_rows(
     names = [column.name for column in COLUMNS]
     for m in measurements:
         steps = m.resolution_rad / np.sqrt(12)
+        sensor = "encoder" if m.sensors is None else "position sensor"
         for name, *values in zip(ENCODER_CHANNELS, steps, m.u_rad, m.scale_relative_u, strict=True):
-            yield dict(zip(names, (m.number, name, "encoder", *map(float, values)), strict=True))
+            yield dict(zip(names, (m.number, name, sensor, *map(float, values)), strict=True))
         for name in FILM_CHANNELS if m.number in film else ():
             u = film[m.number][f"{name}_u_rad"].to_numpy()
             u = u[np.isfinite(u)]
@@ -50,6 +51,6 @@ TABLE = Table(
     "trial and channel",
     COLUMNS,
     rows,
-    (Page("provenance", "Standard uncertainty of one sample"),),
+    (Page("provenance", "Standard uncertainty of one sample", where=lambda table: table[table["u_rad"].notna()]),),
     of_model=False,
 )

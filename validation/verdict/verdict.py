@@ -336,7 +336,9 @@ def _why_not(ordered: pd.DataFrame, untested: Sequence[Any]) -> str:
     inside = is_within_limit(ordered)
     if inside.all():
         if not len(ordered):
-            return f". {_untested_words(untested)}" if untested else ": no quantity of the claim has an interval"
+            if not untested:
+                return ": no quantity of the claim has an interval"
+            return f": these trials test no primary quantity. {_untested_words(untested)}"
         return f". All that is tested agrees within {_largest_ends(ordered)}"
     far = ordered[["detectable_low", "detectable_high"]].abs().max(axis=1) / ordered["limit"]
     row = next(ordered[~inside].assign(far=far).sort_values("far").iloc[::-1].itertuples())

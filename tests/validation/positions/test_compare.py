@@ -16,6 +16,8 @@ from tests.command_line import run
 from tests.validation.positions.planted import SHIPPED
 from validation.measurement.sample_fingerprints import sample_fingerprints
 from validation.prediction.posterior import posterior_of
+from validation.tables import trials, uncertainty
+from validation.tables.table import page_table
 
 SET = SHIPPED / "identified.toml"
 QUICK = {"budget": False, "explain": False, "keep_predictions": False}
@@ -50,7 +52,12 @@ def test_only_the_hammer_is_compared_and_nothing_is_said_of_a_force(fast) -> Non
     assert set(fast.scores["channel"]) == {"hammer"} and fast.provenance["driven_by"] == "key"
     assert not len(fast.motion_driven) and not len(fast.findings)
     assert "driven by its own measured motion of the key" in fast.verdict
-    assert fast.trials["peak_force_n"].isna().all()
+    assert fast.trials[["peak_force_n", "offset_n", "group_delay_s", "hum_accepted"]].isna().all(axis=None)
+    assert set(fast.uncertainty["source"]) == {"position sensor"}
+    shown = page_table(trials.TABLE, trials.TABLE.pages[0], [fast])
+    assert shown.head == ["trial", "state", "quiet (ms)"]
+    uncertain = page_table(uncertainty.TABLE, uncertainty.TABLE.pages[0], [fast])
+    assert {row[1] for row in uncertain.rows} == {"key", "hammer"}
 
 
 def test_events_of_the_hammer_are_read_by_the_rules_of_every_session(fast) -> None:
