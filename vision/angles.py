@@ -63,7 +63,7 @@ def ccw_to_picture(angle_rad: ArrayLike) -> NDArray[np.float64]:
 def ground_to_picture(
     points_m: ArrayLike, scale_px_per_m: float, origin_px: tuple[float, float]
 ) -> NDArray[np.float64]:
-    """Place points of a plane (x right, y up) in the picture.
+    """Turn points (..., 2) of a plane, m, x right and y up, into picture points (..., 2), px, x right and y down.
 
     Parameters
     ----------

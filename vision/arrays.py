@@ -16,10 +16,9 @@ from vision.errors import VisionInputError
 
 
 def as_numbers(values: ArrayLike, where: str, ndim: int | None = None, dtype: DTypeLike = np.float64) -> NDArray[Any]:
-    """``values`` as an array of ``dtype``; `VisionInputError` where they are no real numbers, or not whole as asked.
-
-    What a mask hides is NaN; ``ndim`` is the number of dimensions allowed, by default any.
-    """
+    """``values`` as a contiguous array of ``dtype``, with NaN where a mask hides them; `VisionInputError`, which names
+    them by ``where``, for what is no real number, not whole where ``dtype`` is, or not of ``ndim`` dimensions (None:
+    any)."""
     if type(values) is np.ndarray and values.dtype == dtype and values.flags.carray:
         found = out = values
     else:

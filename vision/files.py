@@ -28,7 +28,8 @@ def remove(path: Path) -> None:
 
 @contextmanager
 def whole_file(path: Path, error: type[VisionError], advice: str) -> Iterator[Path]:
-    """Give a name to write to; the file takes the name ``path`` when the block ends without an exception."""
+    """Context manager: yields a temporary name to write to, which becomes ``path`` when the block ends without an
+    exception and is removed otherwise; an `OSError` is raised as ``error`` with ``advice``."""
     temporary = temporary_name(path)
     try:
         yield temporary

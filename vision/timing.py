@@ -156,7 +156,7 @@ def estimate_offset(
 def _running_line(
     time: NDArray[np.float64], value: NDArray[np.float64], width_s: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Level and slope of straight lines fitted to the samples within ``width_s`` around each: times, level, slope."""
+    """Times, level and slope, each (k,), of straight lines fitted to the samples within ``width_s`` around each."""
     half = max(1, round(0.5 * width_s / float(np.median(np.diff(time)))))
     span = np.arange(-half, half + 1)
     if time.size < 2 * span.size:

@@ -19,7 +19,8 @@ MIN_PIXELS = 100  # below this a five-parameter fit is not worth starting
 
 
 def build_masks(bodies: Sequence[Body], height: int, width: int) -> list[NDArray[np.bool_]]:
-    """Pixels of each body that may be used: outline, less a rim, less every body that may lie in front.
+    """Masks (height, width), in the order of the bodies, of the pixels that may be used: each outline, less a rim, less
+    every body that may lie in front.
 
     Parameters
     ----------
@@ -56,7 +57,8 @@ def outline_distances(
 
 
 def masks_from_distances(bodies: Sequence[Body], distances: Sequence[NDArray[np.float32]]) -> list[NDArray[np.bool_]]:
-    """Masks (height, width) of each body's usable pixels; ``distances``, px, are positive inside an outline."""
+    """Masks (height, width) of each body's usable pixels, from its `signed_distance` (height, width), px, positive
+    inside; `BodyError` where too few are left."""
     height, width = distances[0].shape
     masks = []
     for i, body in enumerate(bodies):
@@ -77,9 +79,8 @@ def masks_from_distances(bodies: Sequence[Body], distances: Sequence[NDArray[np.
 def exclude_saturated(
     bodies: Sequence[Body], masks: Sequence[NDArray[np.bool_]], saturated: NDArray[np.bool_]
 ) -> list[NDArray[np.bool_]]:
-    """Masks without the saturated pixels and those near enough to take part of their grey value from them, for bodies
-    of which more than a few are saturated.
-    """
+    """Masks, less ``saturated`` pixels (height, width) and their neighbourhood, of bodies of which more than a few are
+    saturated, and the other masks as they are; `BodyError` where too few pixels are left."""
     if not saturated.any():
         return list(masks)
     # start-up: OpenCV costs 0.12 s, outlines and masks do without

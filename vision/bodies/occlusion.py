@@ -30,7 +30,8 @@ def relative_pose(
     other_pose: NDArray[np.float64],
     other_centre: NDArray[np.float64],
 ) -> tuple[float, float, float]:
-    """Turn, and shift (x, y) of centres in the other's axes, of a body at ``pose`` relative to another."""
+    """Turn (rad) and shift (x, y; px, in the other's axes) of a body's centre from another's; poses are (turn, x, y)
+    from the centres (x, y) in the reference."""
     cosine, sine = math.cos(other_pose[0]), math.sin(other_pose[0])
     x, y = centre[0] + pose[1] - other_centre[0] - other_pose[1], centre[1] + pose[2] - other_centre[1] - other_pose[2]
     return pose[0] - other_pose[0], cosine * x + sine * y, cosine * y - sine * x
@@ -103,7 +104,8 @@ class Occlusion:
     def hidden_pixels(
         self, body: int, pose: NDArray[np.float64], poses: dict[int, NDArray[np.float64]]
     ) -> NDArray[np.uint8]:
-        """Template pixels of a body, at ``pose``, that bodies in front hide at theirs; shape (n,), 1 is hidden."""
+        """Template pixels of body ``body`` (index), at ``pose``, that others hide: (n,), 1 where hidden. ``poses``: of
+        the bodies in front, by index."""
         template = self._templates[body]
         covered = np.zeros(template.n_pixels, dtype=np.uint8)
         for other, there in poses.items():

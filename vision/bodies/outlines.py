@@ -96,6 +96,8 @@ def check_bodies(bodies: Sequence[Body]) -> None:
 
 
 def sort_parents_first(bodies: Sequence[Body]) -> list[int]:
+    """Indices of the bodies in an order in which parents come before their children; `BodyError` for bodies that do not
+    fit together."""
     check_bodies(bodies)
     parents = {body.name: body.parent for body in bodies}
 
@@ -155,6 +157,7 @@ def as_bodies(bodies: BodiesLike) -> list[Body]:
 
 
 def _body_from_table(table: Any) -> Body:
+    """Body of one [[body]] table of a TOML file; `BodyError` for unknown keys and values that are not allowed."""
     if not isinstance(table, dict):
         raise BodyError("[[body]] must be a table with name and polygon_px")
     name = table.get("name", "")

@@ -108,7 +108,8 @@ class Calibration:
 
 
 def find_points(picture: NDArray[Any], target: Target) -> NDArray[np.float64] | None:
-    """Points of the target in a picture, shape (rows * columns, 2), px; None unless all of them are in view."""
+    """Points (x, y) of the target in a picture, row by row, shape (rows * columns, 2), px; None unless all of them are
+    in view."""
     top = float(np.quantile(picture, BRIGHTEST))
     grey = np.clip(np.asarray(picture, dtype=float) * (255.0 / max(top, 1.0)), 0, 255).astype(np.uint8)
     size = (target.columns, target.rows)
@@ -189,7 +190,8 @@ def angle_errors(
     high_px: NDArray[np.float64],
     turn_rad: float = EXPECTED_TURN_RAD,
 ) -> tuple[float, float]:
-    """Largest angle error without correction, and largest standard uncertainty with it, of a turning block, rad."""
+    """Largest angle error without correction, and largest standard uncertainty with it, rad, of a block that turns by
+    ``turn_rad`` anywhere between the corners ``low_px`` and ``high_px`` (x, y) of a part of the picture."""
     x, y = np.meshgrid(*(np.linspace(-0.5, 0.5, n) * side for n, side in zip(BLOCK_POINTS, BLOCK_PX, strict=True)))
     block = np.stack([x.ravel(), y.ravel()], axis=-1)
     size = camera.width, camera.height
@@ -208,7 +210,8 @@ def angle_errors(
 def _fit_camera(
     film: FrameSource, target: Target, corners_px: Sequence[NDArray[np.float64]]
 ) -> tuple[CalibratedCamera, float, NDArray[np.float64]]:
-    """The camera, the residual of a point (px), and those of all, shape (views, points, 2)."""
+    """Fit the camera to the target's points (points, 2) in each view, ``corners_px``; returns it, the root mean square
+    residual per axis, px, and the residuals (views, points, 2). `VisionInputError` where the points do not fix it."""
     board = target.points_m() - target.points_m().mean(axis=0)
     centre = build_projection(np.zeros(5), film.width, film.height).centre_px
     scales, places = [], []
@@ -271,7 +274,8 @@ def _create_dot_detector() -> Any:
 
 
 def _centroids(grey: NDArray[np.uint8], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Centres of mass of the dots' darkness around the points found, within a third of their distance."""
+    """Centres of mass (n, 2) of the dots' darkness around ``points`` (n, 2), px, within `DOT_SHARE` of their
+    distance."""
     half = max(3, int(DOT_SHARE * _spacing(points)))
     result = points.astype(float).copy()
     for _ in range(3):

@@ -71,7 +71,7 @@ class Projection:
         return float(np.hypot(*self.centre_px))
 
     def to_picture(self, rectified_px: ArrayLike) -> NDArray[np.float64]:
-        """Where points of the plane, shape (..., 2), appear in the picture."""
+        """Points of the film, px, at which rectified points (..., 2) of the plane appear."""
         flat = _project(self.homography, as_points(rectified_px) - self.centre_px)
         if self.radial:
             flat *= 1.0 + self.radial / self.half_diagonal_px**2 * _squared_norm(flat)
@@ -79,7 +79,8 @@ class Projection:
         return flat
 
     def to_plane(self, seen_px: ArrayLike) -> NDArray[np.float64]:
-        """Points of the plane that appear at the given points; undoes `seen`."""
+        """Rectified points, px, of the plane that appear at the given points (..., 2) of the film; the inverse of
+        `to_picture`."""
         bent = as_points(seen_px) - self.centre_px
         flat: NDArray[np.float64] = bent.copy()
         for _ in range(30):
@@ -101,8 +102,8 @@ def project_posed_points(
     sine: NDArray[np.float64],
     at_px: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Where points (k, 2) of a body appear that is turned and set on places (n, 2) of the plane: x and y, each
-    (n, k), from the picture's centre."""
+    """Picture x and y, each (n, k), px from the picture's centre, of a body's points (k, 2), turned n times (``cosine``
+    and ``sine`` (n,)) and shifted to ``at_px`` (n, 2) in the plane."""
     x, y, depth = transform_points(points_px, cosine, sine, at_px - camera.centre_px, camera.homography)
     x /= depth
     y /= depth
@@ -127,7 +128,8 @@ def tilt_homography(tilt_rad: float, direction_rad: float, distance_px: float) -
 
 
 def _project(homography: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """New points; one expression per coordinate, as NumPy's products with a 2-vector at the end are slow."""
+    """Points (..., 2) mapped by a homography (3, 3); one expression per coordinate, as NumPy's products with a 2-vector
+    at the end are slow."""
     x, y = points[..., 0], points[..., 1]
     h = homography
     depth = h[2, 0] * x + h[2, 1] * y + h[2, 2]
@@ -144,8 +146,8 @@ def transform_points(
     at: NDArray[np.float64],
     rows: NDArray[np.float64] = PLAIN,
 ) -> list[NDArray[np.float64]]:
-    """Points (k, 2), turned by each of n angles and set on n places (n, 2), times each row of a matrix (m, 3) that maps
-    (x, y, 1): m arrays (n, k), each by one product of matrices."""
+    """Points (k, 2), turned n times (``cosine``, ``sine`` (n,)) and shifted by ``at`` (n, 2), times each row of a
+    matrix (m, 3) on (x, y, 1): m arrays (n, k), by default x and y; each by one product of matrices."""
     basis = np.vstack([points.T, np.ones(len(points))])
     return [
         np.column_stack([a * cosine + b * sine, b * cosine - a * sine, at @ (a, b) + one]) @ basis for a, b, one in rows
@@ -275,7 +277,7 @@ class CalibratedCamera:
         object.__setattr__(self, "covariance", 0.5 * (covariance + covariance.T))
 
     def nominal(self, width: int, height: int) -> Projection | None:
-        """The measured projection; refuses a film of another size."""
+        """The measured projection; `VisionInputError` for a film of another size."""
         if (width, height) != (self.width, self.height):
             raise VisionInputError(
                 f"camera calibration is for pictures of {self.width} x {self.height}, the film has {width} x {height}; "
@@ -284,7 +286,7 @@ class CalibratedCamera:
         return build_projection(self.parameters, width, height)
 
     def variants(self, width: int, height: int) -> list[Variant]:
-        """One per independent direction of the covariance."""
+        """Projections one standard uncertainty from the nominal one, one along each eigenvector of the covariance."""
         scale = np.sqrt(np.maximum(np.diag(self.covariance), 1e-30))
         values, vectors = np.linalg.eigh(self.covariance / np.outer(scale, scale))
         made = []

@@ -67,6 +67,8 @@ class CineFilm(Film):
             raise
 
     def _read_headers(self, allow_truncated: bool) -> None:
+        """Read the headers and set size, depth, rate, exposure, offsets and times of the images; `FilmError` for a
+        damaged file or a kind that is not read."""
         magic, _, compression, _, _, _, first, n, at_bitmap, at_settings, at_table, trigger = self._unpack(
             FILE_HEADER, 0
         )
@@ -112,7 +114,8 @@ class CineFilm(Film):
         return (self.start_frame + np.arange(self.n_frames, dtype=float)) / self.frame_rate_hz + half
 
     def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
-        """Rectangle of a frame; only the pages with its rows are touched."""
+        """Rows ``y0..y1-1`` and columns ``x0..x1-1`` of a frame, grey; only the memory pages with its rows
+        are touched."""
         self._check_index(index)
         self._check_region(y0, y1, x0, x1)
         start = self._pixels_at(int(self._place[index]), index)
@@ -137,7 +140,8 @@ class CineFilm(Film):
         return to_grey(np.ascontiguousarray(colour), self._channel)
 
     def _unused_low_bits(self) -> int:
-        """Number of low bits to shift out of 16-bit values; sets ``bit_depth`` to what the values fill.
+        """Number of low bits to shift out of 16-bit values; sets ``bit_depth`` to what the values fill, with a warning
+        where the header says less.
 
         Where both halves are used the values fill all 16 bits, whatever the header says.
         """
@@ -176,6 +180,8 @@ class CineFilm(Film):
         return known
 
     def _refuse_unknown(self, compression: int, bits: int, packing: int, settings: dict[str, int]) -> None:
+        """Raise `FilmError` for a film that is compressed, a sensor's raw mosaic, packed in an unknown way,
+        or flipped."""
         words = None
         colour = bits in (24, 48)
         if compression != 0 or bits not in (8, 16, 24, 48):
@@ -190,7 +196,8 @@ class CineFilm(Film):
             raise FilmError(f"{self.path}: {words}; save it uncompressed, in grey or interpolated colour")
 
     def _places(self, at: int, n: int, allow_truncated: bool) -> NDArray[np.int64]:
-        """Byte at which the note of each image begins."""
+        """Byte at which the note of each image begins, (n,), from the table of ``n`` images at byte ``at``; of a file
+        that is cut short the whole images only, or `FilmError`."""
         if at + 8 * n > self._file.size:
             raise FilmError(f"{self.path}: ends within the table of its {n} images; copy the film again")
         table = self._file.view(at, at + 8 * n).view("<i8").astype(np.int64)
@@ -207,7 +214,8 @@ class CineFilm(Film):
         return whole
 
     def _pixels_at(self, place: int, index: int) -> int:
-        """Byte at which the pixels of an image begin, whose note is at ``place``."""
+        """Byte at which the pixels of image ``index`` begin, whose note is at byte ``place``; `FilmError` where note
+        and size disagree."""
         note = int(self._unpack(struct.Struct("<I"), place)[0])
         if note < 8 or place + note + self._image_bytes > self._file.size:
             raise FilmError(
@@ -222,7 +230,8 @@ class CineFilm(Film):
         return place + note
 
     def _image_times(self, at: int, end: int, trigger: int) -> NDArray[np.float64] | None:
-        """Time of each image after the trigger, s; None where the file does not say."""
+        """Time of each image after the trigger (units of 2^-32 s since 1970), s, from the tagged blocks in bytes
+        ``at..end-1``; None where they do not hold it, `FilmError` where times do not increase."""
         block = struct.Struct("<IHH")
         while at + block.size <= end:
             size, kind, _ = self._unpack(block, at)

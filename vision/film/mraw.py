@@ -81,7 +81,8 @@ class FilmHeader:
 
 
 def read_header(path: Path, *, is_mraw: bool = True) -> FilmHeader:
-    """Read a ``.cih`` or ``.cihx`` file, of an MRAW film or of one exported to another format."""
+    """Read a ``.cih`` or ``.cihx`` file of an MRAW film, or (not ``is_mraw``) of one exported to another format;
+    `FilmError` for what is damaged or not read."""
     try:
         size = path.stat().st_size
         if size > MAX_HEADER_BYTES:
@@ -145,7 +146,7 @@ def _read_integer(raw: dict[str, str], key: str, low: int, high: int, default: i
 
 
 def _rate(raw: dict[str, str]) -> float | None:
-    """Frames/s of the header; None where it has none."""
+    """Frames/s from a header's fields; None where it states none, `FilmError` where it is no positive number."""
     text = raw["frame_rate_hz"]
     if not text:
         return None
@@ -159,7 +160,8 @@ def _rate(raw: dict[str, str]) -> float | None:
 
 
 def _exposure(raw: dict[str, str]) -> float | None:
-    """Shutter time: nanoseconds where stated, else ``1/800000``, which CIHX writes as the bare 800000."""
+    """Shutter time, s, from a header's fields; None where none is stated. CIHX writes ``1/800000`` as the
+    bare 800000."""
     if re.fullmatch(r"\d{1,15}", raw["shutter_ns"]) and int(raw["shutter_ns"]) > 0:
         return int(raw["shutter_ns"]) * 1e-9
     found = re.fullmatch(r"(?:1/)?(\d{1,12}(?:\.\d+)?)", raw["shutter"])
@@ -170,7 +172,8 @@ def _exposure(raw: dict[str, str]) -> float | None:
 
 
 def _header(raw: dict[str, str], is_mraw: bool) -> FilmHeader:
-    """Header of a film from its fields; refuses formats that are not read."""
+    """Header of a film from its fields; `FilmError` for values that no film can have and, of an MRAW film, for formats
+    that are not read."""
     file_format = raw["file_format"] or "MRaw"
     if is_mraw and file_format.lower() != "mraw":
         raise FilmError(f"header says file format {file_format[:20]!r}, only MRaw is read; save the film as MRAW")
@@ -205,7 +208,7 @@ def _header(raw: dict[str, str], is_mraw: bool) -> FilmHeader:
 
 
 def cihx_bytes(header: FilmHeader) -> bytes:
-    """Lay out a CIHX file for a film that starts at ``header.start_frame`` and was saved whole."""
+    """Content of a CIHX file that describes a film by its header."""
     exposure = header.exposure_s
     # readers of this format expect the field; 0 stands for an exposure that is not known
     per_second, nanoseconds = (0, 0) if exposure is None else (round(1.0 / exposure), round(exposure * 1e9))
@@ -240,10 +243,8 @@ HEADER_SUFFIXES = (".cihx", ".cih", ".CIHX", ".CIH")
 
 
 def apply_sidecar_header(film: Film) -> None:
-    """Set the frame times of an exported film (AVI, TIFF, pictures) from the Photron header of the same name.
-
-    A header of another film, one that contradicts itself, and one without a rate are passed over, with a line.
-    """
+    """Set header, rate, exposure and frame times of an exported film (AVI, TIFF, pictures) from the Photron header of
+    the same name beside it; a header that does not fit is passed over with a warning."""
     path = film.path
     if path.is_dir():
         found = sorted(file for file in path.iterdir() if file.suffix in HEADER_SUFFIXES)
@@ -352,7 +353,8 @@ class MrawFilm(Film):
             )
 
     def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
-        """Rectangle of a frame; only the pages with its rows are touched."""
+        """Rows ``y0..y1-1`` and columns ``x0..x1-1`` of a frame, grey; only the memory pages with its rows
+        are touched."""
         self._check_index(index)
         self._check_region(y0, y1, x0, x1)
         first = index * self.width * self.height
@@ -381,11 +383,8 @@ class MrawFilm(Film):
 
 
 def unpack12_region(data: NDArray[np.uint8], skip: int, width: int, rows: int, x0: int, x1: int) -> NDArray[np.uint16]:
-    """Unpack columns ``x0..x1-1`` of ``rows`` rows of 12-bit pixels.
-
-    ``data`` starts with the pair of pixels that holds the first one; ``skip`` is 1 when that is the second of
-    its pair.
-    """
+    """Grey values (rows, x1 - x0) of columns ``x0..x1-1`` of packed 12-bit rows of ``width`` pixels; ``data`` begins
+    with the pair that holds the first pixel, ``skip`` is 1 where that is its pair's second."""
     if width % 2 == 0 and skip == 0:
         # every row starts on a whole byte: unpack only the wanted columns
         left, right = x0 - x0 % 2, x1 + x1 % 2
@@ -409,7 +408,8 @@ def _unpack12(packed: NDArray[np.uint8]) -> NDArray[np.uint16]:
 
 
 def _pair(path: Path) -> tuple[Path, Path]:
-    """The film and its header, whichever of the two was named."""
+    """Paths of an MRAW film and of its header, whichever of the two ``path`` names; `FilmError` where the other is
+    missing."""
     if path.suffix.lower() == ".mraw":
         headers = [path.with_suffix(suffix) for suffix in HEADER_SUFFIXES]
         for header in headers:
@@ -432,7 +432,7 @@ def write_mraw(
     start_frame: int = 0,
     comment: str = "",
 ) -> int:
-    """Write frames as Photron MRAW plus CIHX.
+    """Write frames as a Photron MRAW film with its CIHX header beside it; returns the number of frames.
 
     Parameters
     ----------
@@ -528,7 +528,8 @@ def pack12(values: NDArray[np.uint16]) -> bytes:
 
 
 def _replace_film(path: Path, new_data: Path, header_path: Path, new_header: Path) -> None:
-    """Put a new film in place of an old one; an old header never describes new data, not even for a moment."""
+    """Rename new data and header to the names of a film, in place of an old one; an old header never describes new
+    data, not even for a moment."""
     old_header = header_path.with_name(f".{header_path.name}.{os.getpid()}.old")
     had_header = header_path.exists()
     if had_header:

@@ -87,7 +87,8 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False, ch
 def open_or_use(
     path_or_source: str | os.PathLike[str] | FrameSource, first_frame: int = 0, last_frame: int | None = None
 ) -> Iterator[FrameSource]:
-    """A film to work with, or a part of it: from a path opened and closed again, else the one given, left open."""
+    """Context manager: a film, or its frames ``first_frame`` to ``last_frame`` only; one opened from a path is closed
+    again, a given source is left open."""
     own = open_film(path_or_source) if isinstance(path_or_source, str | os.PathLike) else None
     film = own or path_or_source
     assert not isinstance(film, str | os.PathLike)

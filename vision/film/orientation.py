@@ -19,7 +19,8 @@ MATRICES: dict[int, Matrix] = {
 
 
 def turn_upright(matrix: Matrix) -> tuple[str, bool, Callable[[Picture], Picture] | None] | None:
-    """Words, whether rows become columns, and the turn of a display matrix; None for one that is no right angle.
+    """What a display matrix asks for: in words, whether rows become columns, and the function that turns a stored
+    picture upright (None: it is upright). None for a turn that is no right angle.
 
     A stored point (x, y) is shown at (a x + c y, b x + d y).
     """

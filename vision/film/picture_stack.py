@@ -44,7 +44,7 @@ class _Pictures(Film):
         return self._newest.get(index, self._fitting)
 
     def _fitting(self, index: int) -> NDArray[Any]:
-        """Decoded picture; refuses one of another size or type than the first."""
+        """Decoded grey picture of a frame; `FilmError` where its size or type is not that of the first."""
         where, picture = self._decode_picture(index)
         if picture.shape != (self.height, self.width) or picture.dtype != self._type:
             raise FilmError(
@@ -96,7 +96,8 @@ CAMERA_COUNTS = re.compile(r"Img-\d{5}$")
 
 
 def _one_series(folder: Path, files: list[Path], allow_truncated: bool) -> list[Path]:
-    """The files of the one series in a folder, in order: their names differ by a number that grows by equal steps."""
+    """The files of the one series in a folder, in order: their names differ by a number that grows by equal steps.
+    Warns of other files; `FilmError` where there are several series or gaps."""
     number = _number_pattern(folder, files)
     kinds: dict[str, list[Path]] = {}
     for file in files:
@@ -127,7 +128,8 @@ def _one_series(folder: Path, files: list[Path], allow_truncated: bool) -> list[
 
 
 def _number_pattern(folder: Path, files: list[Path]) -> re.Pattern[str]:
-    """Pattern of the numbers in these names; decides whether a minus is a sign or a hyphen, and says so."""
+    """Pattern that finds the numbers in these files' names; decides whether a minus is a sign or a hyphen, and warns
+    where that is in doubt."""
     hyphened = [file for file in files if re.search(r"[A-Za-z]-\d+$", file.stem)]
     if not hyphened:
         return NUMBER
@@ -148,7 +150,7 @@ def _number_pattern(folder: Path, files: list[Path]) -> re.Pattern[str]:
 
 
 def _sort_by_number(folder: Path, files: list[Path], number: re.Pattern[str], allow_truncated: bool) -> list[Path]:
-    """Files of one kind by the number that grows, after a check for gaps."""
+    """Files of one series by the number that grows; of those with gaps the ones before the first, or `FilmError`."""
     values = {file: [int(digits) for digits in number.findall(file.stem)] for file in files}
     files = sorted(files, key=lambda file: (values[file], file.name))
     columns = np.array([values[file] for file in files], dtype=object)

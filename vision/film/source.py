@@ -40,7 +40,8 @@ class Compression:
 
 
 def jpeg_segments(data: bytes | NDArray[np.uint8]) -> Iterator[tuple[int, int]]:
-    """Kind and place of what stands before the picture of a JPEG, each as a whole: one may hold a smaller JPEG."""
+    """Kind and byte of the content of each segment before the picture of a JPEG, each as a whole: one may hold a
+    smaller JPEG."""
     at = 2
     while at + 4 <= len(data) and data[at] == 0xFF:
         kind = int(data[at + 1])
@@ -105,7 +106,7 @@ def to_grey(picture: NDArray[Any], channel: str | None) -> NDArray[Any]:
 
 
 def decode_picture(data: NDArray[np.uint8], how: int) -> NDArray[Any] | None:
-    """Picture of an encoded file as OpenCV decodes it, which says nothing on the terminal; None where it cannot."""
+    """Decode an encoded picture file with OpenCV's `imread` flags ``how``, silently; None where that fails."""
     # start-up: as above
     import cv2
 

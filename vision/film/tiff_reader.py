@@ -113,7 +113,8 @@ class TiffFilm(Film):
         return self._grey(data.reshape(y1 - y0, width, self._samples)[:, x0:x1])
 
     def _orient(self) -> None:
-        """Set the displayed size and the function that turns a stored picture upright."""
+        """Set the displayed size and the function that turns a stored picture upright; warns where the picture is
+        turned."""
         tag = self._key.tags.get(ORIENTATION)
         matrix = MATRICES.get(tag.value) if tag is not None and isinstance(tag.value, int) else None
         turned = None if matrix is None else turn_upright(matrix)
@@ -125,7 +126,8 @@ class TiffFilm(Film):
         warnings.warn(f"{self.path}: its file wants the picture {words}, which is done", VisionWarning, stacklevel=5)
 
     def _read_axes(self, series: list[Any], channel: str | None) -> None:
-        """Set size, depth and order of the pages from the file's series; refuses two axes of frames."""
+        """Set size, depth, compression and the order of the frames' pages from the file's series and the chosen
+        channel; `FilmError` for two axes of frames."""
         if not series:
             raise FilmError(f"{self.path}: holds no picture")
         kinds = {(one.axes.lstrip("IQT"), one.shape[-len(one.axes.lstrip("IQT")) :], str(one.dtype)) for one in series}
@@ -167,7 +169,8 @@ class TiffFilm(Film):
             self.compression = Compression(None)
 
     def _count_imagej(self, allow_truncated: bool) -> None:
-        """Count frames of an ImageJ stack with a single directory; refuse one with fewer than its header states."""
+        """Set the frames of an ImageJ stack with a single directory, as far as the file holds them; `FilmError` for
+        fewer than its header states."""
         said = int((self._tiff.imagej_metadata or {}).get("images", 1)) if self._tiff.is_imagej else 1
         series = self._at[0][0]
         found = sum(one.size for one in {id(one): one for one, _ in self._at}.values())
@@ -186,8 +189,8 @@ class TiffFilm(Film):
         self.n_frames = len(self._at)
 
     def _channel_index(self, n_channels: int, channel: str | None, n_along: int) -> int:
-        """Number of the channel, from 0, beside ``n_along`` axes of frames; ``self._colour`` is the name of one of a
-        colour picture."""
+        """Index of the chosen channel (its number from 1, or a colour) beside ``n_along`` axes of frames; sets
+        ``self._colour``, the name of a colour or None. `FilmError` where it does not fit."""
         self._colour = channel if channel in CHANNELS else None
         is_number = channel is not None and channel.isdecimal()
         if n_channels > 1:
@@ -206,7 +209,7 @@ class TiffFilm(Film):
         return 0
 
     def _place(self, index: int) -> int | None:
-        """Byte at which a frame lies as such; None where it has to be decoded."""
+        """Byte at which a frame lies uncompressed and whole; None where it has to be decoded."""
         key = self._key
         if key.compression != PLAIN or key.bitspersample != 8 * self._type.itemsize or key.photometric > RGB:
             return None
@@ -228,7 +231,7 @@ class TiffFilm(Film):
         return page.dataoffsets, page.databytecounts
 
     def _end_at_last_whole(self, allow_truncated: bool) -> None:
-        """Leave out frames beyond the end of the file, or refuse them."""
+        """Drop the frames from the first on that lies beyond the end of the file, or raise `FilmError` for it."""
         for index in range(self.n_frames):
             start = self._place(index) if self._at[index][0].dataoffset is not None else None
             if start is not None:
@@ -299,7 +302,8 @@ class TiffFilm(Film):
 
 
 def one_page(key: Any, strips: list[memoryview], byteorder: str) -> bytes:
-    """Bytes of a TIFF file of one page: the key frame's tags with the page's own strips or tiles."""
+    """Bytes of a TIFF file of one page: tags of tifffile's key frame ``key``, and the page's own strips or tiles;
+    ``byteorder`` '<' or '>'."""
     where, how_long = (324, 325) if key.is_tiled else (273, 279)
     entries: dict[int, tuple[str, list[int]]] = {}
     for tag in key.tags:
@@ -350,7 +354,8 @@ def chain_is_whole(path: Path) -> bool:
 
 
 def _page(file: BinaryIO, at: int, order: str, big: bool, size: int) -> tuple[int, bool]:
-    """Place of the next directory, and whether this page's own data lie inside the file."""
+    """Byte of the next directory (0: none), and whether the strips of the page whose directory is at byte ``at`` lie
+    inside a file of ``size`` bytes; ``order`` is '<' or '>', ``big`` BigTIFF."""
     entry, count_code, offset_code = (20, "Q", "Q") if big else (12, "H", "I")
     file.seek(at)
     (n,) = struct.unpack(order + count_code, file.read(struct.calcsize(count_code)))
@@ -382,7 +387,8 @@ def _lie_inside(
     lengths: tuple[np.dtype[Any], int, int],
     size: int,
 ) -> bool:
-    """Whether all strips lie inside a file of ``size`` bytes; offsets and lengths are read as (type, count, byte).
+    """Whether all strips of a page lie inside a file of ``size`` bytes; their offsets and lengths are read from it as
+    (number type, count, byte).
 
     Some at a time, since a damaged file may claim many.
     """

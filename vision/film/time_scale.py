@@ -59,7 +59,8 @@ class Spacing:
 
 
 def classify_spacing(stamp_s: F64, tick_s: float, nominal_s: float | None = None) -> Spacing:
-    """How stamps rounded to ``tick_s`` are spaced.
+    """How stamps (n,), s, rounded to ``tick_s``, follow one another: evenly, with gaps, at a variable rate or as a ramp
+    of play-back; `FilmError` for stamps that go back, or too coarse to tell.
 
     Parameters
     ----------
@@ -95,7 +96,8 @@ def classify_spacing(stamp_s: F64, tick_s: float, nominal_s: float | None = None
 
 
 def _multiples(intervals: F64, tick_s: float, base_s: float) -> NDArray[np.int64] | None:
-    """Intervals as whole multiples of one that is near ``base_s``; None where they are none."""
+    """Intervals (n - 1,) as whole multiples of one that is near ``base_s``, which the file may round to ``tick_s``;
+    None where they are none."""
     single = intervals[np.rint(intervals / base_s) == 1.0]
     if not single.size:
         return None
@@ -226,7 +228,7 @@ def describe_spacing(spacing: Spacing, first_frame: int) -> str:
 
 
 def _compare_with_camera(film: FrameSource, time_s: F64, frame_rate_hz: float) -> None:
-    """Raise `FilmError` where a stated rate contradicts the camera's own times."""
+    """Raise `FilmError` where a stated rate contradicts the camera's own frame times."""
     if time_s.size < 2:
         return
     intervals = np.diff(time_s)
@@ -248,7 +250,8 @@ def _compare_with_camera(film: FrameSource, time_s: F64, frame_rate_hz: float) -
 
 
 def count_missing_frames(time_s: F64) -> dict[int, int]:
-    """Number of frames that are missing after a frame, by its number; none where more are missing than there are."""
+    """Frames missing in times (n,), s: their number by the index of the frame before the gap; empty where more are
+    missing than there are."""
     if time_s.size < 3:
         return {}
     missing = classify_spacing(time_s, 0.0).missing

@@ -143,7 +143,8 @@ def _error_text(error: Exception) -> str:
 
 
 def index_video(path: Path, allow_truncated: bool) -> VideoIndex:
-    """Index of a video, made once for a file that does not change."""
+    """Index of a video, read once while the file does not change; `FilmError` for one that is damaged, unless
+    ``allow_truncated``."""
     if not path.is_file():
         raise FilmError(f"{path}: cannot be opened; give an existing film")
     state = path.stat()
@@ -155,6 +156,7 @@ def index_video(path: Path, allow_truncated: bool) -> VideoIndex:
 
 @lru_cache(maxsize=HELD)
 def _index(_resolved: Path, path: Path, _changed_ns: int, _size: int) -> VideoIndex:
+    """Read a video's index; the arguments from the path on make it be read anew when the file changes."""
     with open_container(path) as container:
         stream = choose_video(container)
         packets = _demux(path, container, stream)
@@ -241,7 +243,7 @@ def _index(_resolved: Path, path: Path, _changed_ns: int, _size: int) -> VideoIn
 
 
 def first_field_of(frame: Any) -> str | None:
-    """Rows of an interlaced frame that were exposed first, as the decoder says: those that FFmpeg's filter
+    """Rows, ``even`` or ``odd``, of an interlaced PyAV frame that were exposed first: those that FFmpeg's filter
     ``separatefields`` gives first; None where both fields show the same."""
     # start-up: as above
     import av
@@ -284,7 +286,8 @@ def _tag(context: Any) -> str:
 
 
 def _demux(path: Path, container: Any, stream: Any) -> _Packets:
-    """Read all packets of a stream without decoding: times, positions, which are shown."""
+    """Packets of a stream, read without decoding: times, keys, which are shown; `FilmError` where none is or reading
+    fails."""
     # start-up: as above
     import av
 
@@ -311,7 +314,7 @@ def _demux(path: Path, container: Any, stream: Any) -> _Packets:
 
 
 def _what_is_missing(container: Any, stream: Any, packets: _Packets) -> str:
-    """In what a film holds less than it announces; empty when it is whole."""
+    """What a film lacks of what it announces, in words; empty when it is whole."""
     # an AVI marks a frame that was left out by an empty chunk, which its decoder skips but counts
     dts = [at for at in packets.dts if at is not None]
     counted = len(packets.shown) + packets.empty
@@ -337,8 +340,8 @@ def _what_is_missing(container: Any, stream: Any, packets: _Packets) -> str:
 
 
 def _decode(path: Path, is_counted: bool, head: bytes) -> tuple[tuple[Any, str | None], list[int | None], bool, str]:
-    """The first frame and the first field of interlaced ones; of a predicting codec the stamps of all, whether any is
-    interlaced, and where decoding ends."""
+    """(First frame, its first field if interlaced), stamps in ticks, whether any frame is interlaced, and damage in
+    words ('': none): of the first frame only where ``is_counted``, else of all. ``head``: the first packet."""
     # start-up: as above
     import av
 
@@ -391,7 +394,8 @@ def _seek_ticks(packets: _Packets, is_avi: bool) -> NDArray[np.int64]:
 def _times(
     stamps: list[int | None], tick_s: float, nominal_s: float | None
 ) -> tuple[NDArray[np.float64] | None, Spacing | None]:
-    """Times from the first stamp on, s, on an even grid where the stamps lie near one, and their spacing; else None."""
+    """Times (n,) from the first stamp on, s, on an even grid where the stamps (in ticks) lie near one, and their
+    spacing; both None where stamps lack or are all the same."""
     if len(stamps) < 2 or any(at is None for at in stamps) or len(set(stamps)) == 1:
         return None, None
     ticks = np.array(stamps, dtype=np.int64)
@@ -407,7 +411,7 @@ def _times(
 
 
 def _picture(frame: Any) -> dict[str, Any]:
-    """Size, format, range and orientation of a film from its first frame."""
+    """Fields of `VideoIndex` that the first PyAV frame tells: size, pixel format, range of grey, display matrix."""
     # start-up: as above
     from av.sidedata.sidedata import Type
 
@@ -426,7 +430,7 @@ def _picture(frame: Any) -> dict[str, Any]:
 
 
 def is_limited(frame: Any) -> bool:
-    """Whether luma has the limited range 16 to 235; by default yes, unless grey or ``yuvj``."""
+    """Whether luma of a PyAV frame has the limited range 16 to 235; by default yes, unless grey or ``yuvj``."""
     name = frame.format.name
     if frame.format.is_rgb or name == "pal8":
         return False

@@ -98,7 +98,7 @@ class VideoFilm(Film):
         self._local = threading.local()
 
     def _decode_frame(self, index: int) -> Picture:
-        """Decode a frame to grey; refuses one unlike the first."""
+        """Decode a frame to grey, upright; `FilmError` for one unlike the first."""
         decoder = getattr(self._local, "decoder", None)
         if decoder is None:
             decoder = self._local.decoder = _Decoder(self.path, self._index)
@@ -125,7 +125,8 @@ class VideoFilm(Film):
         raise FilmError(f"{self.path}: frame {index} of {self.n_frames} {words}; the film is damaged or two in one")
 
     def _orient(self, index: VideoIndex) -> None:
-        """Set the displayed size, the pixel aspect and the function that turns a stored picture upright."""
+        """Set the displayed size, the pixel aspect and the function that turns a stored picture upright; warns where it
+        is turned."""
         self.width, self.height, self.pixel_aspect = index.width, index.height, index.pixel_aspect
         self._turned: Callable[[Picture], Picture] | None = None
         if index.display_matrix is None:
@@ -173,7 +174,7 @@ class _Decoder:
         self._container.close()
 
     def frame(self, number: int) -> Any:
-        """Decode frame ``number``; `FilmError` where that fails."""
+        """Decoded PyAV frame ``number``, counted from 0 as shown; `FilmError` where that fails."""
         # start-up: PyAV costs 0.1 s, films of cameras do without
         import av
 
@@ -205,7 +206,7 @@ class _Decoder:
         return (packet for packet in packets if packet.size)
 
     def _decode_in_sequence(self, number: int) -> Any:
-        """Decode on to frame ``number``, from the first one where that lies behind; return it."""
+        """Decode on to frame ``number``, from the first one where that lies behind, and return it as PyAV does."""
         if number < self._next:
             self.close()
             self._open_stream()
@@ -216,7 +217,7 @@ class _Decoder:
                 return frame
 
     def _decode_standalone(self, number: int) -> Any:
-        """Decode frame ``number`` from its own packet, read on or sought."""
+        """Decode frame ``number`` from its own packet, read on or sought, and return it as PyAV does."""
         wanted = int(self._index.packet_of[number])
         if not self._next <= wanted <= self._next + NEAR:
             self._seek(wanted)
@@ -239,7 +240,8 @@ class _Decoder:
         return frames[0]
 
     def _seek(self, wanted: int) -> None:
-        """Go to a packet, or to one before it."""
+        """Put the reader of packets at packet ``wanted`` (its index) or before it, at the start of the file where it
+        lands elsewhere."""
         self._container.seek(int(self._index.seek_ticks[wanted]), stream=self._stream, backward=True)
         first = next(packets := self._packets_of(self._container.demux(self._stream)), None)
         landed = None if first is None else self._index.packet_number.get(packet_key(first))

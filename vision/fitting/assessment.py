@@ -113,7 +113,8 @@ def inverse_and_covariance(
 
 @inner_njit(fastmath=FAST)
 def block_sums(columns: F32, work: F32, weight: F32, start: int, end: int) -> tuple[Any, Any, Any, Any, Any]:
-    """Scores of pixels ``start..end-1``: sums of their weighted residuals times each column, and of these residuals."""
+    """Scores of pixels ``start..end-1``: sums of their weighted residuals times each of the ``columns`` (4, n), and of
+    these residuals; ``work`` holds visible pixels and residuals in rows 1 and 2."""
     # slices begin at zero, as the compiler needs to keep the sums in vector registers
     w, seen, left = weight[start:end], work[1][start:end], work[2][start:end]
     a0, a1, a2, a3 = columns[0][start:end], columns[1][start:end], columns[2][start:end], columns[3][start:end]
@@ -128,12 +129,8 @@ def block_sums(columns: F32, work: F32, weight: F32, start: int, end: int) -> tu
 def block_ratios(
     blocks: Blocks, columns: F32, work: F32, weight: F32, influence: F64, white: F64, ratio: F64, count: F64
 ) -> None:
-    """Squares of what each block moves turn, x and y by, added and over ``white`` (3,), their variances if residuals
-    were white; and, from their fourth powers, the number of blocks that carry them: each (sizes, 3).
-
-    ``work`` holds visible pixels and residuals in rows 1 and 2; ``influence`` (3, 5) is the change per score. Only the
-    sums over pixels are of fast arithmetic, which orders anything else anew wherever it is compiled into a caller.
-    """
+    """Fill ``ratio`` (sizes, 3), variance of (turn, x, y) by blocks of residuals over ``white`` (3,), that by white
+    noise, and ``count`` (sizes, 3), the number of blocks that carry it."""
     first, groups = blocks.first, blocks.groups
     n_sizes, n_runs = groups.shape
     moved = np.zeros((n_sizes, n_runs, 3))
@@ -158,7 +155,8 @@ def block_ratios(
 
 @cached_njit()
 def assess_fit(facts: BodyFacts, blocks: Blocks, fit: RigidFit, work: F32, weight: F32, out: Assessed) -> int:
-    """Fill in ``out`` from the last iteration of a fit; returns 0, or why it is not whole (`SUSPECTED` and beyond)."""
+    """Fill ``out`` with noise, correlation, covariance and coherence of a fit from its last iteration, ``work`` (3 or
+    more, n) and ``weight`` (n,); returns 0, or why it is not whole (`SUSPECTED` and beyond)."""
     sums, gain, covariance = fit.sums, fit.gain, out.covariance
     if sums.weight <= N_PARAMETERS + 1.0:
         return TOO_FEW
@@ -207,7 +205,7 @@ UNKNOWN = Ratios(np.full((N_LEVELS, 3), np.nan), np.full((N_LEVELS, 3), np.nan))
 
 
 def build_blocks(offset_px: NDArray[np.float32]) -> Blocks:
-    """The blocks of a template's pixels at ``offset_px`` (2, n)."""
+    """Blocks of each size that a template's pixels lie in, at ``offset_px`` (2, n) from its centre."""
     x, y = np.floor((offset_px - offset_px.min(axis=1, keepdims=True)) / TILE_PX).astype(np.int64)
     # runs of pixels in one square; in a template's order there is one run per square
     starts = np.flatnonzero((np.diff(x, prepend=-1) != 0) | (np.diff(y, prepend=-1) != 0))
@@ -238,7 +236,8 @@ def coherence_ratios(
     influence: NDArray[np.float64],
     white_variance: NDArray[np.float64],
 ) -> Ratios:
-    """Coherence of residuals in blocks of each size, and how many blocks it rests on."""
+    """`block_ratios` in new arrays: variance of (turn, x, y) by blocks of residuals over ``white_variance`` (3,), and
+    the blocks that carry it; ``influence`` (3, 5) is the change of the pose per score."""
     found = Ratios(np.empty((N_LEVELS, 3)), np.empty((N_LEVELS, 3)))
     block_ratios(blocks, columns, work, weight, influence, white_variance, *found)
     return found

@@ -46,7 +46,8 @@ def gradient(picture: NDArray[Any]) -> tuple[NDArray[np.float32], NDArray[np.flo
 def _correlate_separable(
     picture: NDArray[Any], along_x: NDArray[np.float32], along_y: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Correlate a picture with a kernel that is a product, mirrored at the rim."""
+    """Picture (height, width) correlated with the product of the taps ``along_x`` and ``along_y``, mirrored
+    at the rim."""
     if picture.dtype not in (np.uint8, np.uint16, np.float32):
         picture = picture.astype(np.float32)
     result = cv2.sepFilter2D(

@@ -26,7 +26,8 @@ F32 = NDArray[np.float32]
 
 @inner_njit()
 def filter_line(line: F32, out: F32) -> None:
-    """Filter a line, of which ``out`` lacks `HALF_TAPS` values at each end."""
+    """Fill ``out`` (n,) with a line of grey values filtered by `TAPS`; ``line`` has `HALF_TAPS` more values at each
+    end."""
     t0, t1, t2, t3, t4, t5, t6, t7 = TAPS
     for x in range(out.size):
         near = t0 * line[x + 7] + t1 * (line[x + 6] + line[x + 8]) + t2 * (line[x + 5] + line[x + 9])
@@ -141,7 +142,8 @@ class FrameSpline:
         return self._newest[1] if self._newest is not None and self._newest[0] == index else None
 
     def filtered_part(self, index: int, box: Box) -> FilteredPart:
-        """Spline coefficients of a rectangle of frame ``index`` that holds ``box``; valid until the next call."""
+        """Spline coefficients of a rectangle of frame ``index`` that holds ``box``: the one filtered last, or read and
+        filtered now; valid until the next call."""
         if self._newest is not None and self._newest[0] == index and _is_inside(box, self._newest[1].box):
             return self._newest[1]
         expected = self._expected[1] if self._expected[0] == index else None

@@ -130,7 +130,8 @@ class IcgnFitter:
         self.reset()
 
     def reset(self, cautious: bool = False) -> None:
-        """Forget the weights carried over from the previous frame.
+        """Forget the weights, noise, light and scale of the previous frame; the next fit begins with equal weights or,
+        if ``cautious``, with those that the grey values at its first pose suggest.
 
         The next fit starts from equal weights; ``cautious``, from those that the grey values at its initial guess
         suggest: equal ones mislead a fit where much of the body is hidden, the others one that starts further away.
@@ -162,7 +163,8 @@ class IcgnFitter:
         covered: NDArray[np.uint8] | None,
         begun: FirstFit | None = None,
     ) -> Fit:
-        """Fit the body in frame ``index``, starting from ``pose``; ``begun`` is the first fit where that is done."""
+        """Fit the body in frame ``index`` from ``pose``; ``covered`` (n,) is 1 at hidden pixels, ``begun`` a first fit
+        that compiled code has done. Weights, light and scale are kept for the next frame."""
         result = self._fit_once(film, index, pose, covered, begun)
         if result.converged and max(abs(result.pose[1] - pose[1]), abs(result.pose[2] - pose[2])) > FAR_PX:
             # the fit ended where the border of the spline filter spoils the samples
@@ -182,7 +184,8 @@ class IcgnFitter:
         covered: NDArray[np.uint8] | None,
         begun: FirstFit | None = None,
     ) -> Fit:
-        """Fit from ``start`` with illumination and scale re-estimated until the residuals ask for no other."""
+        """Fit from the pose ``start``, with light and scale estimated anew until the residuals show no other change;
+        ``covered`` (n,) is 1 at hidden pixels."""
         template = self.template
         region = region_of(template, start, film.height, film.width)
         if region is None:
@@ -254,7 +257,8 @@ class IcgnFitter:
         start: NDArray[np.float64],
         hidden: NDArray[np.uint8],
     ) -> Fit:
-        """Fit a pose by IC-GN under the light and scale known so far; keeps columns and, the first time, weights."""
+        """Fit from the pose ``start`` under the light and scale known so far, in coefficients of a region whose first
+        pixel is at ``corner`` (y, x); updates the weights, the noise and the columns in use."""
         template, changed, offset_px = self.template, self._changes != UNCHANGED, self.template.offset_px
         columns = template.columns
         if changed:
@@ -273,7 +277,8 @@ class IcgnFitter:
         return self._conclude_fit(fit_rigid(region, subset, self._settings, state), pose)
 
     def _conclude_fit(self, found: RigidFit, pose: NDArray[np.float64], begun: FirstFit | None = None) -> Fit:
-        """What the last iteration of a fit says, unless it broke down."""
+        """Assessed fit from what its loop ``found``, its covariance inflated for the light and scale in use; `FAILED`,
+        after a reset, where it broke down."""
         if found.iterations <= 0 or not math.isfinite(sum(pose.tolist())):
             self.reset()
             return FAILED
@@ -307,7 +312,8 @@ class IcgnFitter:
         return int(np.count_nonzero(marked[rows[inside], columns[inside]]))
 
     def _assess(self, found: RigidFit, pose: NDArray[np.float64], begun: FirstFit | None = None) -> Fit:
-        """Quality figures and covariance from the sums of the last iteration."""
+        """Fit with quality figures and covariance from the sums of the last iteration; `FAILED` where too few pixels
+        agree."""
         sums, n = found.sums, self.template.n_pixels
         if begun is None:
             ratios = np.empty((N_LEVELS, 3)), np.empty((N_LEVELS, 3))
@@ -336,7 +342,8 @@ class IcgnFitter:
         )
 
     def _assess_at_length(self, found: RigidFit, variance: float) -> tuple[NDArray[np.float64], Ratios]:
-        """Covariance and coherence where a fixed pattern may be in the noise or the matrix is nearly singular."""
+        """Covariance (3, 3) and coherence where a fixed pattern may be in the noise or the matrix is nearly singular;
+        ``variance`` of the residuals, grey^2."""
         template, gain = self.template, found.gain
         covariance, inverse = pose_covariance(found.normal, variance, gain, found.noise_gain, template)
         if inverse is None:

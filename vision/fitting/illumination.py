@@ -36,7 +36,8 @@ def row_median(values: F64) -> F64:
 
 
 def drop_isolated_squares(change: F64) -> F64:
-    """Set squares (NaN: unknown) to NaN of whose neighbours fewer than half are known: significant by chance."""
+    """Copy of a map of squares (NaN: unknown) without those of whose neighbours fewer than half are known: significant
+    by chance."""
     known = np.pad(np.isfinite(change).astype(int), 1)
     rows, columns = change.shape
     inside = np.pad(np.ones(change.shape, dtype=int), 1)
@@ -48,7 +49,8 @@ def drop_isolated_squares(change: F64) -> F64:
 
 
 def fill_unknown_squares(change: F64) -> F64:
-    """Squares that say nothing get the value of the nearest ones that do, step by step."""
+    """Copy of a map of squares in which unknown ones (NaN) have, step by step, the mean of their known neighbours;
+    zeros where none is known."""
     values = change.copy()
     while np.isnan(values).any():
         padded = np.pad(values, 1, constant_values=np.nan)
@@ -238,8 +240,8 @@ class IlluminationField:
     def start(
         self, factor: F64, visible: NDArray[np.float32], residual: NDArray[np.float32], gain: float, noise: float
     ) -> Illumination | None:
-        """The light that residuals of a fit under even light show; ``factor`` (rows, columns) is what that light was
-        multiplied by in the squares' middles."""
+        """First estimate of the light from residuals (n,) of a fit under even light; ``factor`` (rows, columns): what
+        that light was multiplied by in the squares' middles. None where they show no change."""
         found = self._fit_change(None, residual.astype(float), visible > 0.0, gain, noise)
         if found is None:
             return None
@@ -253,7 +255,8 @@ class IlluminationField:
         gain: float,
         noise: float,
     ) -> Illumination | None:
-        """The light as the residuals of a fit under ``light`` show it; None where they ask for no other."""
+        """The light by residuals (n,) of a fit under ``light``; ``noise`` is a residual's standard deviation by noise,
+        grey. None where the residuals show no other light."""
         found = self._fit_change(light, residual.astype(float), visible > 0.0, gain, noise)
         if found is None:
             return None
@@ -273,8 +276,9 @@ class IlluminationField:
     def _fit_change(
         self, light: Illumination | None, residual: F64, seen: NDArray[np.bool_], gain: float, noise: float
     ) -> tuple[F64, F64, bool] | None:
-        """Change of light per square, (rows, columns), those of the squares believed over their standard uncertainty,
-        and whether it is glow; None where no square is believed."""
+        """Change of light of every square (rows, columns), grey of glow or share of shade; change over its standard
+        uncertainty in the squares believed; whether it is glow. None where none is believed. ``light``: None for even.
+        """
         off = np.append(np.where(seen, residual, np.nan), np.nan)[self._members]
         count = np.isfinite(off).sum(axis=1)
         enough = np.flatnonzero(count >= LEAST_PIXELS)
@@ -302,7 +306,7 @@ class IlluminationField:
         return fill_unknown_squares(known.reshape(self.shape)) * self._unit(glows, gain), sure[np.isfinite(sure)], glows
 
     def _square_noise(self, left: F64) -> F64:
-        """Noise of each square from differences of neighbouring pixels, along the noisier axis."""
+        """Noise (squares,), grey, from differences of neighbouring residuals ``left`` (n,), along the noisier axis."""
         rough = np.zeros(self._members.shape[0])
         for one, other, squares in self._pairs:
             apart = np.append(np.abs(left[one] - left[other]), np.nan)[squares]
@@ -318,11 +322,9 @@ class IlluminationField:
         share: F64,
         squares: tuple[F64, NDArray[np.intp], float],
     ) -> bool:
-        """Whether light is added and not multiplied, by whether the texture's contrast has changed with it.
-
-        ``share`` are the grey values over that of the middle of their square; ``squares`` the middles' grey values,
-        which squares they are, and the noise.
-        """
+        """Whether light is added, by the texture's contrast; of k squares with p pixels: ``change`` (k,), residuals
+        ``off`` (k, p), ``share`` (k, p) of grey over the square's middle; ``squares``: middle grey (k,), indices (k,),
+        noise."""
         middle, which, noise = squares
         whole = change.copy()
         if light is not None:
@@ -405,7 +407,8 @@ def _inverse_diagonal(normal: F64) -> F64:
 
 
 def _pad_by_square(square: NDArray[np.intp], n_squares: int, nothing: int) -> NDArray[np.intp]:
-    """Places (n_squares, most) of what lies in each square, padded with ``nothing``."""
+    """Indices (n_squares, most) of what lies in each square, by the square of each item (n,), padded with
+    ``nothing``."""
     count = np.bincount(square, minlength=n_squares)
     order = np.argsort(square, kind="stable")
     places = np.full((n_squares, int(count.max(initial=1))), nothing)
@@ -414,7 +417,8 @@ def _pad_by_square(square: NDArray[np.intp], n_squares: int, nothing: int) -> ND
 
 
 def _pairs(template: Template) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
-    """Pixels of a template and their neighbours, to the right and below."""
+    """Neighbouring pixels of a template: indices (k,) of pixels and (k,) of those to their right, then of pixels and of
+    those below."""
     x, y = np.rint(template.offset_px - template.offset_px.min(axis=1, keepdims=True)).astype(int)
     grid = np.full((y.max() + 2, x.max() + 2), -1)
     grid[y, x] = np.arange(x.size)
@@ -482,7 +486,8 @@ class LocalIllumination:
         changes: Changes,
         is_first_fit: bool,
     ) -> bool:
-        """Update ``light`` from a fit's residuals; return whether it changed, so that another fit is needed."""
+        """Update ``light`` from the residuals (n,) of a fit; return whether it changed, so that another fit is needed.
+        A first change must show in two frames; ``changes`` are the smooth ones in use."""
         hidden = fit.seen - fit.inlier > HIDDEN_SHARE
         suspected = hidden or any(one > COHERENT for one in fit.coherence.ratio[-1].tolist())
         if self.light is None and not (is_first_fit and suspected):

@@ -149,8 +149,8 @@ def solve5(matrix: F64, rhs: F64, solution: F64) -> bool:
 
 @intrinsic
 def spline_sample(typing: Any, flat: Any, at: Any, width: Any, fx: Any, fy: Any) -> Any:
-    """The spline of coefficients ``flat`` (rows of ``width``) at fractions (fx, fy) past the second of the four by four
-    that begin at ``at``. Four rows of four at once: the compiler leaves them scalar, four times slower."""
+    """Numba intrinsic: value of the spline of coefficients ``flat`` (rows of ``width``) at fractions (fx, fy) past the
+    second of the four by four that begin at ``at``. Four rows at once: scalar code is four times slower."""
 
     def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         picture, index, step, along, across = args
@@ -183,7 +183,8 @@ def spline_sample(typing: Any, flat: Any, at: Any, width: Any, fx: Any, fy: Any)
 
 @cached_njit(nogil=True)
 def place_pixels(region: Region, subset: Subset, pose: F64, places: Places, visible: F32) -> None:
-    """Where each template pixel lies in the region; ``visible`` is 1 or 0."""
+    """Fill ``places`` with where each template pixel lies in the region at ``pose``, and ``visible`` (n,) with 1 where
+    it is inside and not covered, else 0."""
     height, width = region.coefficient.shape
     cosine, sine = np.float32(math.cos(pose[0])), np.float32(math.sin(pose[0]))
     centre_x = subset.centre_x + pose[1] - region.origin_x
@@ -206,7 +207,8 @@ def place_pixels(region: Region, subset: Subset, pose: F64, places: Places, visi
 
 @cached_njit(nogil=True)
 def sample_frame(region: Region, places: Places, value: F32, visible: F32) -> None:
-    """Sample the frame at every visible template pixel; the others, and what is not a number, become zero."""
+    """Fill ``value`` (n,) with the frame's grey values at the visible template pixels, else 0; ``visible`` (n,) becomes
+    0 where a value is not a number."""
     flat, width = region.coefficient.reshape(-1), region.coefficient.shape[1]
     zero = np.float32(0.0)
     for i in range(value.size):
@@ -231,7 +233,8 @@ def mean_noise_gain(places: Places, visible: F32, gain_table: F64) -> float:
 
 @cached_njit(nogil=True, fastmath=FAST)
 def normal_equations(columns: F32, value: F32, weight: F32, visible: F32, matrix: F64, rhs: F64) -> None:
-    """Fill normal ``matrix`` (5, 5) and ``rhs`` (5,) of the weighted fit of ``value`` by ``columns`` (5, n)."""
+    """Fill normal ``matrix`` (5, 5) and ``rhs`` (5,) of the weighted fit of ``value`` (n,) by ``columns`` (4, n) and a
+    constant."""
     at, ax, ay, ref = columns[0], columns[1], columns[2], columns[3]
     # named sums, so that the compiler keeps them in vector registers
     h00 = h01 = h02 = h03 = h04 = h11 = h12 = h13 = h14 = h22 = h23 = h24 = h33 = h34 = h44 = 0.0
@@ -255,10 +258,8 @@ def normal_equations(columns: F32, value: F32, weight: F32, visible: F32, matrix
 
 @cached_njit(nogil=True)
 def robust_scale(residual: F32, visible: F32, top: float, bin_of: I32) -> float:
-    """1.4826 times the median of ``|residual|`` over the visible pixels, from a histogram up to ``top``.
-
-    ``bin_of`` (n,) is room to work in.
-    """
+    """1.4826 times the median of ``|residual|`` over the visible pixels, from a histogram up to ``top``; ``bin_of``
+    (n,) is work space."""
     n, per_grey, last = residual.size, np.float32(SCALE_BINS / top), np.float32(SCALE_BINS - 1)
     for i in range(n):
         at = np.int32(min(abs(residual[i]) * per_grey, last))
@@ -336,10 +337,8 @@ def step_over_uncertainty(matrix: F64, q: F64, sums: ResidualSums, rhs: F64, col
 
 @cached_njit(nogil=True)
 def fit_rigid(region: Region, subset: Subset, settings: Settings, state: State) -> RigidFit:
-    """Inverse-compositional Gauss-Newton fit of one body in one frame.
-
-    Starts from pose, weights and scale of ``state``, which receives the result.
-    """
+    """Inverse-compositional Gauss-Newton fit of one body in one frame, from pose, weights and scale of ``state``, whose
+    arrays receive the result; a breakdown is a negative number of iterations."""
     pose, weight, value, visible, residual = state.pose, state.weight, state.work[0], state.work[1], state.work[2]
     places = Places(state.work[3], state.work[4], state.at)
     # q: gain times the step (turn, x, y), gain, offset

@@ -69,7 +69,8 @@ def pose_covariance(
 def _noise_corrected_inverse(
     weighted_normal: NDArray[np.float64], noise: float, template: Template
 ) -> NDArray[np.float64] | None:
-    """Inverse of the normal matrix less the part that tells nothing about the pose.
+    """Inverse (5, 5) of the normal matrix less the part that ``noise``, a variance, makes of it and that tells nothing
+    about the pose; None where that is singular.
 
     Noise beyond that of the still frames may be a pattern of the sensor: the still frames have it in common, so it is
     in the template, where it looks like texture and stays where it is. Half of the excess is then in the template, the

@@ -21,10 +21,8 @@ def fit_robustly(
     difference: F64,
     usable: NDArray[np.bool_],
 ) -> tuple[F64, F64] | None:
-    """Amplitudes (p,) of the columns of ``design`` (p, n) in a difference of grey values (n,), and their covariance.
-
-    None with too few usable pixels, or where the columns are not told apart.
-    """
+    """Amplitudes (p,) of the columns of ``design`` (p, n) in a difference of grey values (n,), and their covariance (p,
+    p); None with too few ``usable`` pixels, or where the columns are not told apart."""
     scale = 1.0 / np.sqrt(np.maximum(np.sum(design**2, axis=1), 1e-300))
     columns, kept = design * scale[:, None], usable
     for _ in range(ROUNDS):

@@ -98,8 +98,8 @@ class SlowChanges:
         left_out: tuple[str, ...] = (),
         changes: Changes = UNCHANGED,
     ) -> Changes:
-        """What the residuals of a fit, with their weights, say of the group that explains them best; `UNCHANGED` where
-        each may be chance, beyond ``changes`` in use. Names of groups that are ``left_out`` may not."""
+        """Amplitudes, beyond ``changes`` in use, of the group of terms that explains the residuals (n,) of a fit best;
+        `UNCHANGED` where each may be chance. ``noise2``: variance of the noise, ``left_out``: names of groups."""
         terms = self._terms_at(changes)
         w = weight.astype(float)
         weighted = w * residual
@@ -124,7 +124,8 @@ class SlowChanges:
     def update(
         self, weight: NDArray[np.float32], residual: NDArray[np.float32], gain: float, changes: Changes
     ) -> Changes:
-        """How the groups in use have changed since ``changes``, by the residuals of a fit; `UNCHANGED` without any."""
+        """Change of the amplitudes of the groups in use since ``changes``, by the residuals (n,) of a fit; `UNCHANGED`
+        where none is in use or the pixels do not tell."""
         rows = _rows_in_use(changes)
         w, terms = weight.astype(float), self._terms_at(changes)
         right = np.zeros(N_TERMS)
@@ -147,7 +148,7 @@ class SlowChanges:
         return float(noise2 * (now[REACH_PX] ** 2 - float(now @ more) ** 2) / BLURS[1])
 
     def _terms_at(self, changes: Changes) -> NDArray[np.float64]:
-        """Design columns of the smooth changes, that of the blur at the body's present blur."""
+        """Design rows (9, n) of the smooth changes, that of the blur at the body's present blur."""
         if changes[8] <= 0.0:
             return self._terms
         terms, k = self._terms.copy(), _next_blur(changes)
@@ -159,7 +160,8 @@ class SlowChanges:
     def _solve_terms(
         self, terms: NDArray[np.float64], rows: NDArray[np.intp], w: NDArray[np.float64], rhs: NDArray[np.float64]
     ) -> NDArray[np.float64] | None:
-        """Amplitudes of some of the terms; None where the pixels do not tell them apart."""
+        """Amplitudes (k,) of the terms with indices ``rows`` (k,), by weights ``w`` (n,) and products ``rhs`` (9,);
+        None where the pixels do not tell them apart."""
         normal = np.empty((rows.size, rows.size))
         for i, one in enumerate(rows):
             weighted = w * terms[one]
@@ -188,7 +190,8 @@ class SlowChanges:
     def correct_coefficients(
         self, coefficient: NDArray[np.float32], corner: tuple[int, int], pose: NDArray[np.float64], changes: Changes
     ) -> NDArray[np.float32]:
-        """Spline coefficients of a region, whose first pixel is at (y, x), under even light."""
+        """Spline coefficients of a region, whose first pixel is at ``corner`` (y, x), divided by the change of light
+        over the body at ``pose``."""
         template = self._template
         cosine, sine = math.cos(pose[0]) / template.radius_px, math.sin(pose[0]) / template.radius_px
         height, width = coefficient.shape

@@ -88,8 +88,7 @@ def build_template(
     noise_grey: float = 0.0,
 ) -> Template:
     """Prepare a body for tracking: the pixels of a ``mask`` in the averaged still ``picture``, of them at most
-    ``max_pixels`` that tell most about the angle (Fisher score); ``noise_grey`` is the noise of one frame.
-    """
+    ``max_pixels`` that tell most about the angle; ``noise_grey``: of one frame. `BodyError` without texture."""
     rows, cols = np.nonzero(mask)
     centre = (float(cols.mean()), float(rows.mean()))
     left, top = (max(0, int(where.min()) - PATCH_PX) for where in (cols, rows))
@@ -124,7 +123,7 @@ def build_template(
 
 
 def thin_template(template: Template, max_pixels: int) -> Template:
-    """A template of the pixels with the largest Fisher information; its centre is unchanged."""
+    """Template of the ``max_pixels`` pixels that tell most about angle and position; its centre is unchanged."""
     design = np.vstack([template.columns, np.ones(template.n_pixels)]).T.astype(float)
     inverse = invert_normal(template.normal)
     if inverse is None or max_pixels >= template.n_pixels:
@@ -161,7 +160,8 @@ def invert_normal(normal: NDArray[np.float64]) -> NDArray[np.float64] | None:
 
 
 def noise_normal_matrix(dx: NDArray[np.float64], dy: NDArray[np.float64], variance: float) -> NDArray[np.float64]:
-    """Expected normal matrix of white noise alone: its slopes look like texture, as much in x as in y."""
+    """Expected normal matrix (5, 5) of white noise of a variance alone, of pixels at offsets (n,): its slopes look like
+    texture, as much in x as in y."""
     noise = np.diag([np.sum(dx * dx + dy * dy), dx.size, dx.size, 0.0, 0.0])
     noise[0, 1] = noise[1, 0] = -np.sum(dy)
     noise[0, 2] = noise[2, 0] = np.sum(dx)
@@ -171,7 +171,8 @@ def noise_normal_matrix(dx: NDArray[np.float64], dy: NDArray[np.float64], varian
 
 
 def _best_pixels(columns: NDArray[np.float64], inverse: NDArray[np.float64], count: int) -> NDArray[np.intp]:
-    """Indices, in raster order, of the pixels with the largest influence on angle and position."""
+    """Indices, in raster order, of the ``count`` pixels with the largest influence on angle and position; ``columns``
+    (n, 5), ``inverse`` (5, 5)."""
     influence = columns @ inverse
     angle = influence[:, 0] ** 2 / inverse[0, 0]
     position = influence[:, 1] ** 2 / inverse[1, 1] + influence[:, 2] ** 2 / inverse[2, 2]

@@ -152,7 +152,8 @@ is fitted, and Python must judge it; the next is not inside the part of the fram
 
 @inner_njit(_nrt=False)
 def is_accepted(states: States, found: FitOutputs, body: int) -> bool:
-    """Whether a fit needs no look by Python: incoherent residuals, no failure flag, usual gain, a small step."""
+    """Whether a fit needs no look by Python: coherent with white noise, no failure flag, usual gain, a small step. Sets
+    ``found.flag``."""
     for k in range(3):
         if found.ratio[body, -1, k] > COHERENT:
             return False
@@ -308,7 +309,8 @@ def copy_box(one: I64, other: I64) -> None:
 
 @inner_njit()
 def filter_region(film: Film, k: int, box: I64, buffer: F32) -> tuple[Any, int]:
-    """Coefficients of a rectangle of a frame, in ``buffer``, and the number of its pixels inside saturated areas."""
+    """Coefficients of the rectangle ``box`` (y0, y1, x0, x1) of a frame, made in ``buffer``, and the number of its
+    pixels inside saturated areas."""
     y0, y1, x0, x1 = box[0], box[1], box[2], box[3]
     height, width = y1 - y0, x1 - x0
     picture = np.empty((height, width), film.frames.dtype)
@@ -348,7 +350,7 @@ def track_rows(
     rows: Rows,
     stop: Stop,
 ) -> int:
-    """Track rows in order; return how many were done, and where it ended in ``stop``."""
+    """Track frames in order and fill ``rows``; return how many were done, and where the next one ended in ``stop``."""
     at, box, expected = stop.at, stop.box, stop.expected
     size = (bodies.distance.shape[1], bodies.distance.shape[2])
     for done in range(rows.frame.size):

@@ -221,8 +221,8 @@ def build_repeat_watch(repeats: Repeats, n_still: int) -> Watch:
 
 
 def read_frames_around(film: FrameSource, index: NDArray[np.int64]) -> tuple[int, NDArray[Any], int] | None:
-    """Frames that hold those numbered ``index`` (n,) and the one before each: number of the first, frames read-only,
-    and how many of ``index`` they hold; None of a film whose frames do not lie in memory as they are read."""
+    """Number of the first frame, frames (k, height, width), read-only, and how many of ``index`` (n,) they hold, each
+    with the one before it; None of a film whose frames do not lie in memory as they are read."""
     # a class that only inherits this may read differently
     if "frames" not in type(film).__dict__ or not index.size:
         return None

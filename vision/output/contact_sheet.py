@@ -126,7 +126,8 @@ def write_contact_sheet(
 
 
 def select_worst_rows(failed: NDArray[np.bool_], zncc: NDArray[np.float64], count: int) -> list[int]:
-    """Rows to inspect first: most bodies lost, then lowest correlation of any body.
+    """Rows to inspect first, at most ``count``: most bodies lost (``failed`` (n, m)), then lowest correlation (``zncc``
+    (n, m)) of any body.
 
     Neighbours show the same, so rows that are not lost and close to one already chosen come last. Given is whether each
     body (m) is lost in each row (n), and its correlation, both (n, m).
@@ -166,7 +167,7 @@ def flag_texts(flag: int) -> str:
 
 
 def _tile(picture: Picture, words: tuple[str, str]) -> Picture:
-    """A frame, enlarged to a readable width, below two lines of text."""
+    """A frame (height, width, 3), enlarged to a readable width, below two lines of text."""
     factor = max(1, -(-TILE_WIDTH_PX // picture.shape[1]))
     large = cv2.resize(picture, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)
     strip = np.zeros((2 * LINE_PX + 4, large.shape[1], 3), dtype=np.uint8)

@@ -60,7 +60,7 @@ def _draw_scales(picture: NDArray[Any], shape: tuple[int, ...], factor: int) -> 
 
 
 def _write(picture: NDArray[Any], text: str, x: int, y: int, colour: Colour, size: float) -> None:
-    """Text about a point, moved into the picture, with a dark rim."""
+    """Draw text centred on a point (x, y), px, moved into the picture, with a dark rim."""
     wide, high = text_size(text, size)
     at = (
         min(max(x - wide // 2, 2), picture.shape[1] - wide - 2),

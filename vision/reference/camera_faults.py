@@ -81,8 +81,8 @@ def correct_defects(film: FrameSource) -> FrameSource:
 
 
 def _is_fixed(film: FrameSource, rows: NDArray[np.intp], columns: NDArray[np.intp], last: int) -> NDArray[np.bool_]:
-    """Which pixels still differ from their neighbours where these have changed: texture of a body that rests in most
-    frames goes with them."""
+    """Which of some pixels (k,) still differ from their neighbours where these have changed, in frames up to ``last``:
+    texture of a body that rests in most frames goes with them."""
     beside, off = [], []
     for k in np.unique(np.linspace(0, last, FRAMES).astype(int)):
         grey = film.read(int(k))
@@ -139,7 +139,8 @@ class FlickerCorrectedFilm(Corrected):
 
 
 def correct_row_flicker(film: FrameSource, box: tuple[int, int, int, int]) -> FrameSource:
-    """The film itself, or with even light in its rows where that flickers inside a rectangle (y0, y1, x0, x1)."""
+    """The film itself, or one with even light in its rows where that flickers inside a rectangle (y0, y1, x0, x1) of
+    the first frames."""
     if film.n_frames < 3 or box[1] - box[0] < FIRST:
         return film
     top = saturated_grey(film)
@@ -205,7 +206,8 @@ FIRST_PAIRS = 5  # frames at rest of which none may then repeat as a whole
 
 
 def skips_blocks(film: FrameSource, box: tuple[int, int, int, int], noise_grey: float) -> bool:
-    """Whether a codec repeats textured squares of the previous frame inside a rectangle (y0, y1, x0, x1)."""
+    """Whether a codec repeats textured squares of the previous frame inside a rectangle (y0, y1, x0, x1); False where
+    the film states its compression."""
     if film.compression is not None or film.n_frames < 3:
         return False
     # and the squares next to it

@@ -128,8 +128,8 @@ def _roughness(picture: NDArray[np.float32], region: NDArray[np.bool_]) -> float
 def _matched_difference(
     frame: NDArray[Any], mean: NDArray[np.float64], light: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], float]:
-    """Frame less the mean times the gain, which is returned too, after fitting gain, offset and two gradients of the
-    light; ``light`` (2, n) are the coordinates."""
+    """Frame (n,) less the mean (n,) times its gain, which is returned too, after a fit of gain, offset and two
+    gradients of the light along the coordinates ``light`` (2, n)."""
     design = np.column_stack([mean - mean.mean(), *light, np.ones_like(mean)])
     # the coordinates and the centred mean are of the order of one and of the contrast, so products do no harm
     normal = design.T @ design

@@ -91,7 +91,8 @@ def _score(differences: NDArray[np.float64]) -> float:
 
 
 def _noise_by_tile(frames: NDArray[np.float32], top: float) -> NDArray[np.float32] | None:
-    """Noise of the flattest tiles, (frames, tiles, pixels); None where there are too few."""
+    """Noise of the flattest tiles, (frames, tiles, pixels), of ``frames`` (n, height, width); None where too few tiles
+    are below ``top``, the saturated grey."""
     n, height, width = frames.shape
     mean = frames.mean(axis=0)
     clipped = ((frames.max(axis=0) >= top) | (frames.min(axis=0) <= 0.0)).astype(np.float32)

@@ -171,10 +171,9 @@ class TrackResult(Tabular, ArrayRecord):
         return str(pd.DataFrame(rows).to_html(index=False, float_format="{:.2f}".format))
 
     def columns(self) -> dict[str, NDArray[Any]]:
-        """Per frame time_s, frame, then per body ``<body>_rad``, ``_u_rad`` (noise and reference), ``_u_total_rad``
-        (with camera, shutter and codec), the same with ``_relative`` (of a body with a parent), ``_x_px``, ``_y_px``,
-        ``_u_x_px``, ``_u_y_px``, ``_quality`` (correlation), ``_inlier`` and ``_flag``.
-        """
+        """Columns (n,) by name: time_s, frame, then per body ``<body>_rad``, ``_u_rad`` (noise and reference),
+        ``_u_total_rad``, the same with ``_relative``, ``_x_px``, ``_y_px``, ``_u_x_px``, ``_u_y_px``, ``_quality``,
+        ``_inlier``, ``_flag``."""
         total, u_position = self.u_total_rad, self.u_position_px
         relative_total = self.budget.total(relative=True, without=("synchronisation",))
         columns: dict[str, NDArray[Any]] = {"time_s": self.time_s, "frame": self.frame}
