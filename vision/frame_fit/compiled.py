@@ -116,12 +116,12 @@ class Film(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Columns of a `results.pose_table.PoseTable`, to be filled from row ``first`` on, which is step ``first_step`` of
-    the tracker; ``frame`` are their numbers."""
+    """Columns of a `results.pose_table.PoseTable`, to be filled from row ``first`` on, which is the
+    ``first_ordinal``-th that the tracker fits; ``frame`` are their numbers."""
 
     frame: I64
     first: int
-    first_step: int
+    first_ordinal: int
     pose: F64
     covariance: F64
     zncc: F64
@@ -134,9 +134,9 @@ class Rows(NamedTuple):
 
 
 class Stop(NamedTuple):
-    """Where a walk ended: ``at`` (2,) place in the order of the bodies and step; ``expected`` and ``box`` (4,),
-    rectangle of all bodies and that of the newest filtered part, with its ``n_saturated`` (1,); ``begun`` (1,), how
-    the fits of the frame ended, 0 before them."""
+    """Where a walk ended: ``at`` (2,) position in the order of the bodies and ordinal of the frame; ``expected`` and
+    ``box`` (4,), rectangle of all bodies and that of the newest filtered part, with its ``n_saturated`` (1,); ``begun``
+    (1,), how the fits of the frame ended, 0 before them."""
 
     at: I64
     expected: I64
@@ -172,9 +172,9 @@ def read_figures(found: FitOutputs, body: int) -> Figures:
 
 
 @inner_njit()
-def mark_hidden_pixels(bodies: Bodies, states: States, found: FitOutputs, body: int, step: int) -> Any:
-    """Mark the pixels of a body that those in front hide, at their poses where placed, else where expected; returns a
-    view of ``states.covered``."""
+def mark_hidden_pixels(bodies: Bodies, states: States, found: FitOutputs, body: int, ordinal: int) -> Any:
+    """Mark the pixels of a body (index) that those in front hide, at their poses where placed in the ``ordinal``-th
+    tracked frame, else where expected; returns a view of ``states.covered``."""
     start, count = bodies.start[body], bodies.n_pixels[body]
     covered = states.covered[start : start + count]
     for i in range(count):
@@ -185,7 +185,7 @@ def mark_hidden_pixels(bodies: Bodies, states: States, found: FitOutputs, body: 
     for other in range(bodies.order.size):
         if bodies.in_front[body, other] == 0:
             continue
-        there = found.pose[other] if is_placed(states.motion, other, step) else found.expected[other]
+        there = found.pose[other] if is_placed(states.motion, other, ordinal) else found.expected[other]
         seen = relative_pose(found.expected[body], centre[body], there, centre[other])
         mark_covered(offset, around, seen, bodies.distance[other], centre[other], covered)
     return covered
@@ -193,11 +193,12 @@ def mark_hidden_pixels(bodies: Bodies, states: States, found: FitOutputs, body: 
 
 @inner_njit()
 def fit_body(
-    part: Region, settings: Settings, bodies: Bodies, states: States, found: FitOutputs, body: int, step: int
+    part: Region, settings: Settings, bodies: Bodies, states: States, found: FitOutputs, body: int, ordinal: int
 ) -> bool:
-    """Fit one body from its expected pose into ``found``; return whether it is accepted."""
+    """Fit one body (index) in the ``ordinal``-th tracked frame from its expected pose into ``found``; return whether it
+    is accepted."""
     start, count = bodies.start[body], bodies.n_pixels[body]
-    covered = mark_hidden_pixels(bodies, states, found, body, step)
+    covered = mark_hidden_pixels(bodies, states, found, body, ordinal)
     offset = bodies.offset[2 * start : 2 * (start + count)].reshape(2, count)
     columns = bodies.columns[4 * start : 4 * (start + count)].reshape(4, count)
     weight, at = states.weight[start : start + count], states.at[start : start + count]
@@ -262,31 +263,32 @@ def fit_remaining_bodies(
     found: FitOutputs,
     at: I64,
 ) -> int:
-    """Fit the bodies in order from the ``at[0]``-th on at step ``at[1]``, in the filtered ``part`` of a frame.
+    """Fit bodies of the ``at[1]``-th tracked frame, from the ``at[0]``-th in order on, in its filtered ``part``,
+    recording poses while fits are good; ``at[0]`` becomes where it stopped, the answer is why (`ALL_DONE` and beyond).
 
     Goes on to the next while bodies are good, whose poses it records; ``at[0]`` is then where it stopped, and the
     answer why (`ALL_DONE` and beyond); `found.region` tells of which part it has need.
     """
     height, width = part.coefficient.shape
     y0, x0 = int(part.origin_y), int(part.origin_x)
-    size, step = (bodies.distance.shape[1], bodies.distance.shape[2]), at[1]
+    size, ordinal = (bodies.distance.shape[1], bodies.distance.shape[2]), at[1]
     for position in range(at[0], bodies.order.size):
         at[0], body = position, bodies.order[position]
-        if placed_parent(states.motion, body, step) >= 0:
-            expect_body(states.motion, body, step, bodies.box, size, found.expected, found.region)
+        if placed_parent(states.motion, body, ordinal) >= 0:
+            expect_body(states.motion, body, ordinal, bodies.box, size, found.expected, found.region)
         region = found.region[body]
         inside = region[0] >= y0 and region[1] <= y0 + height and region[2] >= x0 and region[3] <= x0 + width
         is_apart = states.apart[body] != 0 or region[0] < 0
         if not (is_apart or inside):
             return OUTSIDE
         if is_apart or 2 * n_saturated > SATURATED_SHARE * bodies.n_pixels[body]:
-            mark_hidden_pixels(bodies, states, found, body, step)
+            mark_hidden_pixels(bodies, states, found, body, ordinal)
             return NOT_BEGUN
-        if not fit_body(part, settings, bodies, states, found, body, step):
+        if not fit_body(part, settings, bodies, states, found, body, ordinal):
             return DOUBTFUL
         states.scale[body] = found.sums[body, 3]
         update_usual_quality(states.standards, body, read_figures(found, body))
-        place_body(states.motion, body, step, found.pose[body])
+        place_body(states.motion, body, ordinal, found.pose[body])
     at[0] = bodies.order.size
     return ALL_DONE
 
@@ -354,7 +356,7 @@ def track_rows(
     at, box, expected = stop.at, stop.box, stop.expected
     size = (bodies.distance.shape[1], bodies.distance.shape[2])
     for done in range(rows.frame.size):
-        index, row, at[0], at[1] = rows.frame[done], rows.first + done, 0, rows.first_step + done
+        index, row, at[0], at[1] = rows.frame[done], rows.first + done, 0, rows.first_ordinal + done
         k, stop.begun[0] = index - film.first, 0
         if index >= film.watched_from and k >= 1 and is_repeated(film, k):
             return done

@@ -55,7 +55,8 @@ class FrameFit:
         self._bodies = self._pack_bodies(occlusion, n)
 
     def _pack_bodies(self, occlusion: Occlusion, n: int) -> Bodies:
-        """Templates of all bodies in one array each, for the compiled fit; ``n`` is their number of pixels."""
+        """Templates, squares and outlines of all bodies in one array each, for the compiled fit; ``n`` is the number of
+        pixels."""
         templates, m = self.templates, len(self.templates)
         offset, columns = np.zeros(2 * n, dtype=np.float32), np.zeros(4 * n, dtype=np.float32)
         for start, template in zip(self._start, templates, strict=True):
@@ -103,12 +104,15 @@ class FrameFit:
         one = slice(body, body + 1)
         return FitMemory(states.weight[start:end], work, states.at[start:end], states.scale[one], states.apart[one])
 
-    def expect(self, step: int) -> Box | None:
-        """Find where all bodies are expected at a step, and return the rectangle of the frame that holds them."""
+    def expect(self, ordinal: int) -> Box | None:
+        """Find where all bodies are expected in the ``ordinal``-th tracked frame; return the rectangle that
+        holds them."""
         box = self.stop.expected
         size: tuple[int, int] = self._bodies.distance.shape[1:]
         found = self.found
-        is_inside = expect_bodies(self.states.motion, step, self._bodies.box, size, found.expected, found.region, box)
+        is_inside = expect_bodies(
+            self.states.motion, ordinal, self._bodies.box, size, found.expected, found.region, box
+        )
         return _make_box(box) if is_inside else None
 
     def region(self, body: int) -> Box | None:
@@ -121,11 +125,12 @@ class FrameFit:
         start = self._start[body]
         return self.states.covered[start : start + self.templates[body].n_pixels]
 
-    def go_on(self, part: FilteredPart, position: int, step: int) -> tuple[int, int]:
-        """Fit bodies in the ``step``-th tracked frame, from the ``position``-th on; where it ended and why."""
+    def fit_from(self, part: FilteredPart, position: int, ordinal: int) -> tuple[int, int]:
+        """Fit bodies of the ``ordinal``-th tracked frame, from the ``position``-th in order on, in its filtered
+        ``part``; returns the position where it stopped, and why (`ALL_DONE`, `DOUBTFUL`, …)."""
         y0, _, x0, _ = part.box
         at, region = self.stop.at, Region(part.coefficient, float(x0), float(y0))
-        at[0], at[1] = position, step
+        at[0], at[1] = position, ordinal
         ended = fit_remaining_bodies(
             region, part.n_saturated, self._settings, self._bodies, self.states, self.found, at
         )

@@ -107,7 +107,8 @@ def has_other_illumination(standards: Standards, body: int, figures: Figures) ->
 
 @cached_njit(nogil=True, _nrt=False)
 def judge_fit(standards: Standards, body: int, figures: Figures, pose: F64, expected: F64, covariance: F64) -> int:
-    """Flags of a fit that converged, from where it was ``expected``; ``covariance`` (3, 3) is that of its pose."""
+    """Flags (`FrameFlag`) of a body's (index) converged fit at ``pose``, by where it was ``expected``, its figures and
+    ``covariance`` (3, 3); 0 for a good one."""
     flag, is_odd = 0, has_odd_gain(standards, body, figures.gain)
     is_lit = is_odd and has_other_illumination(standards, body, figures)
     # residuals that are the still frames' noise need no better correlation, however low that noise makes it

@@ -43,7 +43,7 @@ def widened_threshold(predicted_u_rad: NDArray[np.float64]) -> NDArray[np.float6
 def _width_flags(
     ready: PreparedFilm, predicted_u_rad: NDArray[np.float64], u_rad: NDArray[np.float64]
 ) -> NDArray[np.uint16]:
-    """`WIDENED` and `IMPRECISE` of standard uncertainties (n, m)."""
+    """Flags (n, m), `WIDENED`, `IMPRECISE` or 0, of standard uncertainties ``u_rad`` (n, m) by those predicted (m,)."""
     film_tells = np.array([not is_coarsely_quantised(template, ready.grey_step) for template in ready.templates])
     film_tells &= not ready.skips_blocks
     # what the best quarter of a body's rows have at most; 0 where it is lost in all of them
@@ -82,7 +82,8 @@ def estimate_zero_from_rows(ready: PreparedFilm, table: PoseTable) -> Zero:
 
 
 def _mean_zero(ready: PreparedFilm, turn: NDArray[np.float64], u: NDArray[np.float64]) -> Zero:
-    """Zero from turns and their standard uncertainties in the still frames, (n, m)."""
+    """Zero from turns and their standard uncertainties in the still frames, (n, m), rad; `TrackingError` for a body
+    found in fewer than half of them."""
     n = ready.reference.n_averaged
     good = np.count_nonzero(np.isfinite(turn), axis=0)
     for i, body in enumerate(ready.bodies):
@@ -95,7 +96,8 @@ def _mean_zero(ready: PreparedFilm, turn: NDArray[np.float64], u: NDArray[np.flo
 
 
 def _inflate_coherent_rows(ready: PreparedFilm, table: PoseTable, camera: Projection | None) -> PoseTable:
-    """The table with covariances widened where residuals are coherent beyond what a calibrated camera explains."""
+    """The table with covariances widened for residuals coherent beyond what a calibrated camera explains, for skipped
+    blocks, and for resampling."""
     ratio = table.ratio
     if camera is not None:
         white = np.diagonal(table.covariance, axis1=2, axis2=3)

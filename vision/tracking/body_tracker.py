@@ -88,7 +88,8 @@ def _match_template(
     corner_px: tuple[float, float],
     least_px: int = 0,
 ) -> list[NDArray[np.float64]]:
-    """Poses of the best match for each turn at which the template fits into a picture, best first.
+    """Poses of the best match for each turn at which the template fits into ``small``, a frame's part at a
+    ``coarse``-th of its resolution whose first pixel is at ``corner_px`` (x, y); best first.
 
     The picture is a ``coarse``-th as large as the frame, where its first pixel lies at ``corner_px`` (x, y). Where a
     side of ``least_px`` is asked for, a template that lacks it, or does not fit in, at any turn matches nowhere.
@@ -187,37 +188,36 @@ class BodyTracker:
         """Forget where the body has been."""
         self.motion.absolute.known[self.number] = self.motion.relative.known[self.number] = 0
 
-    def place(self, step: int, pose: NDArray[np.float64]) -> None:
-        """Record the pose of the body at a step; parents are placed before their children."""
-        place_body(self.motion, self.number, step, pose)
+    def place(self, ordinal: int, pose: NDArray[np.float64]) -> None:
+        """Record the pose of the body in the ``ordinal``-th tracked frame; parents are placed before their children."""
+        place_body(self.motion, self.number, ordinal, pose)
 
-    def is_placed(self, step: int) -> bool:
-        return bool(is_placed(self.motion, self.number, step))
+    def is_placed(self, ordinal: int) -> bool:
+        return bool(is_placed(self.motion, self.number, ordinal))
 
-    def predict(self, step: int, is_moving: bool = True) -> NDArray[np.float64]:
-        """Pose expected at a step; the newest known one, moved with the parent, where it is not ``is_moving``."""
+    def predict(self, ordinal: int, is_moving: bool = True) -> NDArray[np.float64]:
+        """Pose (3,) expected in the ``ordinal``-th tracked frame; the newest known one, moved with the parent, unless
+        ``is_moving``."""
         pose = np.empty(3)
-        expect_pose(self.motion, self.number, step, is_moving, pose)
+        expect_pose(self.motion, self.number, ordinal, is_moving, pose)
         return pose
 
-    def step(
+    def fit_frame(
         self,
         film: FrameSource,
         index: int,
-        step: int,
+        ordinal: int,
         expected: NDArray[np.float64],
         covered: NDArray[np.uint8] | None,
         search: bool = True,
         begun: Callable[[], Fit] | None = None,
     ) -> Fit:
-        """Fit the body in frame ``index``, the ``step``-th tracked one, from its `predict` pose, and remember it.
-
-        ``begun`` gives the fit from that pose where it is done already.
-        """
+        """Fit the body in frame ``index``, the ``ordinal``-th tracked, from the pose ``expected``, or search for it
+        when lost; keeps fit, flag and pose. ``begun`` gives a fit from that pose that is done already."""
         fit = self.fitter.fit(film, index, expected, covered) if begun is None else begun()
         flag = self._flags_of(fit, expected)
         if flag & FAILURE:
-            fit, flag = self._retry(film, index, step, covered, flag, search)
+            fit, flag = self._retry(film, index, ordinal, covered, flag, search)
         self._fit, self.flag = fit, flag
         if flag & FAILURE:
             self.lost_in_a_row += 1
@@ -225,29 +225,30 @@ class BodyTracker:
             return fit
         self.lost_in_a_row = 0
         update_usual_quality(self.standards, self.number, _figures(fit))
-        self.place(step, fit.pose)
+        self.place(ordinal, fit.pose)
         return fit
 
     def take_fit(self, fit: Callable[[], Fit], flag: int) -> None:
         """Take over a fit that is believed and placed already; it is made when it is asked for."""
         self._fit, self.flag, self.lost_in_a_row = fit, FrameFlag(flag) if flag else GOOD, 0
 
-    def skip(self, step: int, flag: FrameFlag) -> None:
+    def skip(self, ordinal: int, flag: FrameFlag) -> None:
         """Pass over a frame that says nothing: lost, but the motion goes on as predicted."""
         self._fit, self.flag = FAILED, flag
-        self.place(step, self.predict(step))
+        self.place(ordinal, self.predict(ordinal))
 
     def _retry(
         self,
         film: FrameSource,
         index: int,
-        step: int,
+        ordinal: int,
         covered: NDArray[np.uint8] | None,
         first_flag: FrameFlag,
         search: bool,
     ) -> tuple[Fit, FrameFlag]:
-        """Fit the ``step``-th tracked frame from the newest placement, else, if ``search``, by a search; counts it."""
-        newest = self.predict(step, is_moving=False)
+        """Fit the ``ordinal``-th tracked frame from the newest known pose, then, if ``search``, from a search around it
+        and of the whole picture, counted in ``searches``; else `FAILED` with ``first_flag``."""
+        newest = self.predict(ordinal, is_moving=False)
         fit, flag = self._fit_anew(film, index, newest, covered)
         if not flag & FAILURE:
             return fit, flag | (FrameFlag.REACQUIRED if self.lost_in_a_row else FrameFlag.GOOD)

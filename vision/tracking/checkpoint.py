@@ -58,7 +58,8 @@ class Checkpoint:
             np.savez(file, allow_pickle=False, **arrays)
 
     def load(self, table: PoseTable, tracker: FilmTracker) -> int:
-        """Fill in the rows done of this job; returns their number, 0 when there is nothing to resume from."""
+        """Fill in the rows done of this job and the trackers' state; returns the number of rows. 0, with the trackers
+        at the start, when there is nothing to resume from."""
         try:
             # opened here: NumPy leaves a damaged archive's file open
             with self.path.open("rb") as file, np.load(file, allow_pickle=False) as stored:

@@ -53,7 +53,8 @@ UNKNOWN_LAG = FieldLag(0.0, math.inf)
 
 
 def measure_field_lag(ready: PreparedFilm, table: PoseTable, time_s: NDArray[np.float64]) -> FieldLag:
-    """Lag of a film's odd rows behind the even ones, in frames, from the poses found; ``time_s`` (n,) of all frames."""
+    """Lag of a film's odd rows behind the even ones, in frames, from the poses found; ``time_s`` (n_frames,) of all
+    frames of the film."""
     at = time_s[table.frame] / (float(np.median(np.diff(time_s))) if time_s.size > 1 else 1.0)
     right, normal, chi2, degrees = 0.0, 0.0, 0.0, 0
     for i, template in enumerate(ready.templates):

@@ -46,7 +46,7 @@ class FilmTracker:
         self.place(-1, np.zeros((len(templates), 3)))
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """All that the next frame depends on."""
+        """Arrays, by name, of all that the next frame's fit depends on: placements, weights, usual quality."""
         motion, usual = self._together.states.motion, self._together.states.standards.usual
         arrays = {"usual": usual, "lost_in_a_row": np.array([body.lost_in_a_row for body in self.trackers])}
         for name, history in (("absolute", motion.absolute), ("relative", motion.relative)):
@@ -56,7 +56,7 @@ class FilmTracker:
         return arrays
 
     def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from what `state` gave."""
+        """Go on from the arrays that `state` gave."""
         motion = self._together.states.motion
         self._together.states.standards.usual[:] = arrays["usual"]
         for name, history in (("absolute", motion.absolute), ("relative", motion.relative)):
@@ -67,37 +67,39 @@ class FilmTracker:
             fitter.restore({n.removeprefix(start): v for n, v in arrays.items() if n.startswith(start)})
 
     def clear_histories(self) -> None:
-        """Forget where the bodies were; they are placed anew before the next step."""
+        """Forget where the bodies were; they are placed anew before the next frame is fitted."""
         for tracker in self.trackers:
             tracker.clear()
 
-    def place(self, step: int, poses: Sequence[NDArray[np.float64]] | NDArray[np.float64]) -> None:
-        """Record where all bodies are at a step."""
+    def place(self, ordinal: int, poses: Sequence[NDArray[np.float64]] | NDArray[np.float64]) -> None:
+        """Record where all bodies are in the ``ordinal``-th tracked frame."""
         for i in self.order:
-            self.trackers[i].place(step, poses[i])
+            self.trackers[i].place(ordinal, poses[i])
 
-    def step(self, index: int, step: int, search: bool = True) -> None:
-        """Fit all bodies in frame ``index``, the ``step``-th tracked one, parents first."""
+    def fit_frame(self, index: int, ordinal: int, search: bool = True) -> None:
+        """Fit all bodies in frame ``index``, the ``ordinal``-th tracked one, parents first; lost ones are searched for
+        if ``search``. The trackers keep the fits."""
         together = self._together
-        self._frames.expect(index, together.expect(step))
+        self._frames.expect(index, together.expect(ordinal))
         first = together.region(self.order[0])
         if first is not None:
             self._frames.filtered_part(index, first)
-        self._finish(index, step, search)
+        self._finish(index, ordinal, search)
 
-    def _finish(self, index: int, step: int, search: bool, position: int = 0, ended: int | None = None) -> None:
-        """Fit the bodies of a frame from the ``position``-th in order on, where compiled code ``ended``."""
+    def _finish(self, index: int, ordinal: int, search: bool, position: int = 0, ended: int | None = None) -> None:
+        """Fit the bodies of frame ``index`` that are left, from the ``position``-th in order on, where compiled code
+        ``ended`` with a reason (None: it has not begun)."""
         together = self._together
         while position < len(self.order):
             if ended is None:
                 start = position
-                position, ended = together.go_on(self._frames.newest(index) or NO_PART, start, step)
+                position, ended = together.fit_from(self._frames.newest(index) or NO_PART, start, ordinal)
                 self._accept_compiled_fits(self.order[start:position])
             box = together.region(self.order[position]) if ended == OUTSIDE else None
             if box is not None:
                 self._frames.filtered_part(index, box)
             elif position < len(self.order):
-                self._fit_in_python(self.order[position], index, step, search, ended == DOUBTFUL)
+                self._fit_in_python(self.order[position], index, ordinal, search, ended == DOUBTFUL)
                 position += 1
             ended = None
 
@@ -106,11 +108,9 @@ class FilmTracker:
         for i in bodies:
             self.trackers[i].take_fit(partial(self._together.accepted_fit, i), int(self._together.found.flag[i]))
 
-    def track_rows(self, table: PoseTable, rows: range, first_step: int, watch: Watch, search: bool = True) -> int:
-        """Track and store rows of a table in compiled code; returns how many are done.
-
-        0 where the film or the next row is not for compiled code. The first row is the ``first_step``-th tracked.
-        """
+    def track_rows(self, table: PoseTable, rows: range, first_ordinal: int, watch: Watch, search: bool = True) -> int:
+        """Track and store rows of a table in compiled code, the first as the ``first_ordinal``-th tracked frame;
+        returns how many are done, 0 where the film or the next row is not for compiled code."""
         index = table.frame[rows.start : rows.stop]
         span = read_frames_around(self.ready.film, index)
         if span is None or self._frames.newest(int(index[0])) is not None:
@@ -119,7 +119,7 @@ class FilmTracker:
         n_still, watched_from, line = watch
         film = Film(frames, first, saturated_grey(self.ready.film), watched_from, *line)
         columns = (getattr(table, name) for name in Rows._fields[3:])
-        done = together.track_rows(film, Rows(index[:n], rows.start, first_step, *columns))
+        done = together.track_rows(film, Rows(index[:n], rows.start, first_ordinal, *columns))
         if done:
             self._accept_compiled_fits(self.order)
         ended, position = int(stop.begun[0]), int(stop.at[0])
@@ -128,28 +128,29 @@ class FilmTracker:
             self._accept_compiled_fits(self.order[:position])
             self._frames.expect(now, expected)
             self._frames.take(now, box, together.states.coefficient, int(stop.n_saturated[0]))
-            self._finish(now, first_step + done, search and now >= n_still, position, ended)
+            self._finish(now, first_ordinal + done, search and now >= n_still, position, ended)
             self.store(table, rows.start + done)
             done += 1
         return done
 
-    def _fit_in_python(self, i: int, index: int, step: int, search: bool, is_begun: bool) -> None:
-        """Fit the i-th body in Python, from the compiled fit's pose if that has begun; expect its children anew."""
+    def _fit_in_python(self, i: int, index: int, ordinal: int, search: bool, is_begun: bool) -> None:
+        """Fit the i-th body of frame ``index`` in Python, from the compiled first fit where that ``is_begun``, and
+        expect its children anew."""
         film, tracker, found = self.ready.film, self.trackers[i], self._together.found
         expected, covered = found.expected[i].copy(), self._together.hidden_pixels(i)
         begun: Callable[[], Fit] | None = None
         if is_begun:
             begun = partial(self.fitters[i].fit, film, index, expected, covered, self._together.first_fit(i))
-        found.pose[i] = tracker.step(film, index, step, expected, covered, search, begun).pose
+        found.pose[i] = tracker.fit_frame(film, index, ordinal, expected, covered, search, begun).pose
         for child, parent in enumerate(self._parents):
             if parent == i:
                 # now through the parent's pose in this frame
-                found.expected[child] = self.trackers[child].predict(step)
+                found.expected[child] = self.trackers[child].predict(ordinal)
 
-    def skip(self, step: int, flag: FrameFlag) -> None:
+    def skip(self, ordinal: int, flag: FrameFlag) -> None:
         """Pass over a frame that says nothing, with a flag for all bodies."""
         for i in self.order:
-            self.trackers[i].skip(step, flag)
+            self.trackers[i].skip(ordinal, flag)
 
     def store(self, table: PoseTable, row: int) -> None:
         """Store the newest fits of all bodies in a row of a table."""
@@ -170,7 +171,8 @@ class FilmTracker:
 
 
 def build_repeat_detector(film: FrameSource, templates: Sequence[Template], n_still: int) -> Repeats:
-    """Finds frames that repeat the one before, by the pixels around the templates' places in the reference."""
+    """Detector of frames that repeat the one before, by the pixels around the templates' places in the reference; it
+    never says so of a film whose still frames are equal."""
     boxes = [region_of(t, np.zeros(3), film.height, film.width, 0) for t in templates]
     known = np.array([box for box in boxes if box is not None] or [(0, film.height, 0, film.width)])
     low, high = known.min(axis=0), known.max(axis=0)
@@ -185,9 +187,9 @@ def build_repeat_detector(film: FrameSource, templates: Sequence[Template], n_st
 def track_first_frames(tracker: FilmTracker, n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Poses and their standard uncertainties in the first n frames, each (n, n_bodies, 3), NaN where lost."""
     pose, u = (np.full((n, len(tracker.trackers), 3), np.nan) for _ in range(2))
-    for step in range(n):
-        tracker.step(step, step, search=False)
+    for ordinal in range(n):
+        tracker.fit_frame(ordinal, ordinal, search=False)
         for i, body in enumerate(tracker.trackers):
             if not body.flag & FAILURE:
-                pose[step, i], u[step, i] = body.fit.pose, np.sqrt(np.diag(body.fit.covariance))
+                pose[ordinal, i], u[ordinal, i] = body.fit.pose, np.sqrt(np.diag(body.fit.covariance))
     return pose, u

@@ -96,7 +96,7 @@ def _needs_test(table: PoseTable, i: int) -> bool:
 
 
 def _sample_poses(table: PoseTable, i: int, radius_px: float) -> tuple[NDArray[np.int64], F64]:
-    """Frames and poses (k, 3), in order, evenly spread over the way of the i-th body."""
+    """Frame numbers (k,) and poses (k, 3), in order, evenly spread over the way of the i-th body."""
     rows = np.flatnonzero(~table.is_lost[:, i])
     pose = table.pose[rows, i]
     step = np.hypot(*np.diff(pose[:, 1:], axis=0).T) + 0.5 * radius_px * np.abs(np.diff(pose[:, 0]))
@@ -108,7 +108,8 @@ def _sample_poses(table: PoseTable, i: int, radius_px: float) -> tuple[NDArray[n
 def _find_moving_tiles(
     ready: PreparedFilm, template: Template, frame: NDArray[np.int64], pose: F64
 ) -> MovingParts | None:
-    """Tiles of one outline that move against the rest: a bend or a part of its own; None where none do."""
+    """Parts of one outline that move against its poses (k, 3) in frames (k,), a bend or a second body; None where none
+    do."""
     tiles = _tiles(template)
     if len(tiles) < 4:
         return None
@@ -151,10 +152,10 @@ def _find_moving_tiles(
 
 
 def _largest_sag(shift: F64, u: F64, middle: F64) -> tuple[float, int] | None:
-    """Largest sag of a bent outline, px, and the index of the tile at its end; None where the tiles show no bend.
+    """Largest sag of a bent outline, px, and the index of the tile at its end, by shifts (frames, tiles, 2), their
+    ``u`` (frames, tiles) and the tiles' middles (tiles, 2), px; None where the tiles show no bend.
 
-    ``shift`` (frames, tiles, 2) with standard uncertainties ``u`` (frames, tiles), ``middle`` (tiles, 2), all in px. A
-    bend is to the same side in a quarter of the frames.
+    A bend is to the same side in a quarter of the frames.
     """
     axis = np.linalg.svd(middle - middle.mean(axis=0), full_matrices=False)[2][0]
     along, across = middle @ axis, np.array([-axis[1], axis[0]])
@@ -184,7 +185,8 @@ def _largest_sag(shift: F64, u: F64, middle: F64) -> tuple[float, int] | None:
 
 
 def _is_common_motion(place: F64, moved: NDArray[np.bool_], middle: F64) -> bool:
-    """Whether tiles that moved did so together, in most frames, as a body does and a reflection does not.
+    """Whether tiles that ``moved`` (frames, tiles), at ``place`` (frames, tiles, 3), did so together in most frames, as
+    a body does and a reflection does not; ``middle`` (tiles, 2), px.
 
     The body's pose may be that of one part or a compromise of two, so that there may be two motions against it.
     """
@@ -249,7 +251,8 @@ class _Tile:
         return place, u, found[1] - noise2 < (1.0 - EXPLAINED) * before
 
     def _fit(self, region: Region, pose: F64, place: F64) -> tuple[F64, float] | None:
-        """Step from a place towards a better one, and mean square of what is left; None where the tile fits nowhere."""
+        """Step (x, y, turn) from a place towards a better one, and mean square of what is left, grey^2; None where the
+        tile fits nowhere."""
         value, visible = self._work[0], self._work[1]
         offset = (turn_matrix(place[2]) @ self._inside + (self.middle + place[:2])[:, None]).astype(np.float32)
         subset = Subset(offset, self._columns, self._nothing, *self._template.centre_px, self._template.radius_px)
@@ -285,10 +288,8 @@ LEAST_SEEN = 0.35  # share of the template that must be left
 
 
 def confirm_hidden(ready: PreparedFilm, table: PoseTable, doubted: NDArray[np.bool_]) -> int:
-    """Confirm or widen the rows flagged `COVERED`; those of bodies that are ``doubted`` (m,) keep the flag in any case.
-
-    Returns the number of rows and bodies without the flag.
-    """
+    """Confirm or widen rows of ``table`` flagged `COVERED` by a fit without the hidden part; returns the number that
+    lost the flag. Bodies that are ``doubted`` (m,) keep it."""
     covered = (table.flag & np.uint16(int(FrameFlag.COVERED))) != 0
     cleared = 0
     for i, template in enumerate(ready.templates):

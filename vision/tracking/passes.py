@@ -62,12 +62,8 @@ def track_forward(
     threads: int = 1,
     at_rest: Callable[[], None] | None = None,
 ) -> int:
-    """Track all bodies forward and fill the table; returns the number of rows resumed from a checkpoint.
-
-    ``tracker`` is where the still frames are, and begins; its count of searches becomes that of the whole pass.
-    ``checkpoint`` is where rows are kept, ``progress`` is told of them, and ``at_rest`` is called once the still frames
-    are tracked.
-    """
+    """Track all bodies forward and fill the table; returns the number of rows resumed from ``checkpoint``, in which
+    rows are kept. ``progress`` is told of rows, ``at_rest`` called once the still frames are tracked."""
     ready, n = tracker.ready, table.frame.size
     done = checkpoint.load(table, tracker) if checkpoint is not None else 0
     keeper = _ProgressRecorder(table, done, n_still, checkpoint, progress, at_rest)
@@ -115,7 +111,8 @@ class _ProgressRecorder:
         self._call_at_rest(self._kept)
 
     def rows_done(self, rows: int, tracker: FilmTracker, new: int = 1) -> None:
-        """The first ``rows`` rows are in the table, of which ``new`` are told of, and the tracker is where they end."""
+        """Tell ``progress`` of the first ``rows`` rows, of which ``new`` are new, and save them in the checkpoint, with
+        the tracker at their end, when it is due."""
         self._call_at_rest(rows)
         n, checkpoint = self._table.frame.size, self._checkpoint
         if self._progress is not None:
@@ -148,18 +145,20 @@ def confirm_backward(ready: PreparedFilm, table: PoseTable, confirm: str, thread
 
 
 def refit_row(ready: PreparedFilm, table: PoseTable, row: int, poses: Sequence[NDArray[np.float64]]) -> None:
-    """Fit a row of the table again by itself, from ``poses``, and store what is found in it."""
+    """Fit a row of the table again by itself, from ``poses`` of all bodies, and store what is found, or the failure, in
+    it."""
     tracker = FilmTracker(ready)
     tracker.clear_histories()
     tracker.place(-1, poses)
     for body in tracker.trackers:
         body.looks_far = False  # near where it was said to be, or not at all
-    tracker.step(int(table.frame[row]), 0)
+    tracker.fit_frame(int(table.frame[row]), 0)
     tracker.store(table, row)
 
 
 def doubtful_segments(table: PoseTable) -> list[tuple[int, int]]:
-    """Stretches of rows ``start..end-1`` around every row where a body is lost, reacquired, or freshly covered."""
+    """Segments (start, end) of rows ``start..end-1`` around every row where a body is lost, reacquired, or freshly
+    covered."""
     n = table.frame.size
     repeated = (table.flag & np.uint16(int(FrameFlag.REPEATED))) != 0
     doubt = (table.is_lost & ~repeated) | ((table.flag & np.uint16(int(FrameFlag.REACQUIRED))) != 0)
@@ -175,7 +174,8 @@ def doubtful_segments(table: PoseTable) -> list[tuple[int, int]]:
 
 
 def _track_backward(ready: PreparedFilm, table: PoseTable, start: int, end: int) -> PoseTable:
-    """Track rows from ``end`` back to ``start``, from where the first pass has the bodies; a new table."""
+    """Track rows ``end - 1`` back to ``start``, from where the first pass has the bodies, into a new table of
+    all rows."""
     tracker = FilmTracker(ready)
     back = PoseTable.empty(table.frame, len(ready.bodies))
     n = table.frame.size
@@ -190,25 +190,26 @@ def _track_backward(ready: PreparedFilm, table: PoseTable, start: int, end: int)
         body = tracker.trackers[i]
         body.clear()
         body.usual_quality[:] = table.zncc[starts[i][-1], i], table.gain[starts[i][-1], i]
-    for back_step in (-3, -2, -1):
+    for back_ordinal in (-3, -2, -1):
         for i in tracker.order:
-            row = end - 1 - back_step
+            row = end - 1 - back_ordinal
             if row in starts[i]:
-                tracker.trackers[i].place(back_step, table.pose[row, i])
-            elif back_step == -1 and starts[i] and starts[i][-1] < end:
+                tracker.trackers[i].place(back_ordinal, table.pose[row, i])
+            elif back_ordinal == -1 and starts[i] and starts[i][-1] < end:
                 # a row within the stretch is only a place to start from
                 tracker.trackers[i].place(-1, table.pose[starts[i][-1], i])
-    for step, row in enumerate(range(end - 1, start - 1, -1)):
+    for ordinal, row in enumerate(range(end - 1, start - 1, -1)):
         if np.any(table.flag[row] & np.uint16(int(FrameFlag.REPEATED))):
-            tracker.skip(step, FrameFlag.REPEATED)
+            tracker.skip(ordinal, FrameFlag.REPEATED)
         else:
-            tracker.step(int(table.frame[row]), step)
+            tracker.fit_frame(int(table.frame[row]), ordinal)
         tracker.store(back, row)
     return back
 
 
 def _reconcile(table: PoseTable, back: PoseTable, row: int, body: int, radius_px: float) -> None:
-    """Decide between the two passes for one body in one row."""
+    """Correct ``table`` for one body in one row by the backward pass ``back``: take its pose, reject the row, or add
+    the poses' difference to the covariance."""
     forward_lost, backward_lost = bool(table.is_lost[row, body]), bool(back.is_lost[row, body])
     if forward_lost and backward_lost:
         return
@@ -249,7 +250,7 @@ def rereference_lost_rows(ready: PreparedFilm, table: PoseTable) -> int:
 
 
 def _lost_run_starts(table: PoseTable, i: int) -> list[int]:
-    """First rows of the stretches of lost rows of the i-th body, each after a row that may become a reference."""
+    """First rows of the runs of lost rows of the i-th body, each after a row that may become a reference."""
     lost = table.is_lost[:, i] & ((table.flag[:, i] & OTHERWISE) == 0)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], lost.astype(np.int8), [0]])))
     usual = np.nanmedian(table.inlier[:, i]) if not table.is_lost[:, i].all() else np.nan
@@ -269,7 +270,8 @@ def _can_be_reference(table: PoseTable, row: int, i: int, usual: float) -> bool:
 
 
 def _track_with_new_reference(ready: PreparedFilm, table: PoseTable, i: int, start: int) -> int:
-    """Number of rows of the i-th body found in the stretch of lost ones from row ``start`` on; fills ``table``."""
+    """Follow the i-th body through the run of lost rows from row ``start`` on, with templates made of later rows; fills
+    ``table``, returns the number of rows found."""
     usual, found, n = float(np.nanmedian(table.inlier[:, i])), 0, table.frame.size
     for _ in range(MOST):
         row = start - 1
@@ -304,7 +306,8 @@ def _build_row_template(ready: PreparedFilm, table: PoseTable, row: int, i: int)
 
 
 def _follow_lost_rows(ready: PreparedFilm, table: PoseTable, i: int, reference: tuple[int, Template]) -> int:
-    """Follow the i-th body through lost rows with a template of a row; fills ``table``; first row not found."""
+    """Follow the i-th body through lost rows with a template made of a row, ``reference`` (row, template); fills
+    ``table`` and returns the first row not found."""
     row, template = reference
     film, occlusion = ready.film, ready.occlusion
     templates = [template if k == i else other for k, other in enumerate(ready.templates)]
@@ -317,13 +320,13 @@ def _follow_lost_rows(ready: PreparedFilm, table: PoseTable, i: int, reference: 
     # what is coherent in the residuals of the frame that becomes the reference moves all that are fitted to it
     factor = variance_factor(table.ratio[: row + 1, i : i + 1], table.blocks[: row + 1, i : i + 1])[-1:]
     drift = inflate_covariance(table.covariance[row : row + 1, i : i + 1], factor)[0, 0]
-    for step, now in enumerate(range(row + 1, table.frame.size)):
+    for ordinal, now in enumerate(range(row + 1, table.frame.size)):
         if not table.is_lost[now, i] or table.flag[now, i] & OTHERWISE:
             return now
         others = {j: table.pose[now, j] for j in occlusion.in_front[i] if not table.is_lost[now, j]}
-        expected = tracker.predict(step)
+        expected = tracker.predict(ordinal)
         covered = occlusion.hidden_pixels(i, expected, others) if others else None
-        fit = tracker.step(film, int(table.frame[now]), step, expected, covered, search=False)
+        fit = tracker.fit_frame(film, int(table.frame[now]), ordinal, expected, covered, search=False)
         if tracker.flag & FAILURE:
             return now
         pose = _convert_pose(template, ready.templates[i], None, fit.pose, table.pose[row, i])
@@ -334,11 +337,8 @@ def _follow_lost_rows(ready: PreparedFilm, table: PoseTable, i: int, reference: 
 
 
 def _convert_pose(template: Template, other: Template, at: F64 | None, pose: F64, reference: F64 | None = None) -> F64:
-    """Pose of a template at ``pose`` as that of another of the same body.
-
-    Either ``other`` was made where ``template`` was at pose ``at``, or ``template`` where ``other`` was at pose
-    ``reference``.
-    """
+    """``pose`` of ``template`` as that of ``other``, of the same body: ``other`` was made where ``template`` was at
+    ``at``, or ``template`` where ``other`` was at ``reference``."""
     mine, its = np.array(template.centre_px), np.array(other.centre_px)
     if at is not None:
         turn, place = pose[0] - at[0], mine + pose[1:]

@@ -81,7 +81,8 @@ def prior_stretch_uncertainty(film: FrameSource, settings: FitSettings) -> float
 
 
 def measure_stretch(ready: PreparedFilm, table: PoseTable, before: float) -> PictureStretch:
-    """Measure the stretch of the picture; ``before`` is its standard uncertainty without that."""
+    """Stretch of the picture along x against y, by the strains of bodies that turn; ``before`` is its standard
+    uncertainty without the measurement."""
     found = _measure_remaining_stretch(ready, table, before, 0.0)
     for _ in range(REFINEMENTS):
         if not found.is_significant or abs(found.value) < LINEAR_STRETCH:
@@ -95,7 +96,8 @@ def measure_stretch(ready: PreparedFilm, table: PoseTable, before: float) -> Pic
 
 
 def _measure_remaining_stretch(ready: PreparedFilm, table: PoseTable, before: float, value: float) -> PictureStretch:
-    """Stretch of the picture that is left after ``value``, from strains of bodies that turn."""
+    """Stretch of the picture that is left after ``value``, from strains of bodies that turn; ``before``: its standard
+    uncertainty without the measurement."""
     right, normal, chi2, degrees = 0.0, 0.0, 0.0, 0
     for i, template in enumerate(ready.templates):
         strains = _strains(ready, table, i, thin_template(template, PIXELS), value)
@@ -134,8 +136,8 @@ def _measure_remaining_stretch(ready: PreparedFilm, table: PoseTable, before: fl
 def _strains(
     ready: PreparedFilm, table: PoseTable, body: int, template: Template, value: float
 ) -> tuple[NDArray[np.float64], ...] | None:
-    """Turns (k,) of some rows, turns from row to row (k,), stretch and shear in them (k, 2), and the inverse of their
-    covariance (k, 2, 2)."""
+    """Of k rows of a body: turns (k,), rad, turns from row to row over the largest turn (k,), stretch and shear (k, 2)
+    left after ``value``, and the inverse of their covariance (k, 2, 2); None of too few rows."""
     moving = table.frame >= ready.reference.n_averaged
     rows = np.flatnonzero(~table.is_lost[:, body] & moving & (table.inlier[:, body] >= LEAST_INLIER))
     if rows.size < LEAST_ROWS:
@@ -192,8 +194,8 @@ def _fit_strain(
     design: NDArray[np.float64],
     value: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float] | None:
-    """Amplitudes of the columns of ``design`` (p, n) in the residuals of a frame in a picture stretched by
-    ``value``, their covariance, and the turn of the body at which they are taken.
+    """Amplitudes (p,) of the rows of ``design`` (p, n) in a frame's residuals, in a picture stretched by ``value``,
+    their covariance (p, p), and the body's turn, rad, at which they are taken; None where the fit fails.
 
     The tracked pose is that of the picture without stretch: its turn may be off by ``value sin(2 turn)``.
     """

@@ -50,7 +50,8 @@ def prepare(
     max_pixels: int | None = MAX_PIXELS,
     each: ItemMap = serial_map,
 ) -> PreparedFilm:
-    """Average the static frames, build masks and templates of the bodies, and return the prepared film.
+    """Average the still frames, build masks and templates of the bodies, and return the prepared film, less its defect
+    pixels and row flicker.
 
     Warns
     -----
@@ -105,7 +106,7 @@ def prepare(
 
 
 def _warn_of_motion(ready: PreparedFilm, n_still: int) -> None:
-    """Name each body that moves within the still frames that the user has given."""
+    """Warn of each body that moves within the still frames that the user has given."""
     pose, u = track_first_frames(FilmTracker(ready), n_still)
     for i, template in enumerate(ready.templates):
         count = count_still_frames(pose[:, i], u[:, i])
@@ -149,7 +150,8 @@ def _bounding_box(region: NDArray[np.bool_]) -> tuple[int, int, int, int]:
 def frame_times(
     film: FrameSource, given_s: ArrayLike | None, frame_rate_hz: float | None = None
 ) -> NDArray[np.float64]:
-    """Time of each frame, s, shape (n_frames,): those given, else the film's own."""
+    """Time of each frame, s, shape (n_frames,): those given, by the rate, or the film's own; warns of uneven ones,
+    `VisionInputError` where there are none or they do not increase."""
     if frame_rate_hz is not None:
         if given_s is not None:
             raise VisionInputError(f"{film.path}: `frame_rate_hz` and `frame_time_s` are given; leave one out")

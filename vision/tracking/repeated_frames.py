@@ -29,7 +29,8 @@ pass for one."""
 
 
 def reject_repeated(ready: PreparedFilm, table: PoseTable) -> None:
-    """Lose the rows of frames that repeat the one before (`FrameFlag.REPEATED`), of a film with predicted frames."""
+    """Lose the rows of ``table`` whose frames repeat the one before (`FrameFlag.REPEATED`), of a film with predicted
+    frames."""
     compression = ready.film.compression
     is_predicted = ready.skips_blocks or (compression is not None and compression.steps is None)
     if not is_predicted or table.frame.size < 2 * NEAR + 2 or np.any(np.diff(table.frame) != 1):

@@ -169,7 +169,8 @@ def _fit_frames(
     known: tuple[FitSettings, float],
     what: str,
 ) -> TrackResult:
-    """Fit some frames, and those beside each, from given poses; a frame without poses is lost.
+    """Fit some frames, and those beside each, from given poses, frame -> (turn (rad), shift (px)) of each body; a frame
+    without poses is lost. The result has the rows of these frames only.
 
     ``asked``: the frames, and frame -> turn (rad) and shift (px) of each body to start from. ``known``: the settings,
     and the standard uncertainty of the picture's stretch, which few frames do not measure. ``what``: entry of the
@@ -190,7 +191,7 @@ def _fit_frames(
 
 
 def _select_rows(result: TrackResult, rows: NDArray[np.intp]) -> TrackResult:
-    """Some rows of a result, (k,) indexes, in their order."""
+    """The result with some of its rows only, by their indices (k,), in this order."""
     of_rows = ("frame", "time_s", "angle_rad", "u_angle_rad", "x_px", "y_px", "zncc", "inlier", "noise_grey")
     chosen = {name: getattr(result, name)[rows] for name in (*of_rows, "flag", "covariance")}
     budget = result.budget

@@ -35,7 +35,8 @@ Poses = NDArray[np.float64]
 def find_segment_starts(
     ready: PreparedFilm, frame: NDArray[np.int64], rows: Sequence[int]
 ) -> Iterator[tuple[Poses, Poses]]:
-    """Poses in the two rows before each of ``rows``, in order, as far as the walk gets; ``frame`` (n,) of every row."""
+    """Yield, for each of ``rows`` in order, the poses (m, 3) in the two rows before it, as far as a quick walk gets;
+    ``frame`` (n,): frame number of every row."""
     templates = [thin_template(template, PIXELS) for template in ready.templates]
     light = replace(ready, templates=templates, occlusion=ready.occlusion.with_templates(templates))
     walk = _ForwardPass(FilmTracker(light), frame)
@@ -58,7 +59,7 @@ class _ForwardPass:
         self._speed, self._stride = np.zeros_like(self.pose), 4
 
     def advance_to(self, row: int) -> bool:
-        """Go on to a row; False where a body is lost."""
+        """Go on to a row, updating ``row`` and ``pose``; False where a body is lost."""
         while self.row < row:
             step = min(self._stride, row - self.row)
             expected = self.pose + step * self._speed
@@ -82,7 +83,7 @@ class _ForwardPass:
         """Poses of all bodies in a frame, None where one is not found."""
         tracker = self._tracker
         tracker.place(-1, expected)
-        tracker.step(index, 0, search=False)
+        tracker.fit_frame(index, 0, search=False)
         if any(body.flag & FAILURE for body in tracker.trackers):
             return None
         return np.array([body.fit.pose for body in tracker.trackers])
@@ -96,21 +97,22 @@ AGREE_PX = 0.02  # difference of two segments' poses that counts as the same pla
 
 
 def fit_rows_forward(
-    tracker: FilmTracker, repeats: Repeats, table: PoseTable, rows: range, step: int, n_still: int, search: bool = True
+    tracker: FilmTracker, repeats: Repeats, table: PoseTable, rows: range, first: int, n_still: int, search: bool = True
 ) -> int:
-    """Fit the frames of as many of the rows as one compiled call fits, at least one; returns how many.
+    """Fit, and store in the table, as many of ``rows`` as one compiled call fits, at least one; returns how many.
+    ``first`` is the ordinal of the first of them among the tracked frames.
 
-    The first of them is the ``step``-th tracked. A frame that repeats the one before is lost, beyond the first
+    A frame that repeats the one before is lost, beyond the first
     ``n_still``: at rest it is right all the same. Among those bodies are not searched for: they have not moved. Nor are
     they where ``search`` is False.
     """
-    if done := tracker.track_rows(table, rows, step, build_repeat_watch(repeats, n_still), search):
+    if done := tracker.track_rows(table, rows, first, build_repeat_watch(repeats, n_still), search):
         return done
     index = int(table.frame[rows.start])
     if index >= n_still and repeats.is_repeat(index):
-        tracker.skip(step, FrameFlag.REPEATED)
+        tracker.skip(first, FrameFlag.REPEATED)
     else:
-        tracker.step(index, step, search=search and index >= n_still)
+        tracker.fit_frame(index, first, search=search and index >= n_still)
     tracker.store(table, rows.start)
     return 1
 
@@ -154,9 +156,8 @@ def segment_starts(film: FrameSource, n_rows: int) -> list[int]:
 def track_later_segments(
     crew: Workers, ready: PreparedFilm, frame: NDArray[np.int64], n_still: int, done: int
 ) -> list[tuple[int, int, Future[Segment] | None]]:
-    """First row, end and future of the stretches after the first that are not ``done``; None where no place to start
-    from was found. ``frame`` (n,) of every row.
-    """
+    """(First row, end, future) of the segments after the first that are not among the ``done`` rows, submitted to the
+    crew; None without poses to start from. ``frame`` (n,): frame number of every row."""
     rows = segment_starts(ready.film, frame.size)
     found = find_segment_starts(ready, frame, [row - SHARED_ROWS for row in rows[1:]])
     stretches: list[tuple[int, int, Future[Segment] | None]] = []
@@ -173,7 +174,8 @@ def track_later_segments(
 def _track_segment(
     crew: Workers, ready: PreparedFilm, frame: NDArray[np.int64], first: int, n_still: int, start: tuple[Poses, Poses]
 ) -> Segment:
-    """Track the rows from ``first`` to the last from the poses in the two rows before the shared ones."""
+    """Track the rows from ``first`` to the last of ``frame`` (n,) into a segment, from the poses in the two rows before
+    those it shares with the segment before."""
     from_row = first - SHARED_ROWS
     tracker = FilmTracker(ready)
     tracker.clear_histories()

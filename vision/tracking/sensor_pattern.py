@@ -68,7 +68,8 @@ def find_moved_rows(ready: PreparedFilm, table: PoseTable) -> NDArray[np.bool_]:
 
 
 def residual_variance(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64]:
-    """Median variance of the noise in the rows that have moved, over that of the still frames, per body."""
+    """Median variance of the noise in the rows that have moved, over that of the still frames, per body, (m,); 1 where
+    few have."""
     moved = find_moved_rows(ready, table)
     still = max(ready.reference.noise_grey, ROUNDING_GREY) ** 2 * (
         float(noise_gain().mean()) ** 2 + 1.0 / ready.reference.n_averaged
@@ -83,9 +84,8 @@ def residual_variance(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float
 
 
 def _variance_growth(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64]:
-    """Residual variance of the rows that have moved, per body, as far as it has grown by that: against the rows at rest
-    where these are noisier than the template knows (smooth noise), and no more than soon after the body began to move
-    (what grows later comes from the body: defocus, another light)."""
+    """`residual_variance` (m,) as far as motion made it grow: against rows at rest where these are noisier than the
+    template knows, and no more than soon after the motion began (what grows later comes from the body)."""
     excess, way, moved = residual_variance(ready, table), travel_px(ready, table), find_moved_rows(ready, table)
     at_rest = ~table.is_lost & (table.frame < ready.reference.n_averaged)[:, None]
     for i, template in enumerate(ready.templates):
@@ -102,7 +102,8 @@ def _variance_growth(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float6
 
 
 def pattern_bias_variance(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64]:
-    """Variance of (turn, x, y), (n, m, 3), of bodies that what the still frames have in common may hold back.
+    """Variance of (turn, x, y), (n, m, 3), rad^2 and px^2, of bodies that what the still frames have in common may hold
+    back.
 
     Residuals that grow once a body has moved show noise that stood still in the still frames: a pattern that could not
     be taken off, a coarse step of the grey values, a codec. While the body has moved by less than `MOVED_PX` that is in
@@ -150,8 +151,8 @@ def sampled_rows(ready: PreparedFilm, table: PoseTable) -> NDArray[np.intp]:
 
 
 def _select_rows(ready: PreparedFilm, table: PoseTable) -> dict[int, tuple[NDArray[np.intp], NDArray[np.intp]]]:
-    """Of each body the rows looked at, spread over its way, and the third of the way in which each lies; none where no
-    body has moved far enough."""
+    """Rows of each body (by index) that are looked at, spread over its way, and the third of the way (0 to 2) in which
+    each lies; empty where no body has moved far enough."""
     way, moved = travel_px(ready, table), find_moved_rows(ready, table)
     chosen: dict[int, tuple[NDArray[np.intp], NDArray[np.intp]]] = {}  # body: rows, and the third of the way of each
     apart = 0.0
@@ -194,8 +195,8 @@ def _difference_sums(film: FrameSource, ready: PreparedFilm, table: PoseTable) -
 
 
 def _significant_pattern(sums: NDArray[np.float64], noise2: float) -> NDArray[np.float32] | None:
-    """The pattern from counts, sums and squares of the differences in each third of the way; None where the first
-    and the last third do not show the same."""
+    """Pattern (height, width), grey, from counts, sums and squares (3) of the differences in each third (3) of the way,
+    (3, 3, height, width); None where the first and the last third do not show the same."""
     count, total, squares = sums.sum(axis=1)
     enough = count >= LEAST_ROWS / 2
     if not enough.any():
@@ -227,8 +228,8 @@ def _difference(
     centre: tuple[float, float],
     mask: NDArray[np.bool_],
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]] | None:
-    """Part of a frame, whose first pixel is at ``corner`` (y, x), less the reference at a pose, with the light matched,
-    and the pixels of the body that have moved."""
+    """Part of a frame, whose first pixel is at ``corner`` (y, x), less the reference at a pose with the light matched,
+    and its pixels of the body that have moved, each (h, w); None of too few."""
     height, width = frame.shape
     c, s = np.cos(pose[0]), np.sin(pose[0])
     matrix = np.array([[c, -s, 0.0], [s, c, 0.0]])
@@ -260,10 +261,10 @@ Pattern = NDArray[np.float32]
 
 
 def correct_pattern(ready: PreparedFilm, table: PoseTable, prepare: Prepare) -> tuple[PreparedFilm, Pattern] | None:
-    """The film less its pattern, prepared, and the pattern, (height, width); None where there is none whose removal
-    fits the sampled rows better.
+    """The film less its pattern, prepared by ``prepare``, and the pattern, grey, (height, width); None where there is
+    none whose removal fits the sampled rows better.
 
-    ``ready`` may be the film less an earlier estimate; ``prepare`` makes templates of the film less another.
+    ``ready`` may be the film less an earlier estimate.
     """
     film = ready.film.film if isinstance(ready.film, PatternCorrectedFilm) else ready.film
     best: tuple[PreparedFilm, Pattern] | None = None
@@ -288,12 +289,12 @@ def correct_pattern(ready: PreparedFilm, table: PoseTable, prepare: Prepare) -> 
 
 
 def refit_rows(ready: PreparedFilm, table: PoseTable) -> PoseTable:
-    """The rows of a table fitted again, each from its own poses; a body that is lost there stays lost."""
+    """New table of the rows fitted again, each from its own poses; a body that is lost there stays lost."""
     tracker, again = FilmTracker(ready), PoseTable.empty(table.frame, len(ready.bodies))
     for row in range(table.frame.size):
         tracker.clear_histories()
         tracker.place(-1, table.pose[row])
-        tracker.step(int(table.frame[row]), 0, search=False)
+        tracker.fit_frame(int(table.frame[row]), 0, search=False)
         tracker.store(again, row)
     return again
 

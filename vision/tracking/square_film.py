@@ -32,7 +32,8 @@ def refuse_interlaced(film: FrameSource) -> None:
 def prepare_square_film(
     film: FrameSource, bodies: Sequence[Body], settings: FitSettings
 ) -> tuple[FrameSource, Sequence[Body]]:
-    """The film and the outlines as they are to be tracked: resampled where that is needed."""
+    """The film and the outlines as they are to be tracked: resampled to square pixels or one field where that is
+    needed; `VisionInputError` for interlaced frames without a field to track."""
     # "none": frames whose rows were found to be of one time
     is_field = settings.deinterlace and settings.first_field != "none"
     if not (is_field or settings.first_field == "none"):

@@ -229,8 +229,8 @@ def tracked_field(ready: PreparedFilm) -> str:
 def _settle_fields(
     ready: PreparedFilm, table: PoseTable, time_s: NDArray[np.float64], settings: TrackSettings
 ) -> tuple[PreparedFilm, FieldLag, str | None]:
-    """The film with the standard uncertainty of when its rows were exposed, their lag by the bodies' motion, and the
-    field to track instead, or ``none`` for whole frames, where the motion says so."""
+    """Film with the standard uncertainty of when its rows were exposed, lag of its odd rows by the bodies' motion, and
+    field to track instead (None: go on); warns of what the motion shows."""
     film, tracked = ready.film, tracked_field(ready)
     if getattr(film, "has_camera_times", False):
         return ready, UNKNOWN_LAG, None  # cameras that write their own times read whole frames
@@ -274,7 +274,7 @@ def ready_defects(ready: PreparedFilm) -> int:
 
 
 def _reject_untextured(ready: PreparedFilm, table: PoseTable) -> None:
-    """Lose the rows of bodies whose texture cannot be told from noise: what fits them fits anywhere."""
+    """Lose the rows of bodies whose texture cannot be told from noise, with a warning: what fits them fits anywhere."""
     for i, template in enumerate(ready.templates):
         if np.isfinite(predicted_u_angle(template, ready.reference.noise_grey)):
             continue
@@ -289,7 +289,7 @@ def _reject_untextured(ready: PreparedFilm, table: PoseTable) -> None:
 
 
 def _measure_stretch(ready: PreparedFilm, table: PoseTable, settings: TrackSettings, u_before: float) -> PictureStretch:
-    """The picture's stretch, of an uncalibrated camera; a line where it is there."""
+    """The picture's stretch, of an uncalibrated camera, with a warning where it is significant."""
     if settings.is_calibrated:
         return PictureStretch(0.0, 0.0, False)
     stretch = measure_stretch(ready, table, u_before)
@@ -307,7 +307,7 @@ def _measure_stretch(ready: PreparedFilm, table: PoseTable, settings: TrackSetti
 
 
 def _warn_of_delay(result: TrackResult, ready: PreparedFilm) -> None:
-    """Say how late motion may be shown where rows are flagged for it."""
+    """Warn of how late motion may be shown where rows are flagged for it."""
     late = np.any(result.flag & np.uint16(int(FrameFlag.TIME_FILTERED)), axis=1)
     if not late.any() or not ready.delay_frames:
         return

@@ -78,9 +78,10 @@ class PoseResponse:
     def rolling_shutter_error(
         self, pose: NDArray[np.float64], speed: NDArray[np.float64], rows_per_s: float
     ) -> NDArray[np.float64]:
-        """Tracked pose less that at the time of the picture's first row, of pictures that are read row by row, (n, 3).
+        """Tracked pose less that at the time of the picture's first row, (n, 3), of frames that are read row by row;
+        ``speed`` (n, 3) is that of ``pose``, rad/s and px/s.
 
-        ``speed`` (n, 3) is that of ``pose``, rad/s and px/s. A row is as late as its number over ``rows_per_s``, and
+        A row is as late as its number over ``rows_per_s``, and
         what it shows has moved on by then.
         """
 
@@ -96,8 +97,8 @@ class PoseResponse:
         pose: NDArray[np.float64],
         apart: Callable[[slice, NDArray[np.float64], NDArray[np.float64]], Both],
     ) -> NDArray[np.float64]:
-        """Change of poses (n, 3), in the body's own axes for the shift, by what ``apart`` says of the displacements
-        (k, cells) along each of the picture's axes in some rows, given the k cosines and sines of their turns."""
+        """Change of poses (n, 3), in the body's own axes for the shift, by displacements (k, cells) along x and y that
+        ``apart`` gives of a slice of k poses, the cosines and sines (k,) of their turns."""
         result = np.empty((len(pose), 3))
         for start in range(0, len(pose), ROWS_AT_ONCE):
             part = slice(start, start + ROWS_AT_ONCE)
@@ -131,8 +132,8 @@ def displacement(
 def _distortion_displacement(
     template: Template, camera: Projection, offset: NDArray[np.float64]
 ) -> Callable[[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]], Both]:
-    """What says how far places ``offset`` (cells, 2) of a body are off a rigid motion in a camera's picture, (k, cells)
-    px along each axis, at poses (k, 3) with these cosines and sines of the turn."""
+    """Function of poses (k, 3), cosines and sines (k,) of their turns that gives how far places ``offset`` (cells, 2)
+    of a body are off a rigid motion in the camera's picture, px, (k, cells) along x and y."""
     centre = np.array(template.centre_px)
     flat, flat_centre = camera.to_plane(centre + offset), camera.to_plane(centre)
 
@@ -156,8 +157,8 @@ UNDECLARED_FACTOR = 8.0
 def compression_u_turn(
     template: Template, picture: NDArray[Any], compression: Compression | None, u_noise_rad: float
 ) -> float:
-    """Standard uncertainty of a body's turn from the compression, rad: of the reference ``picture``, which is rounded,
-    or by that from noise, which scales the term of interframe codecs."""
+    """Standard uncertainty of a body's turn from the compression, rad: of the reference ``picture``, which is rounded;
+    of interframe codecs, a multiple of that from noise; 0 without compression."""
     if compression is None:
         return 0.0
     if compression.steps is None:
@@ -219,7 +220,7 @@ def expected_budget(
     rows_per_s: float | None = None,
     u_stretch: float = 0.0,
 ) -> ErrorBudget:
-    """Budget of one frame in which every body has turned about its centre, before the film is tracked.
+    """Budget of two frames, in which every body has turned about its centre to either side, before the film is tracked.
 
     All bodies turn by ``motion.turn_rad`` from the ground; the shutter and synchronisation terms are those at its
     speed and acceleration.
@@ -294,8 +295,8 @@ def _budget(
     each: ItemMap = serial_map,
     u_stretch: float = 0.0,
 ) -> ErrorBudget:
-    """Terms of camera and shutter in a ``motion``, poses (n, m, 3) and their speed, beside each body's own terms, (n,
-    m); of a body and its parent these are independent but for the second ones, against each other."""
+    """Budget of poses (n, m, 3) and speeds, ``motion``: terms of camera, stretch and rows, beside each body's own
+    ``terms``, by name (n, m): independent ones, and those of a body against its parent."""
     (pose, speed), (own, against) = motion, terms
     absolute, relative = _camera_terms(ready, camera, pose, each)
     absolute["aspect"], relative["aspect"] = _stretch_terms(ready, pose, u_stretch)
@@ -309,7 +310,8 @@ def _budget(
 def _stretch_terms(
     ready: PreparedFilm, pose: NDArray[np.float64], u_stretch: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Term of a picture that is stretched along x and shortened along y, absolute and relative, (n, m)."""
+    """Term of a picture stretched by ``1 + u_stretch`` along x and ``1 - u_stretch`` along y, absolute and relative to
+    the parent, (n, m), rad."""
     off = np.where(np.isfinite(pose[..., 0]), 0.0, np.nan)
     if u_stretch > 0.0:
         stretched = Projection(ready.film.width, ready.film.height, np.diag([1.0 + u_stretch, 1.0 - u_stretch, 1.0]))
@@ -348,7 +350,7 @@ FIELD_BLOCK_PX = 8  # side of the squares over which an interpolation error keep
 
 
 def _newest_speed(speed: NDArray[np.float64], tracked: TrackedAngles, delay_frames: float) -> NDArray[np.float64]:
-    """Largest speed of the rows that a filter of a delay still holds, (n, m)."""
+    """Largest speed (n, m) of the rows that a filter of a delay still holds."""
     if not delay_frames or len(speed) < 2:
         return speed
     row_s = float(np.median(np.diff(tracked.time_s)))
@@ -361,7 +363,8 @@ def _newest_speed(speed: NDArray[np.float64], tracked: TrackedAngles, delay_fram
 def _row_terms(
     ready: PreparedFilm, pose: NDArray[np.float64], speed: NDArray[np.float64], rows_per_s: float | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Term of a rolling shutter, absolute and relative, (n, m); noise of the speed adds less than the noise term."""
+    """Term of a rolling shutter, absolute and relative to the parent, (n, m), rad; noise of the speed adds less than
+    the noise term."""
     off = np.where(np.isfinite(pose[..., 0]), 0.0, np.nan)
     if rows_per_s is not None and math.isfinite(rows_per_s):
         for i, template in enumerate(ready.templates):
@@ -378,8 +381,8 @@ def _shutter_factor(film: FrameSource, apart_s: Any) -> Any:
 def _speed_and_acceleration(
     time_s: NDArray[np.float64], angle: NDArray[np.float64], u: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Absolute values, shape (n, m), from neighbouring rows, less what noise alone gives; 0 where a neighbour is
-    lost, NaN where the row itself is."""
+    """Absolute speed, rad/s, and acceleration, rad/s^2, (n, m), from neighbouring rows, less what noise ``u`` alone
+    gives; 0 where a neighbour is lost, NaN where the row itself is."""
     n = time_s.size
     speed, acceleration = np.zeros_like(angle), np.zeros_like(angle)
     if n >= 3:
@@ -399,7 +402,7 @@ def _speed_and_acceleration(
 def _camera_terms(
     ready: PreparedFilm, camera: CameraModel, pose: NDArray[np.float64], each: ItemMap = serial_map
 ) -> tuple[dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]]:
-    """Tilt and distortion of absolute and relative angles."""
+    """Terms tilt and distortion, by name (n, m), rad, of the absolute angles and of those relative to the parent."""
     width, height = ready.film.width, ready.film.height
     n, m = pose.shape[:2]
     responses = each(PoseResponse, ready.templates)
@@ -424,7 +427,7 @@ def _camera_terms(
 
 
 def _compression_term(ready: PreparedFilm, u_noise: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Standard uncertainty of each body's angle from the film's compression, rad."""
+    """Standard uncertainty (m,) of each body's angle from the film's compression, rad; ``u_noise`` (m,), rad."""
     compression = ready.film.compression
     return np.array(
         [
@@ -437,7 +440,8 @@ def _compression_term(ready: PreparedFilm, u_noise: NDArray[np.float64]) -> NDAr
 def _combine_with_parent(
     values: NDArray[np.float64], parents: Sequence[int | None], join: Callable[..., Any] = np.hypot
 ) -> NDArray[np.float64]:
-    """What child and parent make together, (n, m): independent parts add in squares; NaN without a parent."""
+    """Values (n, m) of bodies joined with those of their parents, (n, m): independent parts add in squares; NaN without
+    a parent."""
     joined = np.full_like(values, np.nan)
     for i, parent in enumerate(parents):
         if parent is not None:

@@ -195,15 +195,15 @@ def test_interrupted_by_the_user(
     out = tmp_path / "o.csv"
     base = ("track", str(film), "--bodies", str(outlines), "--out", str(out))
     monkeypatch.setattr(vision.tracking.passes, "EVERY_ROWS", 20)
-    step = FilmTracker.step
+    fit_frame = FilmTracker.fit_frame
 
     def stop(self: FilmTracker, index: int, *rest: object, **more: object) -> None:
         if index == 45:
             raise KeyboardInterrupt
-        step(self, index, *rest, **more)
+        fit_frame(self, index, *rest, **more)
 
     with monkeypatch.context() as patch:
-        patch.setattr(FilmTracker, "step", stop)
+        patch.setattr(FilmTracker, "fit_frame", stop)
         assert run(*base) == 130
     assert [p.name for p in tmp_path.iterdir()] == ["o.csv.unfinished.npz"]
     capsys.readouterr()

@@ -91,8 +91,8 @@ def test_compiled_frames_have_the_bits_of_fits_in_python(
         compiled = track(film, known.bodies, every=every, n_still=STILL)
         monkeypatch.setattr(FilmTracker, "track_rows", lambda *a: 0)
         by_frame = track(film, known.bodies, every=every, n_still=STILL)
-        go_on = FrameFit.go_on
-        monkeypatch.setattr(FrameFit, "go_on", lambda self, *a: self.states.apart.fill(1) or go_on(self, *a))
+        fit_from = FrameFit.fit_from
+        monkeypatch.setattr(FrameFit, "fit_from", lambda self, *a: self.states.apart.fill(1) or fit_from(self, *a))
         in_python = track(film, known.bodies, every=every, n_still=STILL)
     if change is nothing:
         assert sum(walked) >= 10 / every and not compiled.is_lost.any()  # small bodies are looked at twice often
