@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 PARTS = ("import", "compile", "draw", "write")
 TIMED = {
     "model.codegen.load": (("link_kernels", "compile"),),
-    "matplotlib.backends.backend_svg": (("FigureCanvasSVG.print_svg", "draw"),),
     "matplotlib.backends.backend_agg": (("FigureCanvasAgg.print_png", "draw"),),
     "validation.report.page": (("render_html", "draw"),),
     "validation.report.write": (("write_side_by_side", "write"),),

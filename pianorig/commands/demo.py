@@ -41,7 +41,6 @@ FOLLOWS = (
     "scipy.interpolate",
     "scipy.ndimage",
     "scipy.spatial",
-    "matplotlib.figure",
     "jinja2",
 )
 
@@ -61,11 +60,12 @@ def command(
     target = out or workflows.new_session_folder("demo")
     demo = run_demo(target, trials=trials, profile=profile, quiet=as_json)
     # start-up: 1 s of pandas
-    from validation.report.figures.five_angles import draw_angles
+    from rig.atomic_write import write_text
+    from validation.report.figures.five_angles import angles_svg
     from validation.side_by_side import present_alone
 
-    report, picture = demo.result.files["report.html"], demo.session.path / "angles.png"
-    draw_angles([demo.result], picture)
+    report, picture = demo.result.files["report.html"], demo.session.path / "angles.svg"
+    write_text(picture, angles_svg([demo.result]))
     facts = {"session": demo.session.path, "report": report, "picture": picture, "verdict": demo.result.verdict}
     lines = [
         *paragraphs(seen_in_words(demo)),

@@ -1,19 +1,11 @@
-"""How curves are drawn in the report: colours, dashes, signs, labels, bands.
+"""How curves are drawn: colours and dashes, and thinning to what a screen shows.
 
-Conventions: the thesis's signs in degrees; Okabe–Ito colours, darkened where white needs it, each with its own
-dash pattern.
+Conventions: Okabe–Ito colours, darkened where white needs it; each model has its own dash pattern.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from typing import Any
-
 import numpy as np
-import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from validation.conventions import Array
 
@@ -76,80 +68,3 @@ def uneven_samples(time: Array, curves: Array, n: int) -> np.ndarray:
 
 BLACK, ORANGE, SKY, BLUE, VERMILION = "#000000", "#B37400", "#2A8FC4", "#0072B2", "#C04A00"
 MODEL_DASHES = ((5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5), (8, 2), (3, 1, 1, 1, 1, 1))
-LEGEND_CHARACTERS = 140  # in a line above the panels
-
-
-def model_style(i: int) -> dict[str, Any]:
-    """Line style of the i-th model: black, with its dash pattern; measured curves are solid, in the body's colour."""
-    return {"color": BLACK, "linewidth": 1.1, "dashes": MODEL_DASHES[i % len(MODEL_DASHES)]}
-
-
-def draw(
-    axes: Axes, time: Array, values: Array, label: str | None = None, *, columns: int = COLUMNS, **style: object
-) -> None:
-    """Draw a thinned curve."""
-    t, v = decimate(time, values, columns=columns)
-    axes.plot(t, v, label=label, **style)  # type: ignore[arg-type]
-
-
-def finish_axes(axes: Axes, ylabel: str, *, bottom: bool = True) -> None:
-    """Label, grid and margins; the time axis only on the lowest panel."""
-    axes.set_ylabel(ylabel)
-    axes.grid(True, color="#DDDDDD", linewidth=0.6)
-    axes.margins(x=0)
-    if bottom:
-        axes.set_xlabel("time (s)")
-    else:
-        axes.tick_params(labelbottom=False)
-
-
-def shared_legend(figure: Figure, panels: Sequence[Axes]) -> int:
-    """One legend above all panels, of everything labelled in some of them; returns how many lines it takes."""
-    known: dict[str, Any] = {}
-    for axes in panels:
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-            known.setdefault(label, handle)
-    lines = math.ceil(sum(len(label) + 9 for label in known) / LEGEND_CHARACTERS)
-    columns = math.ceil(len(known) / lines)
-    figure.legend(
-        known.values(), known.keys(), loc="upper center", ncols=columns, fontsize=8, frameon=False, borderaxespad=0.2
-    )
-    return lines
-
-
-def plot_text(text: str) -> str:
-    """Text from a session or model as matplotlib shows it letter by letter: no formulas, nothing unprintable."""
-    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text).replace("$", r"\$")
-
-
-def band(
-    axes: Axes,
-    time: Array,
-    low: Array,
-    high: Array,
-    label: str | None = None,
-    *,
-    alpha: float = 0.35,
-    gid: str | None = None,
-) -> None:
-    """Draw a shaded band between two curves into ``axes``, with gaps where a curve is NaN."""
-    if not np.isfinite(low).any():
-        return
-    t, a = decimate(time, low, columns=BAND_COLUMNS, keep="min")
-    _, b = decimate(time, high, columns=BAND_COLUMNS, keep="max")
-    axes.fill_between(t, a, b, color=GREY, alpha=alpha, linewidth=0, label=label, gid=gid)
-
-
-def shade_lifts(axes: Axes, marked: pd.DataFrame, trials: list[int]) -> None:
-    """Shade and hatch the intervals of these trials that are left out of the scores."""
-    for i, row in enumerate(marked[marked["trial"].isin(trials)].itertuples()):
-        axes.axvspan(
-            row.start_s,
-            row.end_s,
-            facecolor=ORANGE,
-            edgecolor=BLACK,
-            alpha=0.25,
-            hatch="////",
-            linewidth=0,
-            label="left out: key may lift" if i == 0 else None,
-        )

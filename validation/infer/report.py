@@ -6,8 +6,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib import rc_context
-from matplotlib.figure import Figure
 
 from validation.conventions import Array
 from validation.curves.style import BLUE, VERMILION
@@ -20,8 +18,8 @@ from validation.infer.scatter import factors
 from validation.infer.sentences import group_by_reason, plain_sentences
 from validation.infer.unknowns import Parameter
 from validation.part_names import name_parts, part_name
-from validation.report.figures.layout import WIDTH_IN, ReportFigure
-from validation.report.figures.svg import STYLE, figure_svg
+from validation.report.figures.layout import WIDTH, ReportFigure
+from validation.report.figures.svg import Chart, Pen
 from validation.report.overview import Forest, make_forest
 from validation.report.shell import fill_page, flatten_provenance
 from validation.report.view import as_sentence
@@ -64,7 +62,7 @@ def residual_rms(trials: Sequence[ObservedTrial], curves: Sequence[Array]) -> di
 
 
 BEFORE, AFTER = VERMILION, BLUE
-ROW_IN = 2.1
+ROW = 150.0  # points
 ACROSS = 4  # profiles side by side in a figure
 PROFILES = (
     "Profiles: how much twice the negative logarithm of the posterior rises when one parameter is held and all else is "
@@ -82,32 +80,27 @@ def residual_figure(
 ) -> list[ReportFigure]:
     """Root mean square difference of each session and channel over the phases of the stroke."""
     one, two = residual_rms(trials, before), residual_rms(trials, after)
-    with rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH_IN, ROW_IN * len(one) + 0.5), layout="constrained")
-        shown = sorted({c for t in trials for c in t.channels})
-        grid = figure.subplots(len(one), len(shown), squeeze=False)
-        for row, session in zip(grid, one, strict=True):
-            first = next(t for t in trials if t.session == session)
-            label = first.label.rpartition(", trial")[0]
-            for axes, channel in zip(row, shown, strict=True):
-                axes.set_title(f"{CHANNEL_NAMES[channel]}, {label}", fontsize=9)
-                if channel not in first.channels:
-                    axes.set_axis_off()
-                    continue
-                time, c = one[session][0], first.channels.index(channel)
-                axes.plot(time, np.degrees(one[session][1][:, c]), color=BEFORE, lw=1.1, ls="--", label="before")
-                axes.plot(time, np.degrees(two[session][1][:, c]), color=AFTER, lw=1.3, label="after the fit")
-                axes.set_yscale("log")
-                axes.grid(alpha=0.25)
-                axes.set_xlabel("time (s)")
-            row[0].set_ylabel("RMS (°)")
-        next(axes for axes in grid[0] if axes.lines).legend(fontsize=8, frameon=False)
-        return [_figure(figure, "residuals", RESIDUALS)]
+    shown = sorted({c for t in trials for c in t.channels})
+    chart = Chart(WIDTH, ROW * len(one) + 40, [1.0] * len(one), len(shown), top=18, between=40, is_shared=False)
+    for row, session in zip(chart.grid, one, strict=True):
+        first = next(t for t in trials if t.session == session)
+        label = first.label.rpartition(", trial")[0]
+        for panel, channel in zip(row, shown, strict=True):
+            panel.title, panel.is_log = f"{CHANNEL_NAMES[channel]}, {label}", True
+            if channel not in first.channels:
+                panel.note = "not measured"
+                continue
+            time, c = one[session][0], first.channels.index(channel)
+            panel.line(time, np.degrees(one[session][1][:, c]), Pen(BEFORE, 1.1, (3.7, 1.6)), "before")
+            panel.line(time, np.degrees(two[session][1][:, c]), Pen(AFTER, 1.3), "after the fit")
+            panel.x_label = "time (s)"
+        row[0].y_label = "RMS (°)"
+    return [_figure(chart, "residuals", RESIDUALS)]
 
 
-def _figure(figure: Figure, key: str, caption: str) -> ReportFigure:
+def _figure(chart: Chart, key: str, caption: str) -> ReportFigure:
     title, _, rest = caption.partition(": ")
-    return ReportFigure(key, caption, figure_svg(figure, key, title, rest))
+    return ReportFigure(key, caption, chart.svg(key, title, rest))
 
 
 def profile_figure(found: Identification) -> list[ReportFigure]:
@@ -117,22 +110,19 @@ def profile_figure(found: Identification) -> list[ReportFigure]:
         return []
     level = dict(zip((e.name for e in found.estimates), factors(found.details.fitted) ** 2, strict=False))
     rows = math.ceil(len(profiles) / ACROSS)
-    with rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH_IN, ROW_IN * rows + 0.3), layout="constrained")
-        grid = figure.subplots(rows, ACROSS, squeeze=False).ravel()
-        for axes, p in zip(grid, profiles, strict=False):
-            axes.plot(p.z, p.rise, color=AFTER, lw=1.2, marker="o", ms=3)
-            axes.axhline(level[p.name], color=BEFORE, lw=0.9, ls="--")
-            axes.axvspan(p.low, p.high, color=AFTER, alpha=0.12, lw=0)
-            axes.set_ylim(min(0.0, float(np.min(p.rise))) - 0.5, 3.0 * level[p.name])
-            axes.set_title(part_name(p.name, found.action), fontsize=8)
-            axes.grid(alpha=0.25)
-        for axes in grid[len(profiles) :]:
-            axes.set_visible(False)
-        for axes in grid[::ACROSS]:
-            axes.set_ylabel("rise")
-        figure.supxlabel("standard uncertainties from the value before", fontsize=9)
-        return [_figure(figure, "profiles", PROFILES)]
+    chart = Chart(WIDTH, ROW * rows + 30, [1.0] * rows, ACROSS, top=18, between=40, beside=36, is_shared=False)
+    for panel, p in zip(chart.panels, profiles, strict=False):
+        panel.line(p.z, p.rise, Pen(AFTER, 1.2))
+        panel.points(p.z, p.rise, AFTER, 3)
+        panel.level(level[p.name], Pen(BEFORE, 0.9, (3.7, 1.6)))
+        panel.shade(p.low, p.high, look=(AFTER, 0.12))
+        panel.y = min(0.0, float(np.min(p.rise))) - 0.5, 3.0 * level[p.name]
+        panel.title = part_name(p.name, found.action)
+        panel.x_label = "standard uncertainties"
+    del chart.grid[-1][len(profiles) - ACROSS * (rows - 1) :]
+    for row in chart.grid:
+        row[0].y_label = "rise"
+    return [_figure(chart, "profiles", PROFILES)]
 
 
 def _tables(found: Identification, name: str, of: object) -> list[PageTable]:

@@ -41,15 +41,8 @@ for (const { home, bar, panels, after, make, current } of sessions) {
   const redraw = ({ channel, own, figure }) => {
     const measured = (k) => at(channel.m, channel.scale, chosen, k);
     const set = (p, name, y, half) => {
-      const group = part(figure, name);
-      if (!group || !document.getElementById(p.id).contains(group)) return;
-      const old = group.querySelector("path"), fresh = make("path", { d: path(p, y, half) });
-      const look = group.querySelector("use") ?? old;
-      fresh.setAttribute("style", look?.getAttribute("style") || "fill: #2a8fc4; fill-opacity: 0.35; stroke: none");
-      fresh.setAttribute("vector-effect", "non-scaling-stroke");
-      const clip = group.querySelector("[clip-path]")?.getAttribute("clip-path");
-      if (clip) fresh.setAttribute("clip-path", clip);
-      group.replaceChildren(fresh);
+      const curve = part(figure, name);
+      if (curve && document.getElementById(p.id).contains(curve)) curve.setAttribute("d", path(p, y, half));
     };
     for (const p of own) {
       set(p, "trial", measured);
@@ -59,13 +52,13 @@ for (const { home, bar, panels, after, make, current } of sessions) {
         set(p, `difference${m}`, (k) => at(values, channel.scale, chosen, k) - measured(k));
       });
     }
-    part(figure, "raw")?.replaceChildren();
+    part(figure, "raw")?.setAttribute("d", "");
     const words = figure.querySelector(".of-trial"), trial = data.trials[chosen];
     if (words) words.textContent = data.words[figure.dataset.channel]?.[trial] ?? `Trial ${trial}.`;
   };
 
   /* marks: lines and letters, placed anew at every change of the axis */
-  for (const { svg, one } of figures) if (one) svg.querySelectorAll("[id*='-mark']").forEach((e) => e.remove());
+  for (const { svg, one } of figures) if (one) svg.querySelectorAll(".marks").forEach((e) => e.remove());
   const marked = () => {
     const now = current();
     for (const { svg, own, highest } of one_only()) for (const p of own) {

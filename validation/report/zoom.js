@@ -20,24 +20,9 @@ for (const home of document.querySelectorAll(".session")) {
   const panels = [], after = [];
   for (const svg of home.querySelectorAll("svg[data-panels]")) {
     for (const p of JSON.parse(svg.dataset.panels)) {
-      const axes = document.getElementById(p.id);
-      const name = p.id + "-clip", clip = make("clipPath", { id: name });
-      const box = { x: p.left, y: p.top, width: p.right - p.left, height: p.bottom - p.top };
-      clip.append(make("rect", box));
-      const frame = make("g", { "clip-path": "url(" + "#" + name + ")" }), moving = make("g", {});
-      frame.append(moving);
-      const drawn = [...axes.children].filter((e) => e.querySelector(":scope > [clip-path], :scope > g[clip-path]"));
-      if (!drawn.length) continue;  // nothing is drawn in it, as the scatter of a single trial
-      drawn[0].before(frame);
-      for (const e of drawn) {
-        for (const part of e.querySelectorAll("[clip-path]")) part.removeAttribute("clip-path");
-        for (const line of e.querySelectorAll("path")) line.setAttribute("vector-effect", "non-scaling-stroke");
-        moving.append(e);
-      }
-      const ticks = make("g", { class: "zoom-ticks" });
-      frame.before(ticks);
-      panels.push({ ...p, svg, clip, moving, ticks, own: axes.querySelectorAll('g[id*="-xtick_"]') });
-      axes.prepend(clip);
+      const axes = document.getElementById(p.id), own = axes.querySelector(".x-ticks"), ticks = make("g", { class: "zoom-ticks" });
+      own.after(ticks);
+      panels.push({ ...p, svg, moving: axes.querySelector(".moving"), ticks, own });
     }
   }
 
@@ -59,7 +44,7 @@ for (const home of document.querySelectorAll(".session")) {
       const at = (t) => p.left + (p.right - p.left) * (t - now.a) / width;
       const k = (whole.b - whole.a) / width;
       p.moving.setAttribute("transform", all ? "" : `translate(${at(whole.a) - k * p.left} 0) scale(${k} 1)`);
-      for (const tick of p.own) tick.style.display = all ? "" : "none";
+      p.own.style.display = all ? "" : "none";
       p.ticks.replaceChildren();
       if (all) continue;
       for (const [t, text] of ticksOf(now.a, now.b)) {

@@ -12,7 +12,6 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib import rc_context
 
 from tests.validation.report.conftest import HOSTILE
 from validation import InputError, validate_session, write_report
@@ -24,7 +23,6 @@ from validation.events.definitions import EVENTS
 from validation.numbers import number, with_u
 from validation.report.figures.measured import rotation_of_all_trials
 from validation.report.figures.overlays import model_against_trial
-from validation.report.figures.svg import STYLE
 from validation.report.files import write_files
 from validation.report.overview import forest, verdict_parts
 from validation.report.page import cannot_claim, render_html, section_tables
@@ -255,8 +253,7 @@ def test_overlays_show_bands_and_the_lifts_that_are_left_out(compared):
     marked = pd.DataFrame([lift]).reindex(columns=compared.marked.columns)
 
     def drawn(channel, marked):
-        with rc_context(STYLE):
-            return model_against_trial(SessionView((compared.with_tables(marked=marked),)), channel)
+        return model_against_trial(SessionView((compared.with_tables(marked=marked),)), channel)
 
     shaded, without = drawn("key", marked), drawn("key", marked[:0])
     assert "1 interval, 10.0 ms in all" in shaded.caption
@@ -268,16 +265,19 @@ def test_overlays_show_bands_and_the_lifts_that_are_left_out(compared):
     # a lift of another trial alone is hatched in the residuals, and said in the legend
     assert "left out: key may lift" in drawn("key", marked.assign(trial=2)).svg
     # of each panel: the band as a filled shape; above, the limit that follows the chosen trial
-    assert shaded.svg.count("FillBetweenPolyCollection") == 1
+    assert (
+        shaded.svg.count('fill-opacity="0.35" vector-effect')
+        == shaded.svg.count('fill-opacity="0.5" vector-effect')
+        == 1
+    )
     assert shaded.svg.count('id="key-model-limit"') == 1
 
 
 def test_a_single_trial_is_judged_but_has_no_band_of_its_own(lonely):
     _, result = lonely
     view = SessionView((result,))
-    with rc_context(STYLE):
-        every, model = rotation_of_all_trials(view, "key"), model_against_trial(view, "key")
-    assert "FillBetweenPolyCollection" not in every.svg
+    every, model = rotation_of_all_trials(view, "key"), model_against_trial(view, "key")
+    assert 'fill-opacity="0.35"' not in every.svg
     assert "Shaded above" not in model.caption and "Shaded" not in every.caption
     assert "95 % interval of the mean difference" in model.caption and result.judgement["trials"] == [1]
 

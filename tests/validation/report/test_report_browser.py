@@ -64,14 +64,14 @@ def test_the_report_opens_and_is_no_wider_than_the_page(folded):
 
 PANELS = """() => [...document.querySelectorAll('svg[data-panels]')].map(svg =>
   JSON.parse(svg.dataset.panels).map(p => {
-  const axes = document.getElementById(p.id), box = axes.querySelector('g[id*="-patch_"] path').getBBox();
+  const axes = document.getElementById(p.id), box = axes.querySelector('.frame').getBBox();
   return {id: p.id, off: Math.max(Math.abs(box.x - p.left), Math.abs(box.x + box.width - p.right),
                                   Math.abs(box.y - p.top), Math.abs(box.y + box.height - p.bottom))};
 }))"""
 PEAK = """() => {
   const svg = document.getElementById('figure-force-all').querySelector('svg');
   const p = JSON.parse(svg.dataset.panels)[0];
-  const path = document.querySelector(`#${p.id} g[id*="-line2d_"] > path[d*="L"][style*="stroke-width: 0.9"]`);
+  const path = document.querySelector(`#${p.id} .moving path[stroke-width="0.9"]`);
   let best = null;
   for (let s = 0; s <= 4000; s++) {
     const at = path.getPointAtLength(path.getTotalLength() * s / 4000);
@@ -241,7 +241,7 @@ def test_a_long_table_is_folded_and_paper_holds_first_screen_and_methods(folded)
     folded.evaluate("dispatchEvent(new Event('afterprint'))")
 
 
-CURVE = """() => [...document.querySelectorAll('#hammer-model-trial path, #hammer-model-model0 path')]
+CURVE = """() => [...document.querySelectorAll('#hammer-model-trial, #hammer-model-model0')]
   .map(p => p.getAttribute('d'))"""
 POINTED = """([x, y]) => {
   const svg = document.querySelector('#figure-hammer-model svg'), p = JSON.parse(svg.dataset.panels)[0];

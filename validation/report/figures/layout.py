@@ -1,4 +1,4 @@
-"""What every figure of the report shares: size, curves of all trials, lifts of the key, and how it becomes SVG.
+"""What every figure of the report shares: size, curves of all trials, lifts of the key.
 
 Conventions: what was measured has the colour of its body, a model is black and dashed; degrees with the thesis's signs.
 """
@@ -9,15 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from validation.conventions import FILM_CHANNELS, Array
 from validation.curves.display_signs import SIGN, degrees
-from validation.curves.style import decimate, uneven_samples
+from validation.curves.style import BLACK, MODEL_DASHES, uneven_samples
 from validation.curves.table import interpolate_to_base_times
-from validation.report.figures.svg import figure_svg
+from validation.report.figures.svg import Chart, Panel, Pen
 from validation.report.view import SessionView
 from validation.result import ValidationResult
 
@@ -25,9 +23,9 @@ MOST_LINES = 10
 SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
 QUANTILES = "median, quartiles and 5 % to 95 %"
 SAMPLES = 500
-WIDTH_IN = 9.2
-LEFT_IN, RIGHT_IN, BOTTOM_IN, TOP_IN, LINE_IN = 0.66, 0.12, 0.46, 0.3, 0.19
+WIDTH = 662.0  # points
 FORCE = "#444444"
+ZERO = Pen("#777777", 0.7)
 
 
 @dataclass(frozen=True)
@@ -90,13 +88,12 @@ def spread_of(result: ValidationResult, channel: str, name: str) -> Array:
     return np.degrees(result.spread[column].to_numpy(dtype=float))
 
 
-def draw_line(axes: Axes, time: Array, values: Array, columns: int = 300, **style: object) -> None:
-    """Draw a thinned curve."""
-    t, v = decimate(time, values, columns=columns)
-    axes.plot(t, v, **style)  # type: ignore[arg-type]
+def model_pen(i: int) -> Pen:
+    """Line of the i-th model: black, with its dash pattern; measured curves are solid, in the body's colour."""
+    return Pen(BLACK, 1.1, MODEL_DASHES[i % len(MODEL_DASHES)])
 
 
-def draw_trials(axes: Axes, time: Array, curves: Array, color: str, columns: int = 160) -> None:
+def draw_trials(panel: Panel, time: Array, curves: Array, color: str, columns: int = 160) -> None:
     """Every trial as a line; of many the median, and shades between 25 % and 75 % and between 5 % and 95 %.
 
     Parameters
@@ -106,12 +103,18 @@ def draw_trials(axes: Axes, time: Array, curves: Array, color: str, columns: int
     """
     if curves.shape[1] <= MOST_LINES:
         for curve in curves.T:
-            draw_line(axes, time, curve, columns, color=color, linewidth=0.9, alpha=0.75)
+            panel.line(time, curve, Pen(color, 0.9, opacity=0.75), columns=columns)
         return
     at, ends = quantiles(time, curves)
     for a, b, alpha in ((0, len(SHARES) - 1, 0.25), (1, len(SHARES) - 2, 0.4)):
-        axes.fill_between(at, ends[:, a], ends[:, b], color=color, alpha=alpha, linewidth=0)
-    axes.plot(at, ends[:, len(SHARES) // 2], color=color, linewidth=1.1)
+        panel.band(at, ends[:, a], ends[:, b], (color, alpha), columns=SAMPLES)
+    panel.line(at, ends[:, len(SHARES) // 2], Pen(color, 1.1), columns=SAMPLES)
+
+
+def shade_lifts(panel: Panel, marked: pd.DataFrame, trials: list[int]) -> None:
+    """Hatch the intervals of these trials that are left out of the scores."""
+    for row in marked[marked["trial"].isin(trials)].itertuples():
+        panel.shade(row.start_s, row.end_s, "left out: key may lift")
 
 
 def quantiles(time_s: Array, curves: Array) -> tuple[Array, Array]:
@@ -150,31 +153,7 @@ def lift_text(lifts: pd.DataFrame) -> str:
     )
 
 
-def finish(
-    view: SessionView,
-    figure: Figure,
-    key: str,
-    caption: str,
-    description: str,
-    legend_lines: int = 0,
-    between: float = 0.22,
-) -> ReportFigure:
-    """The drawn figure as a `ReportFigure`; all panels over time show the evaluation window.
-
-    ``between``: height between panels, in heights of a panel. Margins are fixed: a layout engine would draw the figure
-    once to measure it and once more to keep it, three times the work.
-    """
-    whole = (view.first.window.start_s, view.first.window.end_s)
-    for axes in figure.axes:
-        if axes.get_autoscalex_on():
-            axes.set_xlim(*whole)
-    width, height = figure.get_size_inches()
-    figure.subplots_adjust(
-        left=LEFT_IN / width,
-        right=1 - RIGHT_IN / width,
-        bottom=BOTTOM_IN / height,
-        top=1 - (TOP_IN + LINE_IN * legend_lines) / height,
-        hspace=between,
-    )
-    name = f"{view.prefix}{key}"
-    return ReportFigure(name, caption, figure_svg(figure, name, caption, description, whole))
+def as_figure(view: SessionView, chart: Chart, key: str, caption: str, description: str) -> ReportFigure:
+    """The chart as a `ReportFigure`; all panels over time show the evaluation window."""
+    name, whole = f"{view.prefix}{key}", (view.first.window.start_s, view.first.window.end_s)
+    return ReportFigure(name, caption, chart.svg(name, caption, description, whole))

@@ -10,39 +10,31 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from model.inside.labels import BODY_COLORS
 from validation.conventions import BODIES, Array
 from validation.curves.display_signs import SIGN, TITLE, degrees, rotation_label
-from validation.curves.plot import draw_marks
-from validation.curves.style import (
-    SKY,
-    band,
-    draw,
-    finish_axes,
-    model_style,
-    plot_text,
-    shade_lifts,
-    shared_legend,
-)
+from validation.curves.style import BLACK, GREY, SKY
 from validation.numbers import number
 from validation.report.figures.layout import (
     FORCE,
     QUANTILES,
-    WIDTH_IN,
+    WIDTH,
+    ZERO,
     ReportFigure,
+    as_figure,
     curves_of,
     differences_of,
     draw_trials,
-    finish,
     left_out_intervals,
     lift_text,
+    model_pen,
+    shade_lifts,
     spread_of,
     traces_of,
     window,
 )
+from validation.report.figures.svg import Chart, Panel, Pen
 from validation.report.view import SessionView
 from validation.result import ValidationResult
 
@@ -54,6 +46,7 @@ NOTE = (
     "zero at one instant in twenty."
 )
 
+LETTERS = 19.0  # points above a panel whose marks have letters
 THESIS = {
     "force": "4.1, 4.5 and 4.12",
     "key": "4.2, 4.6 and 4.13",
@@ -68,18 +61,16 @@ def force_of_one_trial(view: SessionView) -> ReportFigure:
     """Corrected and raw force of one trial (thesis 4.1, 4.5, 4.12)."""
     result, trial = view.first, view.shown_trial()
     f = window(result, result.traces[trial])
-    figure = Figure(figsize=(WIDTH_IN, 3.0))
-    axes = figure.subplots()
-    draw(axes, f["time_s"].to_numpy(), f["raw_force_n"].to_numpy(), "as recorded", color=SKY, linewidth=0.8, gid="raw")
+    chart = Chart(WIDTH, 216, top=LETTERS)
+    (panel,) = chart.panels
+    panel.x_label, panel.y_label, panel.marks, panel.has_letters = "time (s)", "force (N)", result.marks(trial), True
+    panel.line(f["time_s"].to_numpy(), f["raw_force_n"].to_numpy(), Pen(SKY, 0.8), "as recorded", name="raw")
     force, at = f["force_n"].to_numpy(), f["force_time_s"].to_numpy()
-    draw(axes, at, force, "corrected", color=FORCE, linewidth=1.1, gid="trial")
-    finish_axes(axes, "force (N)")
-    draw_marks(axes, result.marks(trial))
-    lines = shared_legend(figure, [axes])
+    panel.line(at, force, Pen(FORCE, 1.1), "corrected", name="trial")
     caption = "Force as recorded, and as it drives the model, corrected (offset, hum, delay)."
     top = int(np.nanargmax(force))
     text = f"The largest force is {force[top]:.1f} N at {at[top]:.4f} s."
-    made = finish(view, figure, "force-one", f"{caption} As thesis {THESIS['force']}.", text, lines)
+    made = as_figure(view, chart, "force-one", f"{caption} As thesis {THESIS['force']}.", text)
     return replace(made, channel="force", shows="one", of_trial=f"Trial {trial}.")
 
 
@@ -94,41 +85,33 @@ def model_against_trial(view: SessionView, channel: str) -> ReportFigure:
     about = float(np.nanmax(limit)) if np.isfinite(limit).any() else 0.0
     lifts = left_out_intervals(result, channel)
     n = len(view.results)
-    figure = Figure(figsize=(WIDTH_IN, 3.3 + 1.9 * n))
-    top, *panels = figure.subplots(n + 1, 1, sharex=True, height_ratios=(1.6, *[1] * n))
-    band(top, time, measured - limit, measured + limit, "repeatability limit", gid="limit")
+    chart = Chart(WIDTH, 238 + 137 * n, rows=(1.6, *[1] * n), top=LETTERS)
+    top, *panels = chart.panels
+    top.y_label, top.marks, top.has_letters = rotation_label(channel), result.marks(trial), True
+    top.band(time, measured - limit, measured + limit, label="repeatability limit", name="limit")
     shade_lifts(top, lifts, [trial])
-    draw(top, time, measured, "trial", color=BODY_COLORS[channel], linewidth=1.2, gid="trial")
-    draw_marks(top, result.marks(trial))
-    finish_axes(top, rotation_label(channel), bottom=False)
+    top.line(time, measured, Pen(BODY_COLORS[channel], 1.2), "trial", name="trial")
     low, high = _extent(view, channel)
-    top.set_ylim(low - about, high + about)
+    top.y = low - about, high + about
     reached = 0.0
-    for i, (axes, name, other) in enumerate(zip(panels, view.names, view.results, strict=True)):
+    for i, (panel, name, other) in enumerate(zip(panels, view.names, view.results, strict=True)):
         own = traces_of(other, channel).get(trial)
         if own is not None:
             own = window(other, own)
-            style = model_style(i) | {"gid": f"model{i}"}
             predicted = degrees(channel, own[f"{channel}_predicted_rad"])
-            draw(top, own["time_s"].to_numpy(), predicted, plot_text(name), **style)
-        reached = max(reached, _residuals(axes, other, channel, trial, i))
-        finish_axes(axes, "model − trial (°)", bottom=axes is panels[-1])
-        if n > 1:
-            axes.set_title(plot_text(f"{name} − trial"), fontsize=9, loc="left")
-    _same_scale(panels)
+            top.line(own["time_s"].to_numpy(), predicted, model_pen(i), name, name=f"model{i}")
+        reached = max(reached, _residuals(panel, other, channel, trial, i))
+        panel.y_label, panel.title = "model − trial (°)", f"{name} − trial" if n > 1 else ""
+    panels[-1].x_label = "time (s)"
+    limits = [panel.y_limits() for panel in panels]
+    for panel in panels:
+        panel.y = min(low for low, _ in limits), max(high for _, high in limits)
     caption = f"Rotation of the {TITLE[channel]}"
     caption += f"; repeatability limit at most {number(about, 2)}°" if about else ""
     caption += f"; 95 % interval of the mean difference at most ±{number(reached, 2)}°." if reached else "."
     text = trial_words(view, channel, trial)
-    legend_lines = shared_legend(figure, [top, *panels])
-    made = finish(
-        view,
-        figure,
-        f"{channel}-model",
-        f"{caption}{lift_text(lifts)} As thesis {THESIS[channel]}.",
-        text,
-        legend_lines,
-    )
+    caption = f"{caption}{lift_text(lifts)} As thesis {THESIS[channel]}."
+    made = as_figure(view, chart, f"{channel}-model", caption, text)
     return replace(made, channel=channel, shows="one", of_trial=text)
 
 
@@ -165,28 +148,20 @@ def limit_of_trial(result: ValidationResult, channel: str, time: Array) -> Array
     return np.asarray(limit, dtype=float)
 
 
-def _residuals(axes: Axes, result: ValidationResult, channel: str, trial: int, number: int) -> float:
+def _residuals(panel: Panel, result: ValidationResult, channel: str, trial: int, number: int) -> float:
     """Model minus trial for all trials with the band of their mean; its largest half width, 0 where there is none."""
     base = result.base_s
     differences = differences_of(result, channel)
-    draw_trials(axes, base, differences, BODY_COLORS[channel])
+    draw_trials(panel, base, differences, BODY_COLORS[channel])
     traces = list(traces_of(result, channel))
     if trial in traces:
-        drawn = differences[:, traces.index(trial)]
-        draw(axes, base, drawn, color="#000000", linewidth=1.1, gid=f"difference{number}", zorder=3)
+        panel.line(base, differences[:, traces.index(trial)], Pen(BLACK, 1.1), name=f"difference{number}")
     mean, reach = (spread_of(result, channel, f"difference{name}") for name in ("", "_u95"))
     mean *= SIGN[channel]
-    band(axes, base, mean - reach, mean + reach, "mean difference, 95 % at each instant", alpha=0.5)
-    shade_lifts(axes, left_out_intervals(result, channel), traces)
-    axes.axhline(0.0, color="#777777", linewidth=0.7)
+    panel.band(base, mean - reach, mean + reach, (GREY, 0.5), "mean difference, 95 % at each instant")
+    shade_lifts(panel, left_out_intervals(result, channel), traces)
+    panel.level(0.0, ZERO)
     return float(np.nanmax(reach)) if np.isfinite(reach).any() else 0.0
-
-
-def _same_scale(panels: list[Axes]) -> None:
-    """The largest range of all panels for each of them."""
-    limits = [axes.get_ylim() for axes in panels]
-    for axes in panels:
-        axes.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
 
 
 def compared_figures(view: SessionView) -> list[ReportFigure]:
