@@ -40,26 +40,26 @@ def relative_pose(
 @cached_njit(fastmath=FAST)
 def mark_covered(
     offset: NDArray[np.float32],
-    around: NDArray[np.float64],
-    at: tuple[float, float, float],
+    groups: NDArray[np.float64],
+    relative: tuple[float, float, float],
     distance: NDArray[np.float32],
     other_centre: NDArray[np.float64],
     covered: NDArray[np.uint8],
 ) -> int:
-    """Mark template pixels that a body in front hides; its reference outline is moved with it. Returns their number.
+    """Set ``covered`` (n,) to 1 at template pixels, ``offset`` (2, n), that a body in front hides; returns their
+    number. ``relative``: `relative_pose` to that body, ``distance``: `signed_distance` of its outline.
 
-    ``around`` (3, n_groups) are centres and radii of groups of `GROUP` pixels, ``at`` the body's pose seen from the
-    other: turn, and shift of the centre from the other's; ``distance`` that of every pixel of the reference from the
-    other's outline, positive inside.
+    ``groups`` (3, n_groups) are centres and radii of groups of `GROUP` pixels; ``other_centre`` is that of the body in
+    front in the reference.
     """
-    cosine, sine = math.cos(at[0]), math.sin(at[0])
-    left, top = other_centre[0] + at[1] + 0.5, other_centre[1] + at[2] + 0.5
+    cosine, sine = math.cos(relative[0]), math.sin(relative[0])
+    left, top = other_centre[0] + relative[1] + 0.5, other_centre[1] + relative[2] + 0.5
     height, width = distance.shape
     count = 0
-    for group in range(around.shape[1]):
-        ix = int(math.floor(left + cosine * around[0, group] - sine * around[1, group]))
-        iy = int(math.floor(top + sine * around[0, group] + cosine * around[1, group]))
-        if 0 <= ix < width and 0 <= iy < height and distance[iy, ix] + around[2, group] + 1.0 < -CLEARANCE_PX:
+    for group in range(groups.shape[1]):
+        ix = int(math.floor(left + cosine * groups[0, group] - sine * groups[1, group]))
+        iy = int(math.floor(top + sine * groups[0, group] + cosine * groups[1, group]))
+        if 0 <= ix < width and 0 <= iy < height and distance[iy, ix] + groups[2, group] + 1.0 < -CLEARANCE_PX:
             continue
         for i in range(group * GROUP, min((group + 1) * GROUP, offset.shape[1])):
             ix = int(math.floor(left + cosine * offset[0, i] - sine * offset[1, i]))

@@ -123,7 +123,7 @@ def find_points(picture: NDArray[Any], target: Target) -> NDArray[np.float64] | 
             grey, size, flags=cv2.CALIB_CB_SYMMETRIC_GRID, blobDetector=_create_dot_detector()
         )
         if found:
-            points = _centroids(grey, np.asarray(points, dtype=float).reshape(-1, 2))
+            points = _refine_dot_centres(grey, np.asarray(points, dtype=float).reshape(-1, 2))
     return np.asarray(points, dtype=float).reshape(-1, 2) if found else None
 
 
@@ -273,7 +273,7 @@ def _create_dot_detector() -> Any:
     return cv2.SimpleBlobDetector.create(wanted)
 
 
-def _centroids(grey: NDArray[np.uint8], points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _refine_dot_centres(grey: NDArray[np.uint8], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Centres of mass (n, 2) of the dots' darkness around ``points`` (n, 2), px, within `DOT_SHARE` of their
     distance."""
     half = max(3, int(DOT_SHARE * _spacing(points)))

@@ -72,7 +72,7 @@ class Projection:
 
     def to_picture(self, rectified_px: ArrayLike) -> NDArray[np.float64]:
         """Points of the film, px, at which rectified points (..., 2) of the plane appear."""
-        flat = _project(self.homography, as_points(rectified_px) - self.centre_px)
+        flat = _apply_homography(self.homography, as_points(rectified_px) - self.centre_px)
         if self.radial:
             flat *= 1.0 + self.radial / self.half_diagonal_px**2 * _squared_norm(flat)
         flat += self.centre_px
@@ -90,7 +90,7 @@ class Projection:
             if settled:
                 break
         inverse = np.asarray(np.linalg.inv(self.homography), dtype=np.float64)
-        return np.asarray(self.centre_px + _project(inverse, flat))
+        return np.asarray(self.centre_px + _apply_homography(inverse, flat))
 
     seen, rectified = to_picture, to_plane  # former names, for one release
 
@@ -127,7 +127,7 @@ def tilt_homography(tilt_rad: float, direction_rad: float, distance_px: float) -
     return turn.T @ lean @ turn
 
 
-def _project(homography: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _apply_homography(homography: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points (..., 2) mapped by a homography (3, 3); one expression per coordinate, as NumPy's products with a 2-vector
     at the end are slow."""
     x, y = points[..., 0], points[..., 1]

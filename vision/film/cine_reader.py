@@ -76,7 +76,7 @@ class CineFilm(Film):
             raise FilmError(f"{self.path}: begins with {magic!r}, a Phantom film with b'CI'; it is no .cine film")
         _, self.width, height, _, bits, packing = self._unpack(BITMAP_HEADER, at_bitmap)
         self.height = abs(height)
-        settings = self._settings(at_settings)
+        settings = self._read_settings(at_settings)
         self._refuse_unknown(compression, bits, packing, settings)
         if not (0 < self.width <= 65_536 and 0 < self.height <= 65_536 and 0 < n <= MOST_FRAMES):
             raise FilmError(f"{self.path}: the header says {n} images of {self.width} x {self.height}; it is damaged")
@@ -98,10 +98,10 @@ class CineFilm(Film):
             PACKED_12: (pixels + 1) // 2 * 3,
         }[packing]
         self.start_frame = first
-        self._place = self._places(at_table, n, allow_truncated)
-        self.n_frames = len(self._place)
+        self._note_offset = self._read_note_offsets(at_table, n, allow_truncated)
+        self.n_frames = len(self._note_offset)
         self._shift = self._unused_low_bits()
-        self._time_s = self._image_times(at_settings + settings["length"], at_table, trigger)
+        self._time_s = self._read_image_times(at_settings + settings["length"], at_table, trigger)
 
     @property
     def frame_time_s(self) -> NDArray[np.float64] | None:
@@ -118,7 +118,7 @@ class CineFilm(Film):
         are touched."""
         self._check_index(index)
         self._check_region(y0, y1, x0, x1)
-        start = self._pixels_at(int(self._place[index]), index)
+        start = self._find_pixels(int(self._note_offset[index]), index)
         if self._packing == PACKED_10:
             first, last = y0 * self.width, y1 * self.width
             data = self._file.view(start + first // 4 * 5, start + (last + 3) // 4 * 5)
@@ -150,7 +150,7 @@ class CineFilm(Film):
             return 0
         used = 0
         for index in {0, self.n_frames // 2, self.n_frames - 1}:
-            start = self._pixels_at(int(self._place[index]), index)
+            start = self._find_pixels(int(self._note_offset[index]), index)
             used |= int(np.bitwise_or.reduce(self._file.view(start, start + self._image_bytes).view("<u2")))
         if used >> self.bit_depth == 0:
             return 0
@@ -167,16 +167,16 @@ class CineFilm(Film):
     def _unpack(self, layout: struct.Struct, at: int) -> tuple[Any, ...]:
         return layout.unpack(self._file.view(at, min(at + layout.size, self._file.size)).tobytes())
 
-    def _settings(self, at: int) -> dict[str, int]:
-        """The camera's settings by name, from the block at a byte; 0 for those that an older block lacks."""
-        mark, length = self._unpack(struct.Struct("<2sH"), at + MARK_AT)
+    def _read_settings(self, offset: int) -> dict[str, int]:
+        """The camera's settings by name, from the block at byte ``offset``; 0 for those that an older block lacks."""
+        mark, length = self._unpack(struct.Struct("<2sH"), offset + MARK_AT)
         if mark != b"ST":
             raise FilmError(
                 f"{self.path}: the camera's settings lack their mark; the file is damaged or too old to read"
             )
         known = {"length": int(length)}
         for name, (place, kind) in SETTINGS.items():
-            known[name] = int(self._unpack(struct.Struct("<" + kind), at + place)[0]) if place + 4 <= length else 0
+            known[name] = int(self._unpack(struct.Struct("<" + kind), offset + place)[0]) if place + 4 <= length else 0
         return known
 
     def _refuse_unknown(self, compression: int, bits: int, packing: int, settings: dict[str, int]) -> None:
@@ -195,12 +195,12 @@ class CineFilm(Film):
         if words is not None:
             raise FilmError(f"{self.path}: {words}; save it uncompressed, in grey or interpolated colour")
 
-    def _places(self, at: int, n: int, allow_truncated: bool) -> NDArray[np.int64]:
-        """Byte at which the note of each image begins, (n,), from the table of ``n`` images at byte ``at``; of a file
-        that is cut short the whole images only, or `FilmError`."""
-        if at + 8 * n > self._file.size:
+    def _read_note_offsets(self, table_offset: int, n: int, allow_truncated: bool) -> NDArray[np.int64]:
+        """Byte at which the note of each image begins, (n,), from the table of ``n`` images at ``table_offset``; of a
+        file that is cut short the whole images only, or `FilmError`."""
+        if table_offset + 8 * n > self._file.size:
             raise FilmError(f"{self.path}: ends within the table of its {n} images; copy the film again")
-        table = self._file.view(at, at + 8 * n).view("<i8").astype(np.int64)
+        table = self._file.view(table_offset, table_offset + 8 * n).view("<i8").astype(np.int64)
         # a note has eight bytes at least
         beyond = np.flatnonzero((table <= 0) | (table > self._file.size - 8 - self._image_bytes))
         if beyond.size and not (allow_truncated and beyond[0]):
@@ -210,35 +210,35 @@ class CineFilm(Film):
             )
         whole = table[: beyond[0]] if beyond.size else table
         for index in (0, len(whole) - 1):
-            self._pixels_at(int(whole[index]), index)
+            self._find_pixels(int(whole[index]), index)
         return whole
 
-    def _pixels_at(self, place: int, index: int) -> int:
-        """Byte at which the pixels of image ``index`` begin, whose note is at byte ``place``; `FilmError` where note
-        and size disagree."""
-        note = int(self._unpack(struct.Struct("<I"), place)[0])
-        if note < 8 or place + note + self._image_bytes > self._file.size:
+    def _find_pixels(self, note_offset: int, index: int) -> int:
+        """Byte at which the pixels of image ``index`` begin, whose note begins at ``note_offset``; `FilmError` where
+        note and size disagree."""
+        note = int(self._unpack(struct.Struct("<I"), note_offset)[0])
+        if note < 8 or note_offset + note + self._image_bytes > self._file.size:
             raise FilmError(
                 f"{self.path}: image {index} has a note of {note} bytes, which is none; the file is damaged"
             )
-        stored = int(self._unpack(struct.Struct("<I"), place + note - 4)[0])
+        stored = int(self._unpack(struct.Struct("<I"), note_offset + note - 4)[0])
         if stored != self._image_bytes:
             raise FilmError(
                 f"{self.path}: image {index} has {stored} bytes, but {self.width} x {self.height} pixels need "
                 f"{self._image_bytes}; the file is damaged"
             )
-        return place + note
+        return note_offset + note
 
-    def _image_times(self, at: int, end: int, trigger: int) -> NDArray[np.float64] | None:
+    def _read_image_times(self, offset: int, end: int, trigger: int) -> NDArray[np.float64] | None:
         """Time of each image after the trigger (units of 2^-32 s since 1970), s, from the tagged blocks in bytes
-        ``at..end-1``; None where they do not hold it, `FilmError` where times do not increase."""
+        ``offset..end-1``; None where they do not hold it, `FilmError` where times do not increase."""
         block = struct.Struct("<IHH")
-        while at + block.size <= end:
-            size, kind, _ = self._unpack(block, at)
-            if size < block.size or at + size > end:
+        while offset + block.size <= end:
+            size, kind, _ = self._unpack(block, offset)
+            if size < block.size or offset + size > end:
                 return None
             if kind == IMAGE_TIMES and size - block.size >= 8 * self.n_frames:
-                stamps = self._file.view(at + block.size, at + block.size + 8 * self.n_frames).view("<u8")
+                stamps = self._file.view(offset + block.size, offset + block.size + 8 * self.n_frames).view("<u8")
                 # whole numbers first: in seconds since 1970 a float resolves a quarter of a microsecond
                 after = stamps.astype(np.int64) - np.int64(trigger)
                 time_s = after.astype(float) / 2.0**32
@@ -247,7 +247,7 @@ class CineFilm(Film):
                         f"{self.path}: the images' own times do not increase; give frame times of their number"
                     )
                 return time_s
-            at += size
+            offset += size
         return None
 
 

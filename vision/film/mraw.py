@@ -93,8 +93,8 @@ def read_header(path: Path, *, is_mraw: bool = True) -> FilmHeader:
     except OSError as error:
         raise FilmError(f"{path}: header cannot be read ({error.strerror or error})") from None
     try:
-        raw = _fields_of_cihx(data) if b"<cih>" in data else _fields_of_cih(data)
-        return _header(raw, is_mraw)
+        raw = _parse_cihx(data) if b"<cih>" in data else _parse_cih(data)
+        return _build_header(raw, is_mraw)
     except FilmError as error:
         raise FilmError(f"{path}: {error}") from None
 
@@ -110,7 +110,7 @@ def find_contradiction(header: FilmHeader) -> str | None:
     return None
 
 
-def _fields_of_cihx(data: bytes) -> dict[str, str]:
+def _parse_cihx(data: bytes) -> dict[str, str]:
     """Known fields of a CIHX header by the names of `_FIELDS`; empty where missing."""
     start, end = data.find(b"<cih>"), data.rfind(b"</cih>")
     if end < start:
@@ -125,7 +125,7 @@ def _fields_of_cihx(data: bytes) -> dict[str, str]:
     return {key: (root.findtext(xml_path) or "").strip() for key, (xml_path, _) in _FIELDS.items()}
 
 
-def _fields_of_cih(data: bytes) -> dict[str, str]:
+def _parse_cih(data: bytes) -> dict[str, str]:
     """Known fields of a CIH header by the names of `_FIELDS`; empty where missing."""
     text = data.decode("utf-8", errors="replace").replace("\r\n", "\n")
     lines: dict[str, str] = {}
@@ -145,7 +145,7 @@ def _read_integer(raw: dict[str, str], key: str, low: int, high: int, default: i
     return int(text)
 
 
-def _rate(raw: dict[str, str]) -> float | None:
+def _parse_frame_rate(raw: dict[str, str]) -> float | None:
     """Frames/s from a header's fields; None where it states none, `FilmError` where it is no positive number."""
     text = raw["frame_rate_hz"]
     if not text:
@@ -159,7 +159,7 @@ def _rate(raw: dict[str, str]) -> float | None:
     return value
 
 
-def _exposure(raw: dict[str, str]) -> float | None:
+def _parse_exposure(raw: dict[str, str]) -> float | None:
     """Shutter time, s, from a header's fields; None where none is stated. CIHX writes ``1/800000`` as the
     bare 800000."""
     if re.fullmatch(r"\d{1,15}", raw["shutter_ns"]) and int(raw["shutter_ns"]) > 0:
@@ -171,7 +171,7 @@ def _exposure(raw: dict[str, str]) -> float | None:
     return 1.0 / value if raw["shutter"].startswith("1/") or value > 1.0 else value
 
 
-def _header(raw: dict[str, str], is_mraw: bool) -> FilmHeader:
+def _build_header(raw: dict[str, str], is_mraw: bool) -> FilmHeader:
     """Header of a film from its fields; `FilmError` for values that no film can have and, of an MRAW film, for formats
     that are not read."""
     file_format = raw["file_format"] or "MRaw"
@@ -198,8 +198,8 @@ def _header(raw: dict[str, str], is_mraw: bool) -> FilmHeader:
         effective_bit=effective,
         bit_side=side,
         colour_type=kind,
-        frame_rate_hz=_rate(raw),
-        exposure_s=_exposure(raw),
+        frame_rate_hz=_parse_frame_rate(raw),
+        exposure_s=_parse_exposure(raw),
         start_frame=_read_integer(raw, "start_frame", -limit, limit, 0),
         frame_step=_read_integer(raw, "frame_step", 1, limit, 1),
         recorded_frames=_read_integer(raw, "recorded_frames", 0, limit, 0) or None,
@@ -298,7 +298,7 @@ class MrawFilm(Film):
     def __init__(self, path: Path, *, allow_truncated: bool = False, channel: str | None = None) -> None:
         if channel is not None:
             raise FilmError(f"{path}: films of this format are read in grey; leave the channel ({channel}) out")
-        data_path, header_path = _pair(path)
+        data_path, header_path = _find_film_and_header(path)
         self.path = data_path
         self.header = header = read_header(header_path)
         self.height, self.width = header.height, header.width
@@ -407,7 +407,7 @@ def _unpack12(packed: NDArray[np.uint8]) -> NDArray[np.uint16]:
     return out
 
 
-def _pair(path: Path) -> tuple[Path, Path]:
+def _find_film_and_header(path: Path) -> tuple[Path, Path]:
     """Paths of an MRAW film and of its header, whichever of the two ``path`` names; `FilmError` where the other is
     missing."""
     if path.suffix.lower() == ".mraw":

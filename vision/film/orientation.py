@@ -18,7 +18,7 @@ MATRICES: dict[int, Matrix] = {
 """Display matrices of TIFF's and EXIF's tag Orientation (TIFF 6.0, page 36), but for 1, which is upright."""
 
 
-def turn_upright(matrix: Matrix) -> tuple[str, bool, Callable[[Picture], Picture] | None] | None:
+def interpret_display_matrix(matrix: Matrix) -> tuple[str, bool, Callable[[Picture], Picture] | None] | None:
     """What a display matrix asks for: in words, whether rows become columns, and the function that turns a stored
     picture upright (None: it is upright). None for a turn that is no right angle.
 

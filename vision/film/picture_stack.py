@@ -41,9 +41,9 @@ class _Pictures(Film):
     def read(self, index: int) -> NDArray[Any]:
         """Whole frame, shape (height, width)."""
         self._check_index(index)
-        return self._newest.get(index, self._fitting)
+        return self._newest.get(index, self._decode_checked)
 
-    def _fitting(self, index: int) -> NDArray[Any]:
+    def _decode_checked(self, index: int) -> NDArray[Any]:
         """Decoded grey picture of a frame; `FilmError` where its size or type is not that of the first."""
         where, picture = self._decode_picture(index)
         if picture.shape != (self.height, self.width) or picture.dtype != self._type:
@@ -70,7 +70,7 @@ class PictureFolder(_Pictures):
             raise FilmError(f"{path}: folder cannot be read ({error.strerror})") from None
         if not found:
             raise FilmError(f"{path}: holds no picture ({', '.join(PICTURE_SUFFIXES)}); give a film or such a folder")
-        self._files = _one_series(path, sorted(found), allow_truncated)
+        self._files = _select_series(path, sorted(found), allow_truncated)
         super().__init__(path, len(self._files), channel)
         if self._files[0].suffix.lower() in JPEG_SUFFIXES:
             self.compression = Compression(jpeg_quantisation_table(self._files[0].read_bytes()))
@@ -95,7 +95,7 @@ CAMERA_COUNTS = re.compile(r"Img-\d{5}$")
 """As Phantom's software names pictures before the trigger."""
 
 
-def _one_series(folder: Path, files: list[Path], allow_truncated: bool) -> list[Path]:
+def _select_series(folder: Path, files: list[Path], allow_truncated: bool) -> list[Path]:
     """The files of the one series in a folder, in order: their names differ by a number that grows by equal steps.
     Warns of other files; `FilmError` where there are several series or gaps."""
     number = _number_pattern(folder, files)

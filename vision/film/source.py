@@ -105,8 +105,8 @@ def to_grey(picture: NDArray[Any], channel: str | None) -> NDArray[Any]:
     return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGRA2GRAY if picture.shape[2] == 4 else cv2.COLOR_BGR2GRAY))
 
 
-def decode_picture(data: NDArray[np.uint8], how: int) -> NDArray[Any] | None:
-    """Decode an encoded picture file with OpenCV's `imread` flags ``how``, silently; None where that fails."""
+def decode_picture(data: NDArray[np.uint8], flags: int) -> NDArray[Any] | None:
+    """Decode an encoded picture file with OpenCV, silently, as its `imread` ``flags`` say; None where that fails."""
     # start-up: as above
     import cv2
 
@@ -116,7 +116,7 @@ def decode_picture(data: NDArray[np.uint8], how: int) -> NDArray[Any] | None:
     level = logging.getLogLevel()
     logging.setLogLevel(logging.LOG_LEVEL_SILENT)
     try:
-        return cv2.imdecode(data, how)
+        return cv2.imdecode(data, flags)
     finally:
         logging.setLogLevel(level)
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from vision.errors import FilmError, VisionWarning
 from vision.film.mmap_window import FileWindow
-from vision.film.orientation import MATRICES, turn_upright
+from vision.film.orientation import MATRICES, interpret_display_matrix
 from vision.film.source import CHANNELS, Compression, Film, NewestFrame, decode_picture, to_grey
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class TiffFilm(Film):
         # what it remarks of a file is found here, and said in one line
         logging.getLogger("tifffile").setLevel(logging.CRITICAL)
         self.path = path
-        if not allow_truncated and not chain_is_whole(path):
+        if not allow_truncated and not has_whole_pages(path):
             raise FilmError(
                 f"{path}: the file ends before its last page; copy it again, or read what is whole with "
                 "`allow_truncated`"
@@ -77,7 +77,7 @@ class TiffFilm(Film):
         try:
             self._read_axes(series, channel)
             self._count_imagej(allow_truncated)
-            self._end_at_last_whole(allow_truncated)
+            self._drop_incomplete_frames(allow_truncated)
             self._orient()
         except FilmError:
             self.close()
@@ -102,7 +102,7 @@ class TiffFilm(Film):
 
     def _read_stored(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
         """Rectangle of a decoded grey frame before it is turned; the whole page where it is compressed and turned."""
-        start = self._place(index)
+        start = self._find_frame_offset(index)
         if start is None:
             if self._turned is not None:
                 return self._decode_page(index)
@@ -117,7 +117,7 @@ class TiffFilm(Film):
         turned."""
         tag = self._key.tags.get(ORIENTATION)
         matrix = MATRICES.get(tag.value) if tag is not None and isinstance(tag.value, int) else None
-        turned = None if matrix is None else turn_upright(matrix)
+        turned = None if matrix is None else interpret_display_matrix(matrix)
         if turned is None:
             return
         words, is_transposed, self._turned = turned
@@ -153,7 +153,7 @@ class TiffFilm(Film):
         if len(along) > 1:
             words = " and ".join(f"{count} along {axis}" for axis, count in along)
             raise FilmError(f"{self.path}: its pages have two axes ({words}); a film has one: save one of them")
-        chosen = self._channel_index(size.get("C", 1), channel, len(along))
+        chosen = self._choose_channel(size.get("C", 1), channel, len(along))
         grid = np.arange(int(np.prod([count for _, count in outer], dtype=np.int64))).reshape(
             [n for _, n in outer] or [1]
         )
@@ -188,7 +188,7 @@ class TiffFilm(Film):
         self._at = [(series, page) for page in range(min(found, said))]
         self.n_frames = len(self._at)
 
-    def _channel_index(self, n_channels: int, channel: str | None, n_along: int) -> int:
+    def _choose_channel(self, n_channels: int, channel: str | None, n_along: int) -> int:
         """Index of the chosen channel (its number from 1, or a colour) beside ``n_along`` axes of frames; sets
         ``self._colour``, the name of a colour or None. `FilmError` where it does not fit."""
         self._colour = channel if channel in CHANNELS else None
@@ -208,7 +208,7 @@ class TiffFilm(Film):
             raise FilmError(f"{self.path}: is a grey film; leave the channel ({channel}) out")
         return 0
 
-    def _place(self, index: int) -> int | None:
+    def _find_frame_offset(self, index: int) -> int | None:
         """Byte at which a frame lies uncompressed and whole; None where it has to be decoded."""
         key = self._key
         if key.compression != PLAIN or key.bitspersample != 8 * self._type.itemsize or key.photometric > RGB:
@@ -230,10 +230,10 @@ class TiffFilm(Film):
             raise FilmError(f"{self.path}: page {index} is not in the file; keep all files of the film together")
         return page.dataoffsets, page.databytecounts
 
-    def _end_at_last_whole(self, allow_truncated: bool) -> None:
+    def _drop_incomplete_frames(self, allow_truncated: bool) -> None:
         """Drop the frames from the first on that lies beyond the end of the file, or raise `FilmError` for it."""
         for index in range(self.n_frames):
-            start = self._place(index) if self._at[index][0].dataoffset is not None else None
+            start = self._find_frame_offset(index) if self._at[index][0].dataoffset is not None else None
             if start is not None:
                 end = start + self.height * self.width * self._samples * self._type.itemsize
             else:
@@ -277,7 +277,7 @@ class TiffFilm(Film):
             self._file.view(at, at + count).data
             for at, count in zip(page.dataoffsets, page.databytecounts, strict=True)
         ]
-        data = np.frombuffer(one_page(self._key, strips, self._tiff.byteorder), np.uint8)
+        data = np.frombuffer(build_one_page_file(self._key, strips, self._tiff.byteorder), np.uint8)
         picture = decode_picture(data, cv2.IMREAD_UNCHANGED)
         if picture is None or picture.shape[:2] != self._stored:
             stored = f"{self._key.bitspersample} bit, compression {getattr(self._key.compression, 'name', '')}"
@@ -301,12 +301,12 @@ class TiffFilm(Film):
         return (2**self.bit_depth - 1) - grey if self._key.photometric == WHITE_IS_ZERO else grey
 
 
-def one_page(key: Any, strips: list[memoryview], byteorder: str) -> bytes:
-    """Bytes of a TIFF file of one page: tags of tifffile's key frame ``key``, and the page's own strips or tiles;
+def build_one_page_file(keyframe: Any, strips: list[memoryview], byteorder: str) -> bytes:
+    """Bytes of a TIFF file of one page: tags of tifffile's ``keyframe``, and the page's own strips or tiles;
     ``byteorder`` '<' or '>'."""
-    where, how_long = (324, 325) if key.is_tiled else (273, 279)
+    where, how_long = (324, 325) if keyframe.is_tiled else (273, 279)
     entries: dict[int, tuple[str, list[int]]] = {}
-    for tag in key.tags:
+    for tag in keyframe.tags:
         if tag.code in TAGS_OF_A_PAGE:
             value = tag.value
             values = np.ravel(list(value) if isinstance(value, bytes) else value).tolist()
@@ -332,7 +332,7 @@ def one_page(key: Any, strips: list[memoryview], byteorder: str) -> bytes:
     return b"".join([head, directory, b"\0" * 4, *strips, extra])
 
 
-def chain_is_whole(path: Path) -> bool:
+def has_whole_pages(path: Path) -> bool:
     """False when a directory or a strip lies beyond the end of the file; True for files of another format."""
     with path.open("rb") as file:
         size = os.fstat(file.fileno()).st_size
@@ -345,7 +345,7 @@ def chain_is_whole(path: Path) -> bool:
             seen: set[int] = set()
             while at and at not in seen and len(seen) < MAX_PAGES:
                 seen.add(at)
-                at, whole = _page(file, at, order, big, size)
+                at, whole = _check_directory(file, at, order, big, size)
                 if not whole:
                     return False
         except struct.error:
@@ -353,28 +353,28 @@ def chain_is_whole(path: Path) -> bool:
     return True
 
 
-def _page(file: BinaryIO, at: int, order: str, big: bool, size: int) -> tuple[int, bool]:
+def _check_directory(file: BinaryIO, at: int, byte_order: str, is_big: bool, size: int) -> tuple[int, bool]:
     """Byte of the next directory (0: none), and whether the strips of the page whose directory is at byte ``at`` lie
-    inside a file of ``size`` bytes; ``order`` is '<' or '>', ``big`` BigTIFF."""
-    entry, count_code, offset_code = (20, "Q", "Q") if big else (12, "H", "I")
+    inside a file of ``size`` bytes; ``byte_order`` is '<' or '>', ``is_big`` BigTIFF."""
+    entry, count_code, offset_code = (20, "Q", "Q") if is_big else (12, "H", "I")
     file.seek(at)
-    (n,) = struct.unpack(order + count_code, file.read(struct.calcsize(count_code)))
+    (n,) = struct.unpack(byte_order + count_code, file.read(struct.calcsize(count_code)))
     if n > MOST_TAGS:
         return 0, False
     table = file.read(n * entry)
-    (following,) = struct.unpack(order + offset_code, file.read(struct.calcsize(offset_code)))
+    (following,) = struct.unpack(byte_order + offset_code, file.read(struct.calcsize(offset_code)))
     found: dict[int, tuple[np.dtype[Any], int, int]] = {}
     for k in range(n):
         raw = table[k * entry : (k + 1) * entry]
-        tag, kind, count = struct.unpack(order + ("HHQ" if big else "HHI"), raw[: 12 if big else 8])
+        tag, kind, count = struct.unpack(byte_order + ("HHQ" if is_big else "HHI"), raw[: 12 if is_big else 8])
         if tag in OFFSETS + COUNTS and kind in SIZES:
-            number = np.dtype(order + SIZES[kind])
+            number = np.dtype(byte_order + SIZES[kind])
             if count > MOST_STRIPS:
                 return int(following), False
-            room = raw[12:] if big else raw[8:]
+            room = raw[12:] if is_big else raw[8:]
             inline = count * number.itemsize <= len(room)
             place = at + struct.calcsize(count_code) + (k + 1) * entry - len(room)
-            found[tag] = number, count, place if inline else int(struct.unpack(order + offset_code, room)[0])
+            found[tag] = number, count, place if inline else int(struct.unpack(byte_order + offset_code, room)[0])
     for where, length in zip(OFFSETS, COUNTS, strict=True):
         if where in found and length in found and not _lie_inside(file, found[where], found[length], size):
             return int(following), False

@@ -148,21 +148,21 @@ def index_video(path: Path, allow_truncated: bool) -> VideoIndex:
     if not path.is_file():
         raise FilmError(f"{path}: cannot be opened; give an existing film")
     state = path.stat()
-    index = _index(path.resolve(), path, state.st_mtime_ns, state.st_size)
+    index = _build_index(path.resolve(), path, state.st_mtime_ns, state.st_size)
     if index.damage and not allow_truncated:
         raise FilmError(f"{path}: {index.damage}")
     return index
 
 
 @lru_cache(maxsize=HELD)
-def _index(_resolved: Path, path: Path, _changed_ns: int, _size: int) -> VideoIndex:
+def _build_index(_resolved: Path, path: Path, _changed_ns: int, _size: int) -> VideoIndex:
     """Read a video's index; the arguments from the path on make it be read anew when the file changes."""
     with open_container(path) as container:
         stream = choose_video(container)
         packets = _demux(path, container, stream)
         context = stream.codec_context
         n_shown = sum(packets.shown)
-        damage = _what_is_missing(container, stream, packets)
+        damage = _describe_missing(container, stream, packets)
         codec = context.codec
         remarks = []
         videos = [one for one in container.streams.video if _size_as_film(one)]
@@ -195,7 +195,7 @@ def _index(_resolved: Path, path: Path, _changed_ns: int, _size: int) -> VideoIn
         rate = 0.0 if average is None else float(average)
         states_rate = is_avi or "matroska" in container.format.name
     is_counted = is_standalone or facts["is_lossless"]
-    (first, first_field), pts, is_interlaced, undecoded = _decode(path, is_counted, packets.first)
+    (first, first_field), pts, is_interlaced, undecoded = _decode_stamps(path, is_counted, packets.first)
     damage = damage or undecoded
     if is_counted:
         order = _shown_order(packets, is_avi)
@@ -211,7 +211,7 @@ def _index(_resolved: Path, path: Path, _changed_ns: int, _size: int) -> VideoIn
         else:
             stamps = pts
     try:
-        stamp_s, spacing = _times(stamps, facts["tick_s"], 1.0 / rate if states_rate and rate > 0.0 else None)
+        stamp_s, spacing = _convert_stamps(stamps, facts["tick_s"], 1.0 / rate if states_rate and rate > 0.0 else None)
     except FilmError as error:
         # damage is the cause, not the stamps
         raise FilmError(f"{path}: {damage or f'{error}; export the film again'}") from None
@@ -226,7 +226,7 @@ def _index(_resolved: Path, path: Path, _changed_ns: int, _size: int) -> VideoIn
         )
     return VideoIndex(
         **facts,
-        **_picture(first),
+        **_read_picture_facts(first),
         n_frames=len(order),
         packet_of=np.array(order, dtype=np.int64),
         packet_number=_numbers(packets),
@@ -242,7 +242,7 @@ def _index(_resolved: Path, path: Path, _changed_ns: int, _size: int) -> VideoIn
     )
 
 
-def first_field_of(frame: Any) -> str | None:
+def find_first_field(frame: Any) -> str | None:
     """Rows, ``even`` or ``odd``, of an interlaced PyAV frame that were exposed first: those that FFmpeg's filter
     ``separatefields`` gives first; None where both fields show the same."""
     # start-up: as above
@@ -313,7 +313,7 @@ def _demux(path: Path, container: Any, stream: Any) -> _Packets:
     return found
 
 
-def _what_is_missing(container: Any, stream: Any, packets: _Packets) -> str:
+def _describe_missing(container: Any, stream: Any, packets: _Packets) -> str:
     """What a film lacks of what it announces, in words; empty when it is whole."""
     # an AVI marks a frame that was left out by an empty chunk, which its decoder skips but counts
     dts = [at for at in packets.dts if at is not None]
@@ -339,9 +339,11 @@ def _what_is_missing(container: Any, stream: Any, packets: _Packets) -> str:
     return ""
 
 
-def _decode(path: Path, is_counted: bool, head: bytes) -> tuple[tuple[Any, str | None], list[int | None], bool, str]:
+def _decode_stamps(
+    path: Path, is_counted: bool, first_packet: bytes
+) -> tuple[tuple[Any, str | None], list[int | None], bool, str]:
     """(First frame, its first field if interlaced), stamps in ticks, whether any frame is interlaced, and damage in
-    words ('': none): of the first frame only where ``is_counted``, else of all. ``head``: the first packet."""
+    words ('': none): of the first frame only where ``is_counted``, else of all."""
     # start-up: as above
     import av
 
@@ -353,7 +355,7 @@ def _decode(path: Path, is_counted: bool, head: bytes) -> tuple[tuple[Any, str |
         if not is_counted:
             # with several threads FFmpeg reports the damage of a frame in some runs only
             context.thread_count = 1
-        elif context.name == "mjpeg" and not jpeg_is_whole(head, context.width, context.height):
+        elif context.name == "mjpeg" and not jpeg_is_whole(first_packet, context.width, context.height):
             raise FilmError(f"{path}: {NO_JPEG.format(0, context.width, context.height)}")
         try:
             for frame in container.decode(stream):
@@ -361,7 +363,7 @@ def _decode(path: Path, is_counted: bool, head: bytes) -> tuple[tuple[Any, str |
                     raise av.error.InvalidDataError(0, "a frame is damaged")
                 first = frame if first is None else first
                 if frame.interlaced_frame and not is_interlaced:
-                    is_interlaced, first_field = True, first_field_of(frame)
+                    is_interlaced, first_field = True, find_first_field(frame)
                 pts.append(frame.pts)
                 if is_counted:
                     break
@@ -391,7 +393,7 @@ def _seek_ticks(packets: _Packets, is_avi: bool) -> NDArray[np.int64]:
     return np.array([0 if at is None else at for at in ticks], dtype=np.int64)
 
 
-def _times(
+def _convert_stamps(
     stamps: list[int | None], tick_s: float, nominal_s: float | None
 ) -> tuple[NDArray[np.float64] | None, Spacing | None]:
     """Times (n,) from the first stamp on, s, on an even grid where the stamps (in ticks) lie near one, and their
@@ -410,7 +412,7 @@ def _times(
     return stamp_s, spacing
 
 
-def _picture(frame: Any) -> dict[str, Any]:
+def _read_picture_facts(frame: Any) -> dict[str, Any]:
     """Fields of `VideoIndex` that the first PyAV frame tells: size, pixel format, range of grey, display matrix."""
     # start-up: as above
     from av.sidedata.sidedata import Type

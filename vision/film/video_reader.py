@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import FilmError, VisionWarning
-from vision.film.orientation import Picture, turn_upright
+from vision.film.orientation import Picture, interpret_display_matrix
 from vision.film.source import Compression, Film, NewestFrame, jpeg_compression, to_grey
 from vision.film.video_index import (
     NO_JPEG,
@@ -131,7 +131,7 @@ class VideoFilm(Film):
         self._turned: Callable[[Picture], Picture] | None = None
         if index.display_matrix is None:
             return
-        turned = turn_upright(index.display_matrix)
+        turned = interpret_display_matrix(index.display_matrix)
         if turned is None:
             raise FilmError(
                 f"{self.path}: is to be shown turned by an angle that is no multiple of 90 deg; export it as taken"

@@ -82,7 +82,7 @@ def prefilter(picture: NDArray[Any], out: F32) -> int:
 
 
 @cached_njit(nogil=True)
-def saturated_inside(picture: NDArray[Any], top: int) -> int:
+def count_saturated_inside(picture: NDArray[Any], top: int) -> int:
     """Number of pixels that reach ``top`` together with their four neighbours, as far as the picture has them."""
     rows, width = picture.shape
     count = 0
@@ -153,7 +153,7 @@ class FrameSpline:
             self._buffer = np.empty(picture.size, dtype=np.float32)
         coefficient = self._buffer[: picture.size].reshape(picture.shape)
         top = saturated_grey(self.film)
-        many = saturated_inside(picture, top) if prefilter(picture, coefficient) >= top else 0
+        many = count_saturated_inside(picture, top) if prefilter(picture, coefficient) >= top else 0
         part = FilteredPart(whole, coefficient, picture, many)
         self._newest = (index, part)
         return part

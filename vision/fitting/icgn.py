@@ -161,11 +161,11 @@ class IcgnFitter:
         index: int,
         pose: NDArray[np.float64],
         covered: NDArray[np.uint8] | None,
-        begun: FirstFit | None = None,
+        first_fit: FirstFit | None = None,
     ) -> Fit:
-        """Fit the body in frame ``index`` from ``pose``; ``covered`` (n,) is 1 at hidden pixels, ``begun`` a first fit
-        that compiled code has done. Weights, light and scale are kept for the next frame."""
-        result = self._fit_once(film, index, pose, covered, begun)
+        """Fit the body in frame ``index`` from ``pose``; ``covered`` (n,) is 1 at hidden pixels, ``first_fit`` one that
+        compiled code has done. Weights, light and scale are kept for the next frame."""
+        result = self._fit_once(film, index, pose, covered, first_fit)
         if result.converged and max(abs(result.pose[1] - pose[1]), abs(result.pose[2] - pose[2])) > FAR_PX:
             # the fit ended where the border of the spline filter spoils the samples
             result = self._fit_once(film, index, result.pose, covered)
@@ -182,7 +182,7 @@ class IcgnFitter:
         index: int,
         start: NDArray[np.float64],
         covered: NDArray[np.uint8] | None,
-        begun: FirstFit | None = None,
+        first_fit: FirstFit | None = None,
     ) -> Fit:
         """Fit from the pose ``start``, with light and scale estimated anew until the residuals show no other change;
         ``covered`` (n,) is 1 at hidden pixels."""
@@ -205,15 +205,15 @@ class IcgnFitter:
                 coefficient = np.where(saturated, np.float32(np.nan), coefficient)
         self._clipped, self._coded = part.n_saturated > 0, film.compression is not None
         hidden = self._uncovered if covered is None else covered
-        if begun is None:
-            result = self._solve(coefficient, (y0, x0), start, hidden)
+        if first_fit is None:
+            result = self._fit_pose(coefficient, (y0, x0), start, hidden)
         else:
-            result = self._conclude_fit(begun.found, begun.pose, begun)
+            result = self._conclude_fit(first_fit.found, first_fit.pose, first_fit)
         self._followed = False
         for _ in range(CHANGE_ROUNDS):
             if not result.converged or not self._update_slow_changes(result):
                 break
-            result = self._solve(coefficient, (y0, x0), result.pose, hidden)
+            result = self._fit_pose(coefficient, (y0, x0), result.pose, hidden)
         for k in range(0 if self._clipped else LIGHT_ROUNDS):
             if not result.converged or not self._light.update(
                 result, self._work[1], self._work[2], self._changes, k == 0
@@ -221,7 +221,7 @@ class IcgnFitter:
                 break
             # its squares say all that the gradients did
             self._changes = with_even_illumination(self._changes)
-            result = self._solve(coefficient, (y0, x0), result.pose, hidden)
+            result = self._fit_pose(coefficient, (y0, x0), result.pose, hidden)
         return result
 
     def _update_slow_changes(self, fit: Fit) -> bool:
@@ -236,11 +236,11 @@ class IcgnFitter:
             self._followed = True
             more = self._slow_changes().update(weight, residual, fit.gain, self._changes)
         elif suspected:
-            noise2 = max(fit.noise_grey, SCALE_FLOOR_GREY) ** 2
+            noise_variance = max(fit.noise_grey, SCALE_FLOOR_GREY) ** 2
             # where light is known from place to place, or grey values are cut off
             left_out: tuple[str, ...] = LIGHT if self._light.light is not None else TILT if self._clipped else ()
             left_out += FOCUS if self._coded else ()  # a codec blurs, too, and the budget has a term for it
-            more = self._slow_changes().measure(weight, residual, fit.gain, noise2, left_out, self._changes)
+            more = self._slow_changes().measure(weight, residual, fit.gain, noise_variance, left_out, self._changes)
         both = combine_changes(self._changes, more)
         if more == UNCHANGED or both is None:
             return False
@@ -250,7 +250,7 @@ class IcgnFitter:
     def _slow_changes(self) -> SlowChanges:
         return self.template.get_or_make(SlowChanges)
 
-    def _solve(
+    def _fit_pose(
         self,
         coefficient: NDArray[np.float32],
         corner: tuple[int, int],
@@ -276,14 +276,14 @@ class IcgnFitter:
         state = State(pose, self._weight, self._work, self._at, float(self._scale[0]))
         return self._conclude_fit(fit_rigid(region, subset, self._settings, state), pose)
 
-    def _conclude_fit(self, found: RigidFit, pose: NDArray[np.float64], begun: FirstFit | None = None) -> Fit:
+    def _conclude_fit(self, found: RigidFit, pose: NDArray[np.float64], first_fit: FirstFit | None = None) -> Fit:
         """Assessed fit from what its loop ``found``, its covariance inflated for the light and scale in use; `FAILED`,
         after a reset, where it broke down."""
         if found.iterations <= 0 or not math.isfinite(sum(pose.tolist())):
             self.reset()
             return FAILED
         self._scale[0] = found.sums.scale
-        fit = self._assess(found, pose, begun)
+        fit = self._assess(found, pose, first_fit)
         if self._changes != UNCHANGED:
             root = np.sqrt(self._slow_changes().variance_factor(self._changes))
             fit = replace(fit, covariance=fit.covariance * root[:, None] * root)
@@ -311,16 +311,16 @@ class IcgnFitter:
         inside = (rows >= 0) & (rows < marked.shape[0]) & (columns >= 0) & (columns < marked.shape[1])
         return int(np.count_nonzero(marked[rows[inside], columns[inside]]))
 
-    def _assess(self, found: RigidFit, pose: NDArray[np.float64], begun: FirstFit | None = None) -> Fit:
+    def _assess(self, found: RigidFit, pose: NDArray[np.float64], first_fit: FirstFit | None = None) -> Fit:
         """Fit with quality figures and covariance from the sums of the last iteration; `FAILED` where too few pixels
         agree."""
         sums, n = found.sums, self.template.n_pixels
-        if begun is None:
+        if first_fit is None:
             ratios = np.empty((N_LEVELS, 3)), np.empty((N_LEVELS, 3))
             out = Assessed(np.empty(2), np.empty((3, 3)), np.empty((5, 5)), *ratios)
             lacking = assess_fit(self._facts, self.blocks, found, self._work, self._weight, out)
         else:
-            out, lacking = begun.out, begun.lacking
+            out, lacking = first_fit.out, first_fit.lacking
         if lacking == TOO_FEW:
             return FAILED
         covariance, coherence = out.covariance, Ratios(out.ratio, out.blocks)

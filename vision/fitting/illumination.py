@@ -218,7 +218,10 @@ class IlluminationField:
     def _pairs(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]]:
         """Neighbouring pixels, and which pairs of them begin in each square."""
         n = self._middle_grey.size
-        return [(one, other, _pad_by_square(self._cell[one], n, one.size)) for one, other in _pairs(self._template)]
+        return [
+            (one, other, _pad_by_square(self._cell[one], n, one.size))
+            for one, other in _neighbour_pairs(self._template)
+        ]
 
     def detect(
         self, visible: NDArray[np.float32], residual: NDArray[np.float32], gain: float, noise: float
@@ -237,7 +240,7 @@ class IlluminationField:
         )
         return change if after <= BETTER * before else None
 
-    def start(
+    def estimate_light(
         self, factor: F64, visible: NDArray[np.float32], residual: NDArray[np.float32], gain: float, noise: float
     ) -> Illumination | None:
         """First estimate of the light from residuals (n,) of a fit under even light; ``factor`` (rows, columns): what
@@ -247,7 +250,7 @@ class IlluminationField:
             return None
         return self._add_change(Illumination(factor - 1.0, np.zeros(self.shape), found[2]), found[0])
 
-    def update(
+    def update_light(
         self,
         light: Illumination,
         visible: NDArray[np.float32],
@@ -406,17 +409,17 @@ def _inverse_diagonal(normal: F64) -> F64:
     return np.asarray(np.linalg.pinv(normal * scale[:, None] * scale, hermitian=True).diagonal() * scale**2)
 
 
-def _pad_by_square(square: NDArray[np.intp], n_squares: int, nothing: int) -> NDArray[np.intp]:
+def _pad_by_square(square: NDArray[np.intp], n_squares: int, padding: int) -> NDArray[np.intp]:
     """Indices (n_squares, most) of what lies in each square, by the square of each item (n,), padded with
-    ``nothing``."""
+    ``padding``."""
     count = np.bincount(square, minlength=n_squares)
     order = np.argsort(square, kind="stable")
-    places = np.full((n_squares, int(count.max(initial=1))), nothing)
+    places = np.full((n_squares, int(count.max(initial=1))), padding)
     places[square[order], np.arange(square.size) - np.repeat(np.cumsum(count) - count, count)] = order
     return places
 
 
-def _pairs(template: Template) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+def _neighbour_pairs(template: Template) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
     """Neighbouring pixels of a template: indices (k,) of pixels and (k,) of those to their right, then of pixels and of
     those below."""
     x, y = np.rint(template.offset_px - template.offset_px.min(axis=1, keepdims=True)).astype(int)
@@ -496,7 +499,7 @@ class LocalIllumination:
             return False
         field, noise = self._squares(), self._noise(fit.gain)
         if self.light is not None:
-            light = field.update(self.light, visible, residual, fit.gain, noise)
+            light = field.update_light(self.light, visible, residual, fit.gain, noise)
         else:
             change = (
                 field.detect(visible, residual, fit.gain, noise)
@@ -507,7 +510,7 @@ class LocalIllumination:
             if change is None or before is None or np.corrcoef(before.ravel(), change.ravel())[0, 1] < ALIKE:
                 return False
             factor = illumination_factor(changes, *(field.middles_px() / self._template.radius_px))
-            light = field.start(factor, visible, residual, fit.gain, noise)
+            light = field.estimate_light(factor, visible, residual, fit.gain, noise)
         if light is None:
             return False
         self.light, self._shown = light, None

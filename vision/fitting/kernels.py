@@ -291,7 +291,13 @@ def robust_scale(residual: F32, visible: F32, top: float, bin_of: I32) -> float:
 @inner_njit()
 def linear_residuals(columns: F32, value: F32, q: F64, residual: F32) -> None:
     at, ax, ay, ref = columns[0], columns[1], columns[2], columns[3]
-    q0, q1, q2, q3, q4 = np.float32(q[0]), np.float32(q[1]), np.float32(q[2]), np.float32(q[3]), np.float32(q[4])
+    q0, q1, q2, q3, q4 = (
+        np.float32(q[0]),
+        np.float32(q[1]),
+        np.float32(q[2]),
+        np.float32(q[3]),
+        np.float32(q[4]),
+    )
     for i in range(at.size):
         residual[i] = value[i] - (q0 * at[i] + q1 * ax[i] + q2 * ay[i] + q3 * ref[i] + q4)
 
@@ -323,15 +329,16 @@ def weighted_sums(residual: F32, weight: F32, value: F32, visible: F32, scale: f
 
 
 @inner_njit()
-def step_over_uncertainty(matrix: F64, q: F64, sums: ResidualSums, rhs: F64, column: F64) -> float:
-    """Largest component (turn, x, y) of the step ``q`` over its u; ``rhs`` and ``column`` (5,) are scratch."""
+def step_over_uncertainty(matrix: F64, step: F64, sums: ResidualSums, rhs: F64, column: F64) -> float:
+    """Largest component (turn, x, y) of a fit's ``step`` (5,) over its standard uncertainty; ``matrix`` (5, 5) is the
+    normal one, ``rhs`` and ``column`` (5,) are work space."""
     largest = 0.0
     for k in range(3):
         rhs[:] = 0.0
         rhs[k] = 1.0
         if not solve5(matrix, rhs, column):
             return np.inf
-        largest = max(largest, abs(q[k]) / math.sqrt(max(column[k] * sums.squares / max(sums.weight, 1.0), 1e-30)))
+        largest = max(largest, abs(step[k]) / math.sqrt(max(column[k] * sums.squares / max(sums.weight, 1.0), 1e-30)))
     return largest
 
 

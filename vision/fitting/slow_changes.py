@@ -94,12 +94,12 @@ class SlowChanges:
         weight: NDArray[np.float32],
         residual: NDArray[np.float32],
         gain: float,
-        noise2: float,
+        noise_variance: float,
         left_out: tuple[str, ...] = (),
         changes: Changes = UNCHANGED,
     ) -> Changes:
         """Amplitudes, beyond ``changes`` in use, of the group of terms that explains the residuals (n,) of a fit best;
-        `UNCHANGED` where each may be chance. ``noise2``: variance of the noise, ``left_out``: names of groups."""
+        `UNCHANGED` where each may be chance. ``left_out``: names of groups."""
         terms = self._terms_at(changes)
         w = weight.astype(float)
         weighted = w * residual
@@ -111,13 +111,13 @@ class SlowChanges:
             left_out = (*left_out, "focus")
         best, found = ASKED_FOR, UNCHANGED
         for part in (own for name, own in GROUPS.items() if name not in left_out):
-            if PERHAPS * right[part] @ self._inverses[part.start] @ right[part] < best * max(noise2, 1e-9):
+            if PERHAPS * right[part] @ self._inverses[part.start] @ right[part] < best * max(noise_variance, 1e-9):
                 continue  # far too little, whatever the weights
             rows = np.arange(N_TERMS)[part]
             if self.variance_factor(_amplitude_vector(rows, np.ones(rows.size)))[0] > MAX_VARIANCE_INFLATION:
                 continue
             amplitude = self._solve_terms(terms, rows, w, right)
-            if amplitude is not None and (chi2 := float(amplitude @ right[part]) / max(noise2, 1e-9)) > best:
+            if amplitude is not None and (chi2 := float(amplitude @ right[part]) / max(noise_variance, 1e-9)) > best:
                 best, found = chi2, _amplitude_vector(rows, amplitude / gain)
         return found
 
@@ -158,13 +158,13 @@ class SlowChanges:
         return terms
 
     def _solve_terms(
-        self, terms: NDArray[np.float64], rows: NDArray[np.intp], w: NDArray[np.float64], rhs: NDArray[np.float64]
+        self, terms: NDArray[np.float64], rows: NDArray[np.intp], weight: NDArray[np.float64], rhs: NDArray[np.float64]
     ) -> NDArray[np.float64] | None:
-        """Amplitudes (k,) of the terms with indices ``rows`` (k,), by weights ``w`` (n,) and products ``rhs`` (9,);
-        None where the pixels do not tell them apart."""
+        """Amplitudes (k,) of the terms with indices ``rows`` (k,), by weights (n,) and products ``rhs`` (9,); None
+        where the pixels do not tell them apart."""
         normal = np.empty((rows.size, rows.size))
         for i, one in enumerate(rows):
-            weighted = w * terms[one]
+            weighted = weight * terms[one]
             for j, other in enumerate(rows[: i + 1]):
                 normal[i, j] = normal[j, i] = float(np.sum(weighted * terms[other]))
         scale = 1.0 / np.sqrt(np.maximum(normal.diagonal(), 1e-300))

@@ -97,7 +97,7 @@ def build_template(
     if inverse is None:
         raise BodyError(f"body {name}: its region has no texture to follow; draw it over a textured surface")
     if max_pixels is not None and max_pixels < dx.size:
-        best = _best_pixels(columns, inverse, max_pixels)
+        best = _select_best_pixels(columns, inverse, max_pixels)
         columns, dx, dy = columns[best], dx[best], dy[best]
         inverse = invert_normal(columns.T @ columns)
         if inverse is None:
@@ -128,7 +128,7 @@ def thin_template(template: Template, max_pixels: int) -> Template:
     inverse = invert_normal(template.normal)
     if inverse is None or max_pixels >= template.n_pixels:
         return template
-    best = _best_pixels(design, inverse, max_pixels)
+    best = _select_best_pixels(design, inverse, max_pixels)
     (dx, dy), columns = template.offset_px[:, best].astype(float), design[best]
     return replace(
         template,
@@ -170,7 +170,7 @@ def noise_normal_matrix(dx: NDArray[np.float64], dy: NDArray[np.float64], varian
     return noise * variance
 
 
-def _best_pixels(columns: NDArray[np.float64], inverse: NDArray[np.float64], count: int) -> NDArray[np.intp]:
+def _select_best_pixels(columns: NDArray[np.float64], inverse: NDArray[np.float64], count: int) -> NDArray[np.intp]:
     """Indices, in raster order, of the ``count`` pixels with the largest influence on angle and position; ``columns``
     (n, 5), ``inverse`` (5, 5)."""
     influence = columns @ inverse

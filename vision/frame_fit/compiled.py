@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from vision.bodies.occlusion import mark_covered, relative_pose
 from vision.film.source import SATURATED_SHARE
 from vision.fitting.assessment import COHERENT, HIDDEN_SHARE, Assessed, Blocks, BodyFacts, assess_fit
-from vision.fitting.frame_spline import prefilter, saturated_inside
+from vision.fitting.frame_spline import count_saturated_inside, prefilter
 from vision.fitting.icgn import FAR_PX, QUIET
 from vision.fitting.illumination import Squares, can_show_illumination, residual_noise
 from vision.fitting.kernels import F32, F64, I32, I64, Region, Settings, State, Subset, fit_rigid
@@ -322,7 +322,7 @@ def filter_region(film: Film, k: int, box: I64, buffer: F32) -> tuple[Any, int]:
             picture[y, x] = line[x0 + x]
     coefficient = buffer[: height * width].reshape(height, width)
     brightest = prefilter(picture, coefficient)
-    return coefficient, saturated_inside(picture, film.saturated) if brightest >= film.saturated else 0
+    return coefficient, count_saturated_inside(picture, film.saturated) if brightest >= film.saturated else 0
 
 
 @inner_njit(_nrt=False)

@@ -55,11 +55,13 @@ def _draw_scales(picture: NDArray[Any], shape: tuple[int, ...], factor: int) -> 
             line = picture.copy()
             cv2.line(line, place, end, GRID, 1)
             picture[:] = cv2.addWeighted(picture, 0.6, line, 0.4, 0.0)
-            _write(picture, str(value), *((at, MARGIN_PX - 14) if along == 0 else (MARGIN_PX // 2 - 2, at)), WHITE, 0.4)
-    _write(picture, "px", MARGIN_PX // 2 - 2, MARGIN_PX - 14, WHITE, 0.4)
+            _draw_text(
+                picture, str(value), *((at, MARGIN_PX - 14) if along == 0 else (MARGIN_PX // 2 - 2, at)), WHITE, 0.4
+            )
+    _draw_text(picture, "px", MARGIN_PX // 2 - 2, MARGIN_PX - 14, WHITE, 0.4)
 
 
-def _write(picture: NDArray[Any], text: str, x: int, y: int, colour: Colour, size: float) -> None:
+def _draw_text(picture: NDArray[Any], text: str, x: int, y: int, colour: Colour, size: float) -> None:
     """Draw text centred on a point (x, y), px, moved into the picture, with a dark rim."""
     wide, high = text_size(text, size)
     at = (

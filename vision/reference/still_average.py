@@ -88,11 +88,11 @@ def average_still_frames(
         count += 1
         mean = total.reshape(-1)[pixels].astype(float) / count
     # a camera that shakes makes frames differ by more than their noise, of which the roughness is an upper estimate
-    noise = min(float(np.sqrt(np.mean(variances))) if variances else _noise_at_rest(film, mean), spatial)
+    noise = min(float(np.sqrt(np.mean(variances))) if variances else _estimate_background_noise(film, mean), spatial)
     return Reference(total / np.float32(count), count, noise, saturated)
 
 
-def _noise_at_rest(film: FrameSource, grey: NDArray[np.float64]) -> float:
+def _estimate_background_noise(film: FrameSource, grey: NDArray[np.float64]) -> float:
     """Noise of a film whose bodies never rest, from what does not move in it.
 
     Neighbouring frames are compared where the picture is as bright as the bodies are, whose grey values are ``grey``;

@@ -210,12 +210,12 @@ class BodyTracker:
         expected: NDArray[np.float64],
         covered: NDArray[np.uint8] | None,
         search: bool = True,
-        begun: Callable[[], Fit] | None = None,
+        compiled_fit: Callable[[], Fit] | None = None,
     ) -> Fit:
         """Fit the body in frame ``index``, the ``ordinal``-th tracked, from the pose ``expected``, or search for it
-        when lost; keeps fit, flag and pose. ``begun`` gives a fit from that pose that is done already."""
-        fit = self.fitter.fit(film, index, expected, covered) if begun is None else begun()
-        flag = self._flags_of(fit, expected)
+        when lost; keeps fit, flag and pose. ``compiled_fit`` gives a fit from that pose that is done already."""
+        fit = self.fitter.fit(film, index, expected, covered) if compiled_fit is None else compiled_fit()
+        flag = self._judge(fit, expected)
         if flag & FAILURE:
             fit, flag = self._retry(film, index, ordinal, covered, flag, search)
         self._fit, self.flag = fit, flag
@@ -277,12 +277,12 @@ class BodyTracker:
         for cautious in (False, True):
             self.fitter.reset(cautious)
             fit = self.fitter.fit(film, index, start, covered)
-            flag = self._flags_of(fit, start)
+            flag = self._judge(fit, start)
             if not flag & FAILURE:
                 break
         return fit, flag
 
-    def _flags_of(self, fit: Fit, expected: NDArray[np.float64]) -> FrameFlag:
+    def _judge(self, fit: Fit, expected: NDArray[np.float64]) -> FrameFlag:
         if not fit.converged:
             return FrameFlag.NOT_CONVERGED
         flag = judge_fit(self.standards, self.number, _figures(fit), fit.pose, expected, fit.covariance)

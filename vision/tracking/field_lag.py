@@ -58,7 +58,7 @@ def measure_field_lag(ready: PreparedFilm, table: PoseTable, time_s: NDArray[np.
     at = time_s[table.frame] / (float(np.median(np.diff(time_s))) if time_s.size > 1 else 1.0)
     right, normal, chi2, degrees = 0.0, 0.0, 0.0, 0
     for i, template in enumerate(ready.templates):
-        found = _differences(ready, table, i, thin_template(template, PIXELS), at)
+        found = _field_differences(ready, table, i, thin_template(template, PIXELS), at)
         if found is None:
             continue
         motion, difference, weight = found
@@ -72,7 +72,7 @@ def measure_field_lag(ready: PreparedFilm, table: PoseTable, time_s: NDArray[np.
     return FieldLag(right / normal, math.sqrt(birge / normal))
 
 
-def _differences(
+def _field_differences(
     ready: PreparedFilm, table: PoseTable, body: int, template: Template, at: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
     """Motion per frame (k, 3), difference of the fields' steps (k, 3) and the inverse of its covariance (k, 3, 3) of a
@@ -92,7 +92,7 @@ def _differences(
     still = np.flatnonzero(known & (frame < ready.reference.n_averaged))[:MOST_STILL]
     if moving.size < LEAST_ROWS:
         return None
-    steps = [_difference(ready, int(frame[row]), pose[row], template) for row in (*still, *moving)]
+    steps = [_field_difference(ready, int(frame[row]), pose[row], template) for row in (*still, *moving)]
     at_rest = [step[0] for step in steps[: still.size] if step is not None]
     zero = np.mean(at_rest, axis=0) if at_rest else np.zeros(3)
     rows = [
@@ -106,7 +106,7 @@ def _differences(
     return motions, differences, weights
 
 
-def _difference(
+def _field_difference(
     ready: PreparedFilm, frame: int, pose: NDArray[np.float64], template: Template
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """Pose of a frame's odd rows less that of its even ones, (3,) in the body's own axes, and the inverse of its

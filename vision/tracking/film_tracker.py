@@ -133,13 +133,13 @@ class FilmTracker:
             done += 1
         return done
 
-    def _fit_in_python(self, i: int, index: int, ordinal: int, search: bool, is_begun: bool) -> None:
-        """Fit the i-th body of frame ``index`` in Python, from the compiled first fit where that ``is_begun``, and
+    def _fit_in_python(self, i: int, index: int, ordinal: int, search: bool, has_first_fit: bool) -> None:
+        """Fit the i-th body of frame ``index`` in Python, from the compiled first fit if it ``has_first_fit``, and
         expect its children anew."""
         film, tracker, found = self.ready.film, self.trackers[i], self._together.found
         expected, covered = found.expected[i].copy(), self._together.hidden_pixels(i)
         begun: Callable[[], Fit] | None = None
-        if is_begun:
+        if has_first_fit:
             begun = partial(self.fitters[i].fit, film, index, expected, covered, self._together.first_fit(i))
         found.pose[i] = tracker.fit_frame(film, index, ordinal, expected, covered, search, begun).pose
         for child, parent in enumerate(self._parents):

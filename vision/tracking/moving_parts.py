@@ -233,9 +233,9 @@ class _Tile:
         """Shift (x, y) and turn in the template's axes where the tile fits, the shift's standard uncertainty, NaN where
         nowhere, and whether it fits clearly better there than where the body's pose has it."""
         noise2, place, found = self._noise**2, start.copy(), None
-        at_rest = self._fit(region, pose, np.zeros(3))
+        at_rest = self._fit_step(region, pose, np.zeros(3))
         for _ in range(ITERATIONS):
-            found = self._fit(region, pose, place)
+            found = self._fit_step(region, pose, place)
             if found is None:
                 return start, np.nan, False
             # the frame at this place shows the template moved by the step: go against it
@@ -250,7 +250,7 @@ class _Tile:
         u = self.u_px * float(np.sqrt(max(found[1] / noise2, 1.0)))
         return place, u, found[1] - noise2 < (1.0 - EXPLAINED) * before
 
-    def _fit(self, region: Region, pose: F64, place: F64) -> tuple[F64, float] | None:
+    def _fit_step(self, region: Region, pose: F64, place: F64) -> tuple[F64, float] | None:
         """Step (x, y, turn) from a place towards a better one, and mean square of what is left, grey^2; None where the
         tile fits nowhere."""
         value, visible = self._work[0], self._work[1]
@@ -302,7 +302,7 @@ def confirm_hidden(ready: PreparedFilm, table: PoseTable, doubted: NDArray[np.bo
         fitters[0].reset(cautious=True)
         square = np.repeat(squares.groups[LEVEL], np.diff(squares.first))
         for row in rows:
-            again = _fit_without_squares(ready, table, int(row), i, (*fitters, square))
+            again = _fit_without_squares(ready, table, int(row), i, fitters, square)
             if again is None:
                 continue
             off = pose_difference(again.pose, table.pose[row, i])
@@ -318,10 +318,16 @@ def confirm_hidden(ready: PreparedFilm, table: PoseTable, doubted: NDArray[np.bo
 
 
 def _fit_without_squares(
-    ready: PreparedFilm, table: PoseTable, row: int, i: int, with_what: tuple[IcgnFitter, IcgnFitter, NDArray[np.int32]]
+    ready: PreparedFilm,
+    table: PoseTable,
+    row: int,
+    i: int,
+    fitters: tuple[IcgnFitter, IcgnFitter],
+    square: NDArray[np.int32],
 ) -> Fit | None:
-    """Fit of the i-th body in a row without squares that do not agree; None where it fails or too little is left."""
-    (fitter, second, square), pose, frame = with_what, table.pose[row, i], int(table.frame[row])
+    """Fit of the i-th body in a row without the squares (``square`` (n,): that of each pixel) in which pixels do not
+    agree; None where it fails or too little is left. One fitter finds them, the other fits without."""
+    (fitter, second), pose, frame = fitters, table.pose[row, i], int(table.frame[row])
     others = {j: table.pose[row, j] for j in ready.occlusion.in_front[i] if not table.is_lost[row, j]}
     hidden = ready.occlusion.hidden_pixels(i, pose, others)
     first = fitter.fit(ready.film, frame, pose, hidden)

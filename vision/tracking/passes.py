@@ -77,7 +77,7 @@ def track_forward(
             crew.check()
             new = fit_rows_forward(newest, repeats, table, range(row, end), row, n_still)
             row += new
-            keeper.rows_done(row, newest, new)
+            keeper.record_rows(row, newest, new)
 
     with workers(threads if len(rows) > 1 else 1) as crew:
         first = crew.submit(go_on, 0, rows[1] if len(rows) > 1 else n)
@@ -91,7 +91,7 @@ def track_forward(
             table.take(slice(start, end), stretch.table, slice(SHARED_ROWS, None))
             stretch.tracker.searches_before = newest.searches()
             newest = stretch.tracker
-            keeper.rows_done(end, newest)
+            keeper.record_rows(end, newest)
     tracker.searches_before += newest.searches() - tracker.searches()
     return done
 
@@ -110,7 +110,7 @@ class _ProgressRecorder:
     def __post_init__(self) -> None:
         self._call_at_rest(self._kept)
 
-    def rows_done(self, rows: int, tracker: FilmTracker, new: int = 1) -> None:
+    def record_rows(self, rows: int, tracker: FilmTracker, new: int = 1) -> None:
         """Tell ``progress`` of the first ``rows`` rows, of which ``new`` are new, and save them in the checkpoint, with
         the tracker at their end, when it is due."""
         self._call_at_rest(rows)

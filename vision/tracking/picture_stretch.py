@@ -80,27 +80,27 @@ def prior_stretch_uncertainty(film: FrameSource, settings: FitSettings) -> float
     return 0.5 * (U_STATED if is_stated else U_NOT_STATED)
 
 
-def measure_stretch(ready: PreparedFilm, table: PoseTable, before: float) -> PictureStretch:
-    """Stretch of the picture along x against y, by the strains of bodies that turn; ``before`` is its standard
+def measure_stretch(ready: PreparedFilm, table: PoseTable, u_before: float) -> PictureStretch:
+    """Stretch of the picture along x against y, by the strains of bodies that turn; ``u_before`` is its standard
     uncertainty without the measurement."""
-    found = _measure_remaining_stretch(ready, table, before, 0.0)
+    found = _measure_remaining_stretch(ready, table, u_before, 0.0)
     for _ in range(REFINEMENTS):
         if not found.is_significant or abs(found.value) < LINEAR_STRETCH:
             break
         # a large one is followed to first order only
-        more = _measure_remaining_stretch(ready, table, before, found.value)
+        more = _measure_remaining_stretch(ready, table, u_before, found.value)
         found = PictureStretch(found.value + more.value, more.u, True)
         if abs(more.value) < more.u:
             break
     return found
 
 
-def _measure_remaining_stretch(ready: PreparedFilm, table: PoseTable, before: float, value: float) -> PictureStretch:
-    """Stretch of the picture that is left after ``value``, from strains of bodies that turn; ``before``: its standard
+def _measure_remaining_stretch(ready: PreparedFilm, table: PoseTable, u_before: float, value: float) -> PictureStretch:
+    """Stretch of the picture that is left after ``value``, from strains of bodies that turn; ``u_before``: its standard
     uncertainty without the measurement."""
     right, normal, chi2, degrees = 0.0, 0.0, 0.0, 0
     for i, template in enumerate(ready.templates):
-        strains = _strains(ready, table, i, thin_template(template, PIXELS), value)
+        strains = _measure_strains(ready, table, i, thin_template(template, PIXELS), value)
         if strains is None:
             continue
         turn, speed, strain, weight = strains  # (k,), (k,), (k, 2), (k, 2, 2)
@@ -117,7 +117,7 @@ def _measure_remaining_stretch(ready: PreparedFilm, table: PoseTable, before: fl
         chi2 += float(np.einsum("ki,kij,kj->", strain, weight, strain))
         degrees += 2 * len(turn) - 4
     if not normal > 0.0:
-        return PictureStretch(0.0, before, False)
+        return PictureStretch(0.0, u_before, False)
     degrees -= 1
     birge = max(1.0, (chi2 - right**2 / normal) / max(degrees, 1))
     value, u = right / normal, math.sqrt(birge / normal)
@@ -126,14 +126,14 @@ def _measure_remaining_stretch(ready: PreparedFilm, table: PoseTable, before: fl
     limit = -float(ndtri(0.5 * LEVEL))
     is_seen = degrees > 0 and abs(value) > limit * u
     if not is_seen:
-        return PictureStretch(value, 1.0 / math.hypot(1.0 / u, 1.0 / before), False)
+        return PictureStretch(value, 1.0 / math.hypot(1.0 / u, 1.0 / u_before), False)
     if abs(value) <= limit * math.hypot(u, 0.5 * U_STATED):
         # no more than sensors and lenses add, or a weak reflection: in u without a line
         return PictureStretch(value, math.hypot(value, u), False)
     return PictureStretch(value, u, True)
 
 
-def _strains(
+def _measure_strains(
     ready: PreparedFilm, table: PoseTable, body: int, template: Template, value: float
 ) -> tuple[NDArray[np.float64], ...] | None:
     """Of k rows of a body: turns (k,), rad, turns from row to row over the largest turn (k,), stretch and shear (k, 2)

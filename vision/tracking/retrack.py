@@ -106,7 +106,7 @@ def retrack_frames(
                 phi = float(ccw_to_picture(angle)) + zero_rad
                 pose.append(np.array([phi, x - template.centre_px[0], y - template.centre_px[1]]))
             start[int(frame)] = pose
-        return _fit_frames(ready, zero, (frames, start), time_s, (settings, u_stretch), "retracked")
+        return _fit_frames(ready, zero, frames, start, time_s, settings, u_stretch, "retracked")
 
 
 def preview(
@@ -158,27 +158,27 @@ def preview(
         chosen = np.unique(np.rint(np.linspace(0, film.n_frames - 1, count + 1)[1:]).astype(np.int64))
         walked = find_segment_starts(ready, np.arange(film.n_frames), (chosen + 1).tolist())
         start = {frame: list(pose) for frame, (_, pose) in zip(chosen.tolist(), walked, strict=False)}
-        return _fit_frames(ready, estimate_zero(ready), (chosen, start), time_s, (settings, u_stretch), "preview")
+        return _fit_frames(ready, estimate_zero(ready), chosen, start, time_s, settings, u_stretch, "preview")
 
 
 def _fit_frames(
     ready: PreparedFilm,
     zero: Zero,
-    asked: tuple[ArrayLike, Mapping[int, Sequence[NDArray[np.float64]]]],
+    frames: ArrayLike,
+    start_poses: Mapping[int, Sequence[NDArray[np.float64]]],
     time_s: NDArray[np.float64],
-    known: tuple[FitSettings, float],
-    what: str,
+    settings: FitSettings,
+    u_stretch: float,
+    info_key: str,
 ) -> TrackResult:
-    """Fit some frames, and those beside each, from given poses, frame -> (turn (rad), shift (px)) of each body; a frame
-    without poses is lost. The result has the rows of these frames only.
+    """Fit some ``frames`` (k,), and those beside each, from the poses (turn, x, y) of all bodies by frame; a frame
+    without poses is lost. The result has the rows of ``frames`` only.
 
-    ``asked``: the frames, and frame -> turn (rad) and shift (px) of each body to start from. ``known``: the settings,
-    and the standard uncertainty of the picture's stretch, which few frames do not measure. ``what``: entry of the
-    result's ``info`` under which the frames are listed.
+    ``u_stretch``: standard uncertainty of the picture's stretch, which few frames do not measure; ``info_key``: entry
+    of the result's ``info`` under which the frames are listed.
     """
-    settings, u_stretch = known
-    frames, start, last = np.asarray(asked[0], dtype=np.int64), dict(asked[1]), time_s.size - 1
-    for frame, pose in asked[1].items():
+    frames, start, last = np.asarray(frames, dtype=np.int64), dict(start_poses), time_s.size - 1
+    for frame, pose in start_poses.items():
         first = min(max(frame - 1, 0), max(last - 2, 0))
         start = dict.fromkeys(range(first, min(first + 2, last) + 1), pose) | start
     rows = np.unique([*start, *frames])
@@ -186,7 +186,7 @@ def _fit_frames(
     for row in np.flatnonzero(np.isin(rows, list(start))).tolist():
         refit_row(ready, table, row, start[int(rows[row])])
     confirm_hidden(ready, table, residual_variance(ready, table) > PATTERN_EXCESS)
-    result = assemble_result(ready, zero, table, time_s, settings, {what: frames.tolist()}, u_stretch=u_stretch)
+    result = assemble_result(ready, zero, table, time_s, settings, {info_key: frames.tolist()}, u_stretch=u_stretch)
     return _select_rows(result, np.searchsorted(rows, frames))
 
 

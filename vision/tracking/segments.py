@@ -63,7 +63,7 @@ class _ForwardPass:
         while self.row < row:
             step = min(self._stride, row - self.row)
             expected = self.pose + step * self._speed
-            found = self._fit(int(self._frame[self.row + step]), expected)
+            found = self._fit_bodies(int(self._frame[self.row + step]), expected)
             if found is None:
                 if step == 1:
                     return False
@@ -79,7 +79,7 @@ class _ForwardPass:
             self.row += step
         return True
 
-    def _fit(self, index: int, expected: Poses) -> Poses | None:
+    def _fit_bodies(self, index: int, expected: Poses) -> Poses | None:
         """Poses of all bodies in a frame, None where one is not found."""
         tracker = self._tracker
         tracker.place(-1, expected)

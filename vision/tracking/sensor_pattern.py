@@ -139,18 +139,18 @@ def estimate_pattern(film: FrameSource, ready: PreparedFilm, table: PoseTable) -
 
     ``ready`` may be the film less an earlier estimate of its pattern.
     """
-    sums = _difference_sums(film, ready, table)
+    sums = _sum_differences(film, ready, table)
     noise2 = max(ready.reference.noise_grey, ROUNDING_GREY) ** 2
     return None if sums is None else _significant_pattern(sums, noise2)
 
 
 def sampled_rows(ready: PreparedFilm, table: PoseTable) -> NDArray[np.intp]:
     """The rows, in order, in which differences from the reference are looked at."""
-    chosen = _select_rows(ready, table)
+    chosen = _select_rows_by_body(ready, table)
     return np.unique(np.concatenate([rows for rows, _ in chosen.values()])) if chosen else np.zeros(0, dtype=np.intp)
 
 
-def _select_rows(ready: PreparedFilm, table: PoseTable) -> dict[int, tuple[NDArray[np.intp], NDArray[np.intp]]]:
+def _select_rows_by_body(ready: PreparedFilm, table: PoseTable) -> dict[int, tuple[NDArray[np.intp], NDArray[np.intp]]]:
     """Rows of each body (by index) that are looked at, spread over its way, and the third of the way (0 to 2) in which
     each lies; empty where no body has moved far enough."""
     way, moved = travel_px(ready, table), find_moved_rows(ready, table)
@@ -168,11 +168,11 @@ def _select_rows(ready: PreparedFilm, table: PoseTable) -> dict[int, tuple[NDArr
     return chosen if apart >= APART_PX else {}
 
 
-def _difference_sums(film: FrameSource, ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64] | None:
+def _sum_differences(film: FrameSource, ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64] | None:
     """Count, sum and squares of the differences, (3, 3, height, width), of the least moved third of the rows, the
     middle and the furthest; None where bodies have not moved far enough."""
     shape = (film.height, film.width)
-    chosen = _select_rows(ready, table)
+    chosen = _select_rows_by_body(ready, table)
     if not chosen:
         return None
     sums = np.zeros((3, 3, *shape))
@@ -184,7 +184,7 @@ def _difference_sums(film: FrameSource, ready: PreparedFilm, table: PoseTable) -
             if box is None:
                 continue
             frame = film.read_region(int(table.frame[row]), *box)
-            found = _difference(ready, frame, (box[0], box[2]), pose, ready.templates[i].centre_px, masks[i])
+            found = _subtract_reference(ready, frame, (box[0], box[2]), pose, ready.templates[i].centre_px, masks[i])
             if found is not None:
                 difference, known = found
                 grey = difference[known]
@@ -194,7 +194,7 @@ def _difference_sums(film: FrameSource, ready: PreparedFilm, table: PoseTable) -
     return sums
 
 
-def _significant_pattern(sums: NDArray[np.float64], noise2: float) -> NDArray[np.float32] | None:
+def _significant_pattern(sums: NDArray[np.float64], noise_variance: float) -> NDArray[np.float32] | None:
     """Pattern (height, width), grey, from counts, sums and squares (3) of the differences in each third (3) of the way,
     (3, 3, height, width); None where the first and the last third do not show the same."""
     count, total, squares = sums.sum(axis=1)
@@ -206,7 +206,7 @@ def _significant_pattern(sums: NDArray[np.float64], noise2: float) -> NDArray[np
     scatter = squares / number - mean**2
     # the template holds the pattern too, another one in each of the frames
     typical = float(np.median(scatter[enough]))
-    usable = enough & (scatter < SCATTER**2 * max(min(typical, 4.0 * noise2), noise2))
+    usable = enough & (scatter < SCATTER**2 * max(min(typical, 4.0 * noise_variance), noise_variance))
     both = usable & (sums[0, 0] >= 3.0) & (sums[0, 2] >= 3.0)
     if np.count_nonzero(both) < LEAST_COMMON_PIXELS:
         return None
@@ -214,13 +214,13 @@ def _significant_pattern(sums: NDArray[np.float64], noise2: float) -> NDArray[np
     # what comes from the body (defocus, blur, another scale) is not at the same pixels when other texture lies there
     near, far = (sums[1, part][both] / sums[0, part][both] for part in (0, 2))
     common = float(np.mean(near * far))
-    if power < POWER * noise2 or common < COMMON * power:
+    if power < POWER * noise_variance or common < COMMON * power:
         return None
     pattern = mean * power / (power + scatter / number)
     return np.where(usable, pattern, 0.0).astype(np.float32)
 
 
-def _difference(
+def _subtract_reference(
     ready: PreparedFilm,
     frame: NDArray[Any],
     corner: tuple[int, int],
@@ -299,7 +299,7 @@ def refit_rows(ready: PreparedFilm, table: PoseTable) -> PoseTable:
     return again
 
 
-def pattern_is_suspected(ready: PreparedFilm, table: PoseTable) -> bool:
+def is_pattern_suspected(ready: PreparedFilm, table: PoseTable) -> bool:
     """Whether residuals ask for a pattern and bodies have moved far enough to tell one."""
     return bool(np.any(residual_variance(ready, table) > PATTERN_EXCESS)) and sampled_rows(ready, table).size > 0
 

@@ -45,8 +45,8 @@ from vision.tracking.sensor_pattern import (
     PatternCorrectedFilm,
     correct_pattern,
     is_improvement,
+    is_pattern_suspected,
     pattern_bias_variance,
-    pattern_is_suspected,
     residual_pattern_inflation,
     residual_variance,
 )
@@ -203,7 +203,7 @@ def _track(
         "rows_repeated": int(repeated.sum()),
         "pattern_grey": pattern_grey,
         "rows_uncovered": confirmed,
-        "defect_pixels": ready_defects(ready),
+        "defect_pixels": count_defects(ready),
         "skips_blocks": ready.skips_blocks,
         "delay_frames": ready.delay_frames,
         "first_field": tracked_field(ready),
@@ -265,7 +265,7 @@ def _settle_fields(
     return ready, lag, found
 
 
-def ready_defects(ready: PreparedFilm) -> int:
+def count_defects(ready: PreparedFilm) -> int:
     """Number of the sensor's pixels that were replaced by their neighbours."""
     film = ready.film
     while isinstance(film, Corrected) and not isinstance(film, DefectCorrectedFilm):
@@ -366,7 +366,7 @@ def _retrack_without_pattern(
         return prepare(film, ready.bodies, ready.reference.n_averaged, settings.max_pixels)
 
     for _ in range(TRACKED_AGAIN):
-        found = correct_pattern(ready, done.table, prepare_again) if pattern_is_suspected(ready, done.table) else None
+        found = correct_pattern(ready, done.table, prepare_again) if is_pattern_suspected(ready, done.table) else None
         if found is None:
             break
         cleaned, pattern = found

@@ -95,15 +95,15 @@ class PoseResponse:
     def _pose_change(
         self,
         pose: NDArray[np.float64],
-        apart: Callable[[slice, NDArray[np.float64], NDArray[np.float64]], Both],
+        displace: Callable[[slice, NDArray[np.float64], NDArray[np.float64]], Both],
     ) -> NDArray[np.float64]:
         """Change of poses (n, 3), in the body's own axes for the shift, by displacements (k, cells) along x and y that
-        ``apart`` gives of a slice of k poses, the cosines and sines (k,) of their turns."""
+        ``displace`` gives of a slice of k poses, the cosines and sines (k,) of their turns."""
         result = np.empty((len(pose), 3))
         for start in range(0, len(pose), ROWS_AT_ONCE):
             part = slice(start, start + ROWS_AT_ONCE)
             c, s = np.cos(pose[part, 0]), np.sin(pose[part, 0])
-            x, y = apart(part, c, s)
+            x, y = displace(part, c, s)
             # summed along the picture's axes first, then turned into the template's: c and s leave the sum
             along, across = x @ self._gain_x + y @ self._gain_y, y @ self._gain_x - x @ self._gain_y
             result[part] = c[:, None] * along + s[:, None] * across
@@ -244,7 +244,7 @@ def expected_budget(
     own = {name: np.tile(values, (2, 1)) for name, values in single.items()}
     speed = np.zeros_like(pose)
     speed[..., 0] = motion.speed_rad_per_s
-    return _budget(ready, camera, (pose, speed), (own, {}), rows_per_s, u_stretch=u_stretch)
+    return _assemble_budget(ready, camera, (pose, speed), (own, {}), rows_per_s, u_stretch=u_stretch)
 
 
 def compute_budget(
@@ -283,10 +283,10 @@ def compute_budget(
     if rows.any():
         own["interlace"] = np.hypot(own["interlace"], rows)
         against["interlace"] = np.hypot(against["interlace"], _combine_with_parent(rows[None], ready.parents))
-    return _budget(ready, camera, (tracked.pose, speed), (own, against), rows_per_s, each, tracked.u_stretch)
+    return _assemble_budget(ready, camera, (tracked.pose, speed), (own, against), rows_per_s, each, tracked.u_stretch)
 
 
-def _budget(
+def _assemble_budget(
     ready: PreparedFilm,
     camera: CameraModel,
     motion: tuple[NDArray[np.float64], NDArray[np.float64]],

@@ -8,7 +8,7 @@ import pytest
 from vision.film.source import saturated_areas
 from vision.fitting.assessment import inverse_and_covariance
 from vision.fitting.bspline import coefficients
-from vision.fitting.frame_spline import prefilter, saturated_inside
+from vision.fitting.frame_spline import count_saturated_inside, prefilter
 from vision.fitting.template import invert_normal
 
 
@@ -37,8 +37,8 @@ def test_saturated_pixels_are_counted(level: int) -> None:
     picture = np.random.default_rng(3).integers(0, 256, (60, 80)).astype(np.uint8)
     picture[picture >= level] = 255
     marked = saturated_areas(picture, 255)
-    assert saturated_inside(picture, 255) == (0 if marked is None else np.count_nonzero(marked))
-    assert saturated_inside(np.full((20, 30), 255, dtype=np.uint8), 255) == 600
+    assert count_saturated_inside(picture, 255) == (0 if marked is None else np.count_nonzero(marked))
+    assert count_saturated_inside(np.full((20, 30), 255, dtype=np.uint8), 255) == 600
 
 
 def test_inverse_and_covariance() -> None:
