@@ -164,7 +164,7 @@ def simulate(
         scene, times, forces, outputs, options.tolerance, options.method, choice.outputs,
         options.estimate_error, fewer,
     )  # fmt: skip
-    return replace(run.from_state(state), action=action)
+    return replace(run.simulate_from(state), action=action)
 
 
 def force_table_of_trial(trial: Any) -> tuple[Array, Array, float, Array]:
@@ -216,8 +216,9 @@ class ForceDrivenRun:
     # holds what the modes left out are worth, three times
     fewer_modes: Scene | None = None
 
-    def from_state(self, state: State) -> Solution:
-        """Solution of the run from ``state``, with the outputs and the error estimate that were requested."""
+    def simulate_from(self, state: State) -> Solution:
+        """Integrate the run from ``state`` and return its solution, with the outputs and the error estimate that were
+        requested."""
         energy = "energy" in self.outputs
         under_way = self._run(state, energy=energy)
         stored = under_way.stored_energy() if energy else 0.0
@@ -250,7 +251,8 @@ class ForceDrivenRun:
         return Simulation(scene, state.copy(), tolerance, self.method, creep=share)
 
     def companion_difference(self, first: State, angles: Array, share: float = COMPANION) -> float:
-        """Largest difference (rad) of ``angles`` from the same motion integrated with a ``share`` of the tolerance.
+        """Largest difference (rad) of ``angles`` from the same motion, from state ``first``, integrated with a
+        ``share`` of the tolerance.
 
         The tighter run contains what no local estimate knows: how much the errors of early steps grow.
         """

@@ -158,7 +158,7 @@ def make_jobs(
     options: ForceDrivenOptions,
     initial: RestState | None = None,
 ) -> list[Job]:
-    """Jobs of every parameter set with every trial, in that order.
+    """Jobs of every parameter set with every trial, in that order; a job of wrong input holds its error.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def make_jobs(
 def change_action(
     action: ActionLike, parameter_sets: Mapping[str, Mapping[str, float]]
 ) -> dict[str, Action | ModelError]:
-    """The action of each parameter set, or why there is none."""
+    """By label, the action with the values (path -> value) of each parameter set, or the error that these cause."""
     action = as_action(action)
     out: dict[str, Action | ModelError] = {}
     for label, overrides in parameter_sets.items():
@@ -205,7 +205,7 @@ def make_jobs_of_actions(
     options: ForceDrivenOptions,
     initial: RestState | None = None,
 ) -> list[Job]:
-    """Jobs of every action with every trial, in that order."""
+    """Jobs of every action with every trial, in that order; a job of wrong input holds its error."""
     tables: dict[str, _Table | Exception] = {}
     for trial, given in trials.items():
         try:
@@ -262,7 +262,8 @@ class _Table:
 
 
 def _make_table(name: str, given: tuple[ArrayLike, ArrayLike] | Recorded, options: ForceDrivenOptions) -> _Table:
-    """Force table, output times and preload of one trial, given as (time s, force N) or as a record."""
+    """Force table, output times and preload of one trial, which is (time s, force N) or a recorded trial; ``name`` is
+    for messages."""
     preload_n, sampled, is_recorded = 0.0, None, not isinstance(given, tuple | list)
     if isinstance(given, tuple | list):
         times, forces = check_force_table(*given, f"trial {name}")
@@ -280,7 +281,7 @@ def prepare_run(job: Job) -> tuple[ForceDrivenRun, State]:
 
 
 def run_job(job: Job, sha256: str) -> Member:
-    """Compute one job; the same to the last bit as ``model.simulate`` with the same input.
+    """Compute one job, the same to the last bit as ``model.simulate`` with the same input; the member holds its error.
 
     Parameters
     ----------
@@ -305,7 +306,7 @@ def run_job(job: Job, sha256: str) -> Member:
         return Member(job.trial, job.parameters, sha256, error=job.failure)
     run, state = prepare_run(job)
     try:
-        solution = run.from_state(state)
+        solution = run.simulate_from(state)
     except ModelError as problem:
         return Member(job.trial, job.parameters, sha256, error=problem)
     return Member(job.trial, job.parameters, sha256, solution)

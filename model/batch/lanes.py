@@ -53,7 +53,8 @@ def _lane_group_key(jobs: Sequence[Job]) -> list[Kind | None]:
 
 
 def select_lane_jobs(jobs: Sequence[Job], lanes: bool | None) -> list[Job]:
-    """The jobs, those for lanes marked: none of them, all that can, or by default where they are many of a kind."""
+    """The jobs in their order, those to run in lanes marked: none (``lanes`` False), all that can (True), or those of
+    kinds with many members (None)."""
     if lanes is False or not has_wide_vectors():
         return list(jobs)
     kinds = _lane_group_key(jobs)
@@ -65,7 +66,8 @@ def select_lane_jobs(jobs: Sequence[Job], lanes: bool | None) -> list[Job]:
 
 
 def group_jobs(jobs: Sequence[Job], todo: Sequence[int], workers: int) -> list[list[int]]:
-    """Indices of jobs in units of work: those in lanes with others of their kind, every other by itself."""
+    """Units of work from the jobs ``todo`` (indices): lists of indices, those in lanes with others of their kind,
+    others alone."""
     alone: list[list[int]] = []
     groups: dict[Kind | None, list[int]] = defaultdict(list)
     for i, kind in zip(todo, _lane_group_key([jobs[i] for i in todo]), strict=True):
@@ -85,7 +87,8 @@ def group_jobs(jobs: Sequence[Job], todo: Sequence[int], workers: int) -> list[l
 
 
 def _lane_sort_key(run: ForceDrivenRun | None, known: dict[int, tuple[float, float]]) -> tuple[float, ...]:
-    """Sort key that puts similar members side by side: longer runs first, then more varying and stronger forces.
+    """Sort key that puts similar members side by side: longer runs first, then more varying and stronger forces;
+    ``known`` caches by force array.
 
     Longer ones come first, then those whose force goes up and down more often, then the stronger; the same force is
     looked at once, as ``known`` by its ``id``.

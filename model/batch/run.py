@@ -77,7 +77,8 @@ def run_job_groups(
     progress: Progress | None = None,
     count: tuple[int, int] = (0, 0),
 ) -> None:
-    """Have units of members computed, a few of them submitted ahead, and hand each over as it finishes.
+    """Submit units (indices of members), a few ahead, to an executor, and pass each with its future to ``finish`` in
+    the order of completion.
 
     Parameters
     ----------
@@ -133,7 +134,8 @@ def run_jobs(
     progress: Progress | None = None,
     store: str | Path | Store | None = None,
 ) -> list[Member]:
-    """Compute jobs; members come in the order of the jobs. See `simulate_many`.
+    """Compute jobs, or read them from ``store``, which keeps new ones; members, with their errors, in the order of the
+    jobs.
 
     Parameters
     ----------
@@ -238,7 +240,7 @@ def simulate_many(
     store: str | Path | Store | None = None,
     **keywords: Unpack[BatchKeywords],
 ) -> list[Member]:
-    """Simulate every trial with every parameter set.
+    """Simulate every trial with every parameter set; members by set, then trial, each with its solution or its error.
 
     A member computed by itself is the same, to the last bit, as a single `simulate`. Many members of one structure are
     advanced side by side in the lanes of the processor's vector registers, about four times as fast with AVX-512: then

@@ -88,7 +88,8 @@ class Store:
             np.savez(file, **arrays | {"about": np.array(json.dumps(about))})  # type: ignore[arg-type]
 
     def read(self, sha256: str, trial: str, parameters: str, scene: Scene | None = None) -> Member | None:
-        """The member stored under a hash, with labels and ``scene`` of its job here; None where there is none."""
+        """The member (a solution or an error) kept under a hash, with labels and ``scene`` of its job here; None where
+        there is none."""
         kept = self.get(sha256)
         if kept is None:
             return None

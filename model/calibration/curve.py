@@ -73,7 +73,8 @@ class LoadingCurve(ArrayRecord):
 def split_phases(
     displacement_m: ArrayLike, force_n: ArrayLike, where: str = "loading curve", common: CommonErrors | None = None
 ) -> LoadingCurve:
-    """Split one press and release at its largest displacement.
+    """Split one press and release, (n,) in m and N, at its largest displacement, and check it; ``common``: errors (2,
+    n) by name.
 
     Parameters
     ----------
@@ -112,7 +113,8 @@ def check_curve(
     where: str = "loading curve",
     common: CommonErrors | None = None,
 ) -> LoadingCurve:
-    """Check points (n,) with their phase, and their common errors (2, n) by name, and sort them."""
+    """Check points (n,) with their phase ('loading', 'unloading'), and their common errors (2, n) by name, and sort
+    them."""
     x, f = two_columns(displacement_m, force_n, where)
     words = np.asarray(phase, dtype=str)
     for name, column in (("displacement_m", x), ("force_n", f)):
@@ -158,7 +160,8 @@ def check_curve(
 
 
 def _check_direction(along: Array, rows: NDArray[np.int64], name: str, x: Array, where: str) -> None:
-    """Refuse a phase whose displacement turns back by more than jitter."""
+    """Raise `InputError` where a displacement ``along`` its phase falls by more than jitter, a share of the range of
+    ``x``; ``rows``: its rows in the file."""
     back = np.maximum.accumulate(along) - along
     limit = BACKWARDS_SHARE * float(np.ptp(x))
     if (back > limit).any():

@@ -137,7 +137,8 @@ def _cubic_columns(x_m: ArrayLike) -> Array:
 
 
 def smooth_phase(x_m: Array, force_n: Array) -> Phase:
-    """Fit the polynomial whose degree the Bayesian information criterion prefers; (m,) each."""
+    """Fit force (m,) over displacement ``x_m`` (m,) by the polynomial whose degree the Bayesian information criterion
+    prefers."""
     best: tuple[float, Phase] | None = None
     n = len(x_m)
     for degree in DEGREES:
@@ -182,8 +183,8 @@ def fit_felt(curve: LoadingCurve) -> FeltFit:
     >>> fit.abc.shape, fit.misfit_n < 0.1
     ((3,), True)
     """
-    fit = _fit(curve)
-    off = {name: _fit(curve.with_common_error(name)) for name in curve.common}
+    fit = _fit_midline(curve)
+    off = {name: _fit_midline(curve.with_common_error(name)) for name in curve.common}
     covariance = fit.inflation_factor**2 * fit.covariance
     for other in off.values():
         # of the free fits: on a bound, an error that pushes against it would count for nothing
@@ -192,8 +193,8 @@ def fit_felt(curve: LoadingCurve) -> FeltFit:
     return replace(fit, covariance=covariance, off=off)
 
 
-def _fit(curve: LoadingCurve) -> FeltFit:
-    """The fit with the errors of the scatter alone."""
+def _fit_midline(curve: LoadingCurve) -> FeltFit:
+    """Fit eq. 2.5 to the mid-line of the curve, with the covariance that the scatter of the points alone makes."""
     loading = smooth_phase(curve.loading_m, curve.loading_n)
     unloading = smooth_phase(curve.unloading_m, curve.unloading_n)
     low, high = curve.shared_m
@@ -235,7 +236,8 @@ def _fit(curve: LoadingCurve) -> FeltFit:
 
 
 def _fit_stiffening_cubic(columns: Array, mid: Array, free: Array) -> tuple[Array, str | None]:
-    """Best a, b, c (scaled) with a, c >= 0 and b >= -sqrt(3 a c), and the bound they lie on.
+    """Best a, b, c (3,) of ``columns`` (m, 3) for forces ``mid`` (m,) with a, c >= 0 and b >= -sqrt(3 a c), and the
+    bound they lie on; ``free`` (3,), the unbounded ones, with None where they obey.
 
     The set is convex, so the best point is the free one or lies on one of three faces.
     """

@@ -12,7 +12,7 @@ from model.files.figure_sheet import new_sheet
 
 
 def draw(curve: LoadingCurve, fit: FeltFit, dampings: dict[str, Damping], title: str, path: str | Path) -> None:
-    """Draw loading curve, cubic and loops on one sheet.
+    """Write a figure of loading curve, cubic and loops to ``path``.
 
     Parameters
     ----------

@@ -129,7 +129,8 @@ def _rebound(w: float) -> float:
 
 
 def damping_from_rebound(v_in: float, v_out: float, u_v_in: float = 0.0, u_v_out: float = 0.0) -> tuple[float, float]:
-    """Damping factor of the string from the hammer's speeds before and after it.
+    """Damping factor (s/m) of the string, and its standard uncertainty, from the hammer's speeds (m/s, both above 0)
+    before and after it.
 
     Parameters
     ----------
@@ -244,7 +245,8 @@ def inertia_from_pendulum(
 
 
 def with_calibrated(action: ActionLike, values: Mapping[str, tuple[float, float]], source: str) -> Action:
-    """Return a copy of ``action`` with measured values.
+    """Return a copy of ``action`` with measured values, path -> (value, standard uncertainty); ``source`` is noted at
+    each.
 
     Parameters
     ----------

@@ -66,7 +66,7 @@ def mean_normal_speeds(
     speed_rad_per_s: ArrayLike | None = None,
     rest_share: float = REST_SHARE,
 ) -> MeanSpeeds:
-    """Average the normal speeds of all contacts along a motion.
+    """Average the absolute normal speed of each contact, while pressed, along a motion: angles and speeds (n, 5).
 
     Parameters
     ----------
@@ -138,7 +138,8 @@ def _differentiate(t: Array, q: Array) -> Array:
 
 
 def read_motion(path: str | Path) -> tuple[Array, Array, Array | None]:
-    """Read a motion from a CSV file with the columns that ``pianorig simulate --out`` writes.
+    """Read times (n,), angles and, if there, speeds (n, 5) from a CSV file with the columns that ``pianorig simulate
+    --out`` writes.
 
     Parameters
     ----------

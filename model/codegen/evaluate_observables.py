@@ -35,7 +35,8 @@ def _evaluate(tables: Tables, what: str, shape: tuple[int, int], given: tuple[Ar
 def _state_rows(
     tables: Tables, angle: Array, speed: Array, memory: Array | None, value: Array | None, prescribed: Array | None
 ) -> tuple[Array, Array]:
-    """Rows of states, and of inputs with prescribed accelerations, as the kernels take them."""
+    """Check states; return rows of states (m, k), and of inputs with prescribed accelerations, as the kernels take
+    them."""
     m, n = len(angle), len(tables.parent)
     if angle.shape != (m, n) or speed.shape != angle.shape:
         raise InputError(
@@ -79,7 +80,8 @@ def bodies_at(
     value: Array | None = None,
     prescribed: Array | None = None,
 ) -> Array:
-    """Columns `PIVOT_X` to `HELD` of each body (m, n, 16), under inputs (m,).
+    """Columns `PIVOT_X` to `HELD` of each body (m, n, 16) at ``states``, angles and speeds (m, n) each, under inputs
+    (m,).
 
     Where a coordinate is prescribed, under accelerations (m,) of the way along which its input works: of the key's
     front downwards, m/s^2, of an arm's or finger's angle, rad/s^2.

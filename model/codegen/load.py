@@ -38,7 +38,7 @@ _asked: tuple[Kind | None, bytes] = None, b""
 _lock = threading.RLock()  # threads that start together load or compile a structure once; expressions are one thread's
 
 
-def _key(tables: Kind) -> bytes:
+def _structure_key(tables: Kind) -> bytes:
     """Bytes that identify a structure; the last tables' are kept.
 
     A search for rest asks for the same ones hundreds of times, and each time it would take as long as the kernel.
@@ -92,7 +92,7 @@ def is_cached(tables: Tables) -> bool:
 
 
 def _get_or_make(tables: Kind, what: str, make: Callable[[], Any]) -> Any:
-    key = _key(tables), what
+    key = _structure_key(tables), what
     if key not in _loaded:
         with _lock:
             if key not in _loaded:
@@ -108,12 +108,13 @@ def _step_kernels(tables: Tables, functions: dict[str, Any], lanes: int) -> Step
 def _path(tables: Kind, functions: dict[str, Any], lanes: int) -> Path | None:
     if _compile.FOLDER is None:
         return None
-    digest = hashlib.sha256(_key(tables) + f" {lanes} {' '.join(functions)}".encode())
+    digest = hashlib.sha256(_structure_key(tables) + f" {lanes} {' '.join(functions)}".encode())
     return _compile.FOLDER / f"scene_{digest.hexdigest()[:16]}.o"
 
 
 def _compile_kernels(tables: Kind, functions: dict[str, Any], lanes: int) -> dict[str, Kernel]:
-    """Kernels by name, their machine code read from the disk cache or compiled and written to it."""
+    """Kernels by name, their machine code read from the disk cache or compiled and written to it; counted in
+    `COMPILED`."""
     path = _path(tables, functions, lanes)
     machine = _target_machine()
     code = read_entry(path) if path is not None else None
@@ -154,14 +155,14 @@ def write_kernel(program: Program, module: ir.Module, name: str, lanes: int = 1)
 def _module(tables: Kind, functions: dict[str, Any], lanes: int) -> ir.Module:
     module = ir.Module("scene")
     for name in functions:
-        source = _source(tables, name, lanes)
+        source = _program_source(tables, name, lanes)
         write_kernel(getattr(source, name)(), module, name, lanes)
         clear_cache()
     return module
 
 
-def _source(kind: Kind, name: str, lanes: int) -> Any:
-    """What derives a kernel of that name."""
+def _program_source(kind: Kind, name: str, lanes: int) -> Any:
+    """The object whose method ``name`` makes the program of that kernel."""
     if len(kind) < 2:
         return SingleElement(*(int(x) for row in kind for x in row))
     if hasattr(ObservablePrograms, name):
@@ -181,7 +182,7 @@ def _target_machine() -> Any:
 
 
 def link_kernels(tables: Kind, functions: dict[str, Any], lanes: int, machine: Any) -> Any:
-    """Kernels as one module of LLVM's, of which machine code is made.
+    """One LLVM module with the optimised kernels that ``functions`` names.
 
     Like operations of one run that lie side by side become one of vectors: a blow takes 0.94 of its time. Not in
     ``linearise``, where that gains nothing and takes a third of a second.

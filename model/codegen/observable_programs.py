@@ -69,7 +69,7 @@ class ObservablePrograms:
         return [self._e.contact(c) for c in range(len(self._s.contact))]
 
     def contacts(self) -> Program:
-        """Columns above for each contact."""
+        """Program that writes depth, forces, losses, … of each contact, the columns `DEPTH` to `FELT`, to ``y``."""
         out = self._e.string_seen()
         for c, contact in enumerate(self._contacts()):
             depth, (nx, ny) = contact.gap
@@ -90,7 +90,7 @@ class ObservablePrograms:
         return self._program(out)
 
     def tips(self) -> Program:
-        """Columns above for each tip."""
+        """Program that writes depth (m), force (N) and lost power (W) of each tip to ``y``."""
         out: list[Statement] = []
         for k, tip in enumerate(self._e.tips):
             pressing, force = tip.felt
@@ -100,7 +100,8 @@ class ObservablePrograms:
         return self._program(out)
 
     def bodies(self) -> Program:
-        """Columns above for each body."""
+        """Program that writes motion, joint forces and losses of each body, the columns `PIVOT_X` to `HELD`, to
+        ``y``."""
         s, e = self._s, self._e
         out = e.string_seen()
         out += e.contactless_forces()

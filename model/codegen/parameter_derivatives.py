@@ -41,7 +41,8 @@ def numbers_read(e: Expression) -> list[Expression]:
 
 
 def normal_places(s: Structure) -> list[list[int]]:
-    """Numbers of the parameter vector that the normal force of each contact may depend on, in the order of its row."""
+    """Indices in the parameter vector of all that the normal force of each contact may depend on, in the order of its
+    row."""
     pivots = [L.GLOBALS + L.BODY_SIZE * i + k for i in s.bodies for k in (L.PIVOT_X, L.PIVOT_Y)]
     out = []
     for c in range(len(s.contact)):
@@ -120,7 +121,8 @@ class ParameterDerivatives:
         return self._program([*self._e.string_seen(), *zeros, *added, *self._modes(size)])
 
     def _modes(self, size: int) -> list[Statement]:
-        """Derivatives of the modes' rates by gain, stiffness and damping of each."""
+        """Statements for derivatives of the modes' rates by gain, stiffness and damping of each; ``size``: entries of
+        ``y`` a parameter."""
         out: list[Statement] = []
         for m in (contact.modes for contact in self._e.strings):
 
@@ -156,7 +158,8 @@ class ParameterDerivatives:
         return self._program(out)
 
     def regime(self) -> Program:
-        """One bit for each of these: whether it holds."""
+        """Program of a mask of conditions that select a branch of the forces (pressed, sliding sense, …): a bit is set
+        where one holds."""
         s, e = self._s, self._e
         holds: list[Expression] = []
         for c in s.place:

@@ -115,7 +115,8 @@ class SingleElement:
         return (x > 0.0) & self._law.force(self._felt(x, rate, z))[0]
 
     def _advance_memories(self, t: Expression, x: Expression) -> list[Statement]:
-        """Memories carried on from the sample before to one at ``t`` and ``x``, from turn to turn of the regime.
+        """Statements that carry the internal variables on from the sample before to time ``t`` and depth ``x``, regime
+        after regime.
 
         The regime is whether surfaces press, and what else the law decides by: within it rates are smooth.
         """
@@ -173,15 +174,16 @@ class SingleElement:
             where(value_of("holds 0") > 0.0, *pair) for pair in zip(rates[:count], rates[count:], strict=True)
         ], holds
 
-    def _decayed_memory(self, z: Expression, moves: Expression, t: Expression, x: Expression) -> Expression:
-        """Internal variable at the share ``to`` of an interval from its value at ``begun``, within one regime."""
+    def _decayed_memory(self, z: Expression, rate: Expression, t: Expression, x: Expression) -> Expression:
+        """Internal variable ``z`` at the share ``to`` of an interval that ends at ``t`` and ``x``, from its value at
+        ``begun``, within one regime of its ``rate``."""
         begun, to = value_of("begun"), value_of("to")
         lasts, way = (to - begun) * (t - value_of("time")), x - value_of("depth")
-        fades = -differentiator({z: ONE})(moves)
+        fades = -differentiator({z: ONE})(rate)
 
         def memory_rate(share: Expression, where_z: Expression) -> tuple[Expression, Expression]:
             by = {DEPTH: value_of("depth") + share * way, z: where_z}
-            return substitute(moves + fades * z, by), substitute(fades, by)
+            return substitute(rate + fades * z, by), substitute(fades, by)
 
         def memory_after(where_z: Expression) -> Expression:
             (pull0, fades0), (pull1, fades1) = memory_rate(begun, where_z), memory_rate(to, where_z)

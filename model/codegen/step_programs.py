@@ -109,17 +109,19 @@ class StepPrograms:
         """Index in the workspace of the acceleration of coordinate ``i``."""
         return (W.P_ACC if self._s.pin else W.ACC) + i
 
-    def _coordinates(self, row: int, q: int, v: int, moved: tuple[Row, Row]) -> tuple[Row, Row]:
-        """Coordinates and speeds of all: of what is solved for from the workspace, of what is prescribed ``moved``."""
+    def _coordinates(self, row: int, q: int, v: int, prescribed: tuple[Row, Row]) -> tuple[Row, Row]:
+        """Coordinates and speeds of all: of what is solved for from the workspace at ``q`` and ``v`` (in pins at
+        ``row``), then ``prescribed``."""
         s, places = self._s, self._s.pin_places(row)
         own = range(s.own)
         return (
-            [*(read("w", q + i) for i in own), *moved[0], *(read("w", place) for place, _ in places.values())],
-            [*(read("w", v + i) for i in own), *moved[1], *(read("w", place) for _, place in places.values())],
+            [*(read("w", q + i) for i in own), *prescribed[0], *(read("w", place) for place, _ in places.values())],
+            [*(read("w", v + i) for i in own), *prescribed[1], *(read("w", place) for _, place in places.values())],
         )
 
     def _prescribed_motion(self, moving: Expression) -> tuple[list[Statement], tuple[Row, Row, Row, Row]]:
-        """Statements that set prescribed coordinates and their rates at the time ``u``; zero rates if not moving.
+        """Statements that set prescribed coordinates and their three derivatives at the time ``u``, and rows of these
+        four; ``moving`` (0 or 1) scales the derivatives.
 
         Also the rate of the acceleration, where inertia couples it to what is solved for.
         """
@@ -170,7 +172,7 @@ class StepPrograms:
         by_q = [differentiator({x: ONE}) for x in e.state.q]
         by_v = [differentiator({x: ONE}) for x in e.state.v]
         mass = e.bodies.mass
-        ease = {i: ONE / mass[i, i] for i in s.solved}
+        inverse_inertia = {i: ONE / mass[i, i] for i in s.solved}
         friction = {i: rub for i, rub in e.bodies.joint_friction().items() if i < s.own}
         columns = self._columns(e)
         entries = [(start, i, j) for i, j in sorted(columns) for start in (self._stiff, self._damp)]
@@ -178,12 +180,12 @@ class StepPrograms:
         out += [
             compute_vectorised(*e.k.rotations()), compute_vectorised(*friction.values()),
             compute_vectorised(*(by_v[i](x) for i, x in friction.items())),
-            compute(e.k.per_slide, *ease.values()),
+            compute(e.k.per_slide, *inverse_inertia.values()),
         ]  # fmt: skip
         out += e.contactless_forces()
         later: list[Statement] = []
         for c, contact in e.contacts.items():
-            out += self._linearise_contact(e, contact, (by_q, by_v), ease)
+            out += self._linearise_contact(e, contact, (by_q, by_v), inverse_inertia)
             later += self._second_rates(contact, s.place[c], pa)
         for tip in e.tips:
             out += self._differentiate_statements(tip.forces(), e, (by_q, by_v), list(tip.ways), [])
@@ -255,30 +257,30 @@ class StepPrograms:
         e: Elements,
         contact: Contact,
         differentiators: Differentiators,
-        ease: dict[int, Expression],
+        inverse_inertia: dict[int, Expression],
     ) -> list[Statement]:
-        """Statements of a contact's gap, its rate and, in touch, its force and derivatives; ``ease``: 1/inertia by
+        """Statements of a contact's gap, its rate and, in touch, its force and derivatives; ``inverse_inertia`` by
         coordinate."""
         s, c = self._s, contact.c
         where_ = s.place[c]
         if isinstance(contact, StringContact):
-            return self._linearise_string(e, contact, differentiators, ease)
+            return self._linearise_string(e, contact, differentiators, inverse_inertia)
         chain = list(contact.ways)
         memories = contact.memories
         forces = self._differentiate_statements(contact.forces(), e, differentiators, chain, memories)
         *before, touch = forces
         assert isinstance(touch, If)
         pressing, force = contact.felt
-        grip = contact.number(L.MU_A) * force * largest_acceleration(contact.slides(), ease)
+        grip = contact.number(L.MU_A) * force * largest_acceleration(contact.slides(), inverse_inertia)
         turns, slides = contact.turns(), contact.slides()
         inside = [
             Assign(slot("w", W.GRIP + where_), ZERO), *touch.then, Accumulate(variable("touching"), ONE),
             Assign(slot("w", W.ROOM + where_), ZERO), *self._gap(where_, contact.gap[0], contact.relative_speeds[0]),
             Assign(slot("w", W.SLIDE + where_), contact.relative_speeds[1]),
             If(pressing, [Assign(slot("w", W.GRIP + where_), grip),
-                          *self._memory_error_weights(e, contact, ease, chain)]),
+                          *self._memory_error_weights(e, contact, inverse_inertia, chain)]),
             *self._directions(where_, turns, slides),
-            self._touch_limit(contact, contact.relative_speeds[0], turns, ease),
+            self._touch_limit(contact, contact.relative_speeds[0], turns, inverse_inertia),
         ]  # fmt: skip
         open_turns = contact.open_turns()
         rate = rate_along(open_turns, e.state.v)
@@ -286,19 +288,19 @@ class StepPrograms:
             Assign(slot("w", W.ROOM + where_), contact.clearance()),
             Assign(slot("w", W.GAP + where_), contact.clearance()),
             Assign(slot("w", W.GAP_RATE + where_), rate), *self._directions(where_, open_turns, {}),
-            self._touch_limit(contact, rate, open_turns, ease),
+            self._touch_limit(contact, rate, open_turns, inverse_inertia),
         ]  # fmt: skip
         if contact.law.anew is not None:
             away += [Assign(slot("w", W.Z + m), constant(contact.law.anew)) for m in contact.memories]
-        return [*self._default_memories(contact, ease, chain), *before, If(contact.touches, inside, away)]
+        return [*self._default_memories(contact, inverse_inertia, chain), *before, If(contact.touches, inside, away)]
 
     def _gap(self, place: int, depth: Expression, rate: Expression) -> list[Statement]:
         return [Assign(slot("w", W.GAP + place), -depth), Assign(slot("w", W.GAP_RATE + place), -rate)]
 
     def _touch_limit(
-        self, contact: Contact, rate: Expression, turns: dict[int, Expression], ease: dict[int, Expression]
+        self, contact: Contact, rate: Expression, turns: dict[int, Expression], inverse_inertia: dict[int, Expression]
     ) -> Statement:
-        kick = contact.stiffness(rate) * largest_acceleration(turns, ease)
+        kick = contact.stiffness(rate) * largest_acceleration(turns, inverse_inertia)
         return Assign(slot("w", W.KICK + self._s.place[contact.c]), kick)
 
     def _directions(self, place: int, turns: dict[int, Expression], slides: dict[int, Expression]) -> list[Statement]:
@@ -325,7 +327,9 @@ class StepPrograms:
             Assign(slot("w", W.SLIDE_RATE + place), where(rubs, slide, 0.0)),
         ]  # fmt: skip
 
-    def _default_memories(self, contact: Contact, ease: dict[int, Expression], chain: list[int]) -> list[Statement]:
+    def _default_memories(
+        self, contact: Contact, inverse_inertia: dict[int, Expression], chain: list[int]
+    ) -> list[Statement]:
         """Statements for a contact's internal variables while it does not press."""
         out: list[Statement] = []
         felt = contact.pressed_by(ZERO, contact.relative_speeds[0])
@@ -334,18 +338,24 @@ class StepPrograms:
             worth = ZERO
             if contact.law.anew is None:  # of felt that is left alone: as if it were met again at once
                 by_memory = differentiator({z: ONE})
-                push = abs(by_memory(contact.law.force(felt)[1])) * largest_acceleration(contact.open_turns(), ease)
+                push = abs(by_memory(contact.law.force(felt)[1])) * largest_acceleration(
+                    contact.open_turns(), inverse_inertia
+                )
                 worth = _remembered_error(push, by_memory(alone))
             out.append(Assign(slot("w", W.Z_WEIGHT + m), worth))
         return out
 
     def _memory_error_weights(
-        self, e: Elements, contact: Contact, ease: dict[int, Expression], chain: list[int]
+        self, e: Elements, contact: Contact, inverse_inertia: dict[int, Expression], chain: list[int]
     ) -> list[Statement]:
         """Statements that set the error weight of each internal variable: the speed error that a unit of it causes."""
         out: list[Statement] = []
         for m in contact.memories:
-            pushes = [abs(read("w", W.Z_PUSH + W.LINKS * m + k)) * ease[j] for k, j in enumerate(chain) if j in ease]
+            pushes = [
+                abs(read("w", W.Z_PUSH + W.LINKS * m + k)) * inverse_inertia[j]
+                for k, j in enumerate(chain)
+                if j in inverse_inertia
+            ]
             if not pushes:  # felt under a prescribed body: what it pushes counts as if that were free
                 turns, by_memory = contact.turns(), differentiator({e.state.z[m]: ONE})(contact.felt[1])
                 pushes = [abs(turns[j] * by_memory) / e.bodies.mass[j, j] for j in chain]
@@ -390,17 +400,20 @@ class StepPrograms:
                 out.append(Assign(slot("w", W.M_UP + max(i, j, key=lambda k: s.parent[k])), m))
         return out
 
-    def _differentiate_by_input(self, e: Elements, pv: Row, pa: Row, jerk: Row) -> list[Statement]:
+    def _differentiate_by_input(
+        self, e: Elements, prescribed_speed: Row, prescribed_acceleration: Row, prescribed_jerk: Row
+    ) -> list[Statement]:
         """Statements for df/du of forces and internal variables; u may be the time of a prescribed motion."""
         s = self._s
         moved = list(s.bodies)[s.own :]
         out: list[Statement] = []
         for i in s.solved:
             more = total(
-                self._stored_entry(self._stiff, i, j) * pv[k] + self._stored_entry(self._damp, i, j) * pa[k]
+                self._stored_entry(self._stiff, i, j) * prescribed_speed[k]
+                + self._stored_entry(self._damp, i, j) * prescribed_acceleration[k]
                 for k, j in enumerate(moved)
             )
-            more = more - total(m * jerk[k] for row, m, k in self._prescribed_couplings(e) if row == i)
+            more = more - total(m * prescribed_jerk[k] for row, m, k in self._prescribed_couplings(e) if row == i)
             value = value_of(f"u{i}") + more
             out += [Assign(slot("w", W.F_U + i), value)] if i < s.own else []
             out += [Assign(slot("w", W.P_INPUT + i), value)] if s.pin else []
@@ -409,7 +422,7 @@ class StepPrograms:
             for k, j in enumerate(list(e.contacts[c].ways)):
                 if j in moved:
                     turn, speed = (read("w", start + W.LINKS * m + k) for start in (W.Z_TURN, W.Z_SPEED))
-                    terms = terms + turn * pv[j - s.own] + speed * pa[j - s.own]
+                    terms = terms + turn * prescribed_speed[j - s.own] + speed * prescribed_acceleration[j - s.own]
             out.append(Assign(slot("w", W.Z_INPUT + m), terms))
         if s.pin:
             for way, speed_place in s.pin_places(W.Z_WEIGHT).values():
@@ -444,7 +457,8 @@ class StepPrograms:
         return read("w", W.M_UP + (i if s.parent[i] == j else j))
 
     def prepare(self) -> Program:
-        """See the module; 0 where factors without exchanges would lose six digits."""
+        """Program that writes the inverse of the stage matrix M/gh - D - gh K, with modes and internal variables
+        eliminated; 0 where it would lose six digits."""
         s, gh = self._s, self._condition("gh")
         inverse = 1.0 / gh
         e, pattern = self._pattern()
@@ -475,7 +489,7 @@ class StepPrograms:
                 for other, i in enumerate(chain):
                     if i in s.solved and j in s.solved:
                         m[i, j] = m.get((i, j), ZERO) + read("w", W.S_ALONG + other) * back
-        inverted, sound = _inverse(m, s.solved)
+        inverted, sound = _invert_matrix(m, s.solved)
         out += [Assign(self._entry(self._lu, i, j), x) for (i, j), x in inverted.items()]
         self._filled = set(inverted)
         return Program(self._arguments("gh", arrays="w"), out, sound)
@@ -539,7 +553,7 @@ class StepPrograms:
         given = {"w": "array", "p": "array", "a": "plain", "c": "plain", "k": "whole", **numbers, "mask": "whole"}
         return Program(given, [*out, *self._solve_stage(e, k)], "exceeded")
 
-    def _stage_state(self, k: Expression, moved: tuple[Row, Row]) -> tuple[list[Statement], Row, Row, Row]:
+    def _stage_state(self, k: Expression, prescribed: tuple[Row, Row]) -> tuple[list[Statement], Row, Row, Row]:
         """Statements that sum the stages before ``k``; coordinates, speeds and internal variables at stage ``k``."""
         s = self._s
         rows = [(f"{i}", W.Q + i, W.V + i, W.U + i, W.U + W.WIDTH + i, 2 * W.WIDTH) for i in range(s.own)]
@@ -563,7 +577,7 @@ class StepPrograms:
         q = [intern("named", read("w", row[1]) + value_of("sq" + row[0])) for row in rows]
         v = [intern("named", read("w", row[2]) + value_of("sv" + row[0])) for row in rows]
         z = [intern("named", read("w", W.Z + m) + value_of(f"sz{m}")) for m in range(len(s.memory))]
-        return out, [*q[: s.own], *moved[0], *q[s.own :]], [*v[: s.own], *moved[1], *v[s.own :]], z
+        return out, [*q[: s.own], *prescribed[0], *q[s.own :]], [*v[: s.own], *prescribed[1], *v[s.own :]], z
 
     def _start_statements(self) -> list[Statement]:
         s = self._s
@@ -571,8 +585,8 @@ class StepPrograms:
         out += [Assign(variable(f"fade{m}"), read("w", W.Z_RATE + m)) for m in range(len(s.memory))]
         return out + [Assign(variable("on the string"), read("w", W.S_FORCE)) for _ in s.string]
 
-    def _stage_statements(self, e: Elements, pa: Row) -> list[Statement]:
-        """Statements of all forces at a stage and of the accelerations ``a0``, …; ``pa`` are the prescribed ones."""
+    def _stage_statements(self, e: Elements, prescribed_acceleration: Row) -> list[Statement]:
+        """Statements of all forces at a stage and of the accelerations ``a0``, … of what is solved for."""
         s = self._s
         friction = [rub for i, rub in e.bodies.joint_friction().items() if i < s.own]
         out: list[Statement] = [
@@ -583,7 +597,10 @@ class StepPrograms:
             *before, touch = contact.forces()
             out += [*before, If(is_unmasked(s.place[c]), [touch])]
         out += [line for tip in e.tips for line in tip.forces()]
-        return [*out, *(Assign(variable(f"a{i}"), a) for i, a in self._accelerations(e, pa).items())]
+        return [
+            *out,
+            *(Assign(variable(f"a{i}"), a) for i, a in self._accelerations(e, prescribed_acceleration).items()),
+        ]
 
     def _solve_stage(self, e: Elements, k: Expression) -> list[Statement]:
         """Statements that solve for the stage of each state, from the accelerations there."""
@@ -656,7 +673,7 @@ class StepPrograms:
         e: Elements,
         contact: StringContact,
         differentiators: Differentiators,
-        ease: dict[int, Expression],
+        inverse_inertia: dict[int, Expression],
     ) -> list[Statement]:
         """Statements of the contact with the string: force and derivatives where it touches, else the open gap."""
         s = self._s
@@ -676,22 +693,22 @@ class StepPrograms:
         press = [
             Assign(slot("w", W.S_FORCE), force), Assign(slot("w", W.S_HARD), along_x(force)),
             Assign(slot("w", W.S_LOSSY), along_rate(force)),
-            Assign(variable("worth"), along_x(force) * largest_acceleration(turns, ease)),
+            Assign(variable("worth"), along_x(force) * largest_acceleration(turns, inverse_inertia)),
             *self._differentiate_statements(list(pushes), e, differentiators, chain, []), *coupled,
         ]  # fmt: skip
         stiff = contact.number(L.K_C)
         inside = [
             If(pressing, press), Accumulate(variable("touching"), ONE), Assign(slot("w", W.ROOM + place), ZERO),
             *self._gap(place, x, rate), *self._directions(place, turns, {}),
-            Assign(slot("w", W.KICK + place), stiff * largest_acceleration(turns, ease)),
+            Assign(slot("w", W.KICK + place), stiff * largest_acceleration(turns, inverse_inertia)),
         ]  # fmt: skip
         rate_open = rate_along(open_turns, e.state.v) + value_of("swing")
         away = [
             Assign(slot("w", W.ROOM + place), maximum(-contact.gap[0] - read("w", W.S_REACH), 0.0)),
             Assign(slot("w", W.GAP + place), maximum(-x, 0.0)), Assign(slot("w", W.GAP_RATE + place), rate_open),
-            Assign(variable("worth"), stiff * largest_acceleration(open_turns, ease)),
+            Assign(variable("worth"), stiff * largest_acceleration(open_turns, inverse_inertia)),
             *self._directions(place, open_turns, {}),
-            Assign(slot("w", W.KICK + place), stiff * largest_acceleration(open_turns, ease)),
+            Assign(slot("w", W.KICK + place), stiff * largest_acceleration(open_turns, inverse_inertia)),
         ]  # fmt: skip
         cleared = [Assign(slot("w", row), ZERO) for row in (W.S_FORCE, W.S_HARD, W.S_LOSSY)]
         cleared += [
@@ -720,8 +737,9 @@ class StepPrograms:
         return Program(self._arguments("u"), out)
 
     @staticmethod
-    def _holding_power(e: Elements, i: int, rate: Expression) -> list[Statement]:
-        """Power of what holds prescribed coordinate ``i``, W; with what inertia couples it to, by their forces."""
+    def _holding_power(e: Elements, i: int, acceleration: Expression) -> list[Statement]:
+        """Statements that add to ``given`` the power (W) of what prescribes coordinate ``i``, which has
+        ``acceleration``."""
         mass = e.bodies.mass
         rows = {i} | {k for pair in mass if i in pair for k in pair}
         out = e.contactless_forces()
@@ -732,15 +750,15 @@ class StepPrograms:
         def entry(k: int) -> Expression:
             return mass.get((max(i, k), min(i, k)), ZERO)
 
-        found = solve_mass_matrix(mass, {k: value_of(f"f{k}") - entry(k) * rate for k in rows if k != i})
-        holds = total(entry(k) * a for k, a in (found | {i: rate}).items()) - value_of(f"f{i}")
+        found = solve_mass_matrix(mass, {k: value_of(f"f{k}") - entry(k) * acceleration for k in rows if k != i})
+        holds = total(entry(k) * a for k, a in (found | {i: acceleration}).items()) - value_of(f"f{i}")
         return [*out, Accumulate(variable("given"), holds * e.state.v[i])]
 
 
 Matrix = dict[tuple[int, int], Expression]
 
 
-def _inverse(matrix: Matrix, rows: list[int]) -> tuple[Matrix, Expression]:
+def _invert_matrix(matrix: Matrix, rows: list[int]) -> tuple[Matrix, Expression]:
     """Inverse of a matrix by factors without exchanges, and whether these lose less than six digits.
 
     Its rows are sums that do not wait for each other, as steps of a substitution would.

@@ -103,7 +103,7 @@ class StepUpdate:
     # the end of a step, and what is inside ------------------------------------------------------------------------
 
     def end(self) -> Program:
-        """See the module; returns whether the estimate is finite."""
+        """Program that sets the states at the end of the step and its error norm; returns whether that is finite."""
         stages = argument("stages")
 
         def add_stage(m: Expression) -> list[Statement]:
@@ -235,7 +235,8 @@ def _interpolate(x: Expression, start: Expression, end: Expression, inner: Expre
 
 
 def _time_to_zero(c: Expression, latest: Expression) -> list[Statement]:
-    """``until``: first time in (0, most) at which a gap g + r t + a t^2 / 2 changes sign; most where there is none."""
+    """Statements that set ``until``: first time in (0, ``latest``) at which the gap of contact ``c``, g + r t + a t^2 /
+    2, changes sign; ``latest`` where there is none."""
     gap = _w(W.GAP, c)
     below = gap < 0.0
     x, rate, acc = (where(below, -y, y) for y in (gap, _w(W.GAP_RATE, c), _w(W.GAP_ACC, c)))
@@ -249,7 +250,8 @@ def _time_to_zero(c: Expression, latest: Expression) -> list[Statement]:
 def _fit_to_turn(
     step: Expression, z: Expression, rate: Expression, strength: Expression, bound: Expression
 ) -> list[Statement]:
-    """Shorten ``step`` for friction whose scaled speed z runs through zero at ``rate`` (1/s): they have unlike signs.
+    """Statements that shorten ``step`` for friction whose scaled speed z runs through zero at ``rate`` (1/s), unlike in
+    sign; ``strength``: its acceleration, ``bound``: allowed error of speed.
 
     Outside the layer |z| < LAYER the step ends at its edge; inside, a step turns z by no more than the ``bound`` of a
     speed's error bears: ``strength`` is the acceleration that friction gives (rad/s^2).

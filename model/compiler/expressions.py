@@ -346,9 +346,10 @@ def _wrap_subgraph(value: Expression, by: tuple[Expression, ...]) -> Expression:
     return intern("law", value, *by) if by and value.op not in ("constant", "named") else value
 
 
-def subexpressions(wholes: Iterable[Expression], but: Iterable[Expression] = ()) -> set[Expression]:
-    """Expressions, and all that they are made of, ``but`` for some and what is reached through these alone."""
-    seen, todo = set(but), list(wholes)
+def subexpressions(wholes: Iterable[Expression], excluded: Iterable[Expression] = ()) -> set[Expression]:
+    """The expressions ``wholes`` and all that they are made of, without ``excluded`` and what is reached through these
+    alone."""
+    seen, todo = set(excluded), list(wholes)
     out = set()
     while todo:
         x = todo.pop()

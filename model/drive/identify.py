@@ -161,7 +161,8 @@ def _arm(name: str, value: float, u: float) -> Estimate:
 
 
 def _physical_parameters(fit: LumpFit, options: DriveOptions) -> tuple[Estimate, ...]:
-    """Numbers of the drive: logarithms of the combinations are sums of theirs."""
+    """Estimates of the drive's parameters by least squares: logarithms of the fitted combinations are sums of
+    theirs."""
     voltage, gain = options.mode == "voltage", GAIN[options.mode]
     unknown = ["torque_constant", gain, "total", "inductance", "current_limit", "supply", "share"]
     sums: dict[str, dict[str, float]] = {

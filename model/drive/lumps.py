@@ -158,13 +158,13 @@ class _Problem:
             out.append((torque[:, ::SUBSTEPS] * np.exp(-logs[:, PER_AMPERE])[:, None] - self.current) / self.scale[1])
         return np.concatenate(out, axis=1)
 
-    def rest(self, x: Array) -> Array:
+    def residuals(self, x: Array) -> Array:
         """Residuals at logarithms and numbers of the arm, (r,)."""
         logs = x[None, : len(self.free)]
         return self.rows(logs, x[len(self.free) :], self.torque(logs))[0]
 
     def jacobian(self, x: Array) -> Array:
-        """Derivatives (r, k) of the residuals of `rest`."""
+        """Derivatives (r, k) of `residuals` by ``x`` (k,): logarithms of the lumps, then the arm's parameters."""
         p = len(self.free)
         steps = DIFFERENCE * np.eye(p)[self.free]
         logs = np.concatenate([x[:p] + steps, x[:p] - steps])
@@ -176,7 +176,8 @@ class _Problem:
 
 
 def fit_lumps(log: DriveLog, options: DriveOptions) -> LumpFit:
-    """The numbers under which the log's torques balance best."""
+    """Fit lumped parameters of motor, amplifier and arm, with covariance, so that the log's torques balance;
+    `InputError` where they leave much unexplained."""
     problem = _Problem(log, options)
     starts = _initial_guesses(problem)
     x, prior = _fit_least_squares(problem, starts[0], starts[0], MOST_EVALUATIONS)[0], starts[0]
@@ -197,14 +198,15 @@ def fit_lumps(log: DriveLog, options: DriveOptions) -> LumpFit:
 
 
 def _set_residual_scale(problem: _Problem, x: Array) -> None:
-    rest, m = problem.rest(x), problem.arm.shape[1]
+    rest, m = problem.residuals(x), problem.arm.shape[1]
     for k, part in enumerate((rest[:m], rest[m:])):
         if len(part):
             problem.scale[k] = max(problem.scale[k] * float(np.sqrt(np.mean(part**2))), 1e-12)
 
 
 def _initial_guesses(problem: _Problem) -> list[Array]:
-    """Start vectors of the search, from a straight line through small commands, with limits reached and not."""
+    """Start vectors (k,) of the search (logarithms of lumps, then the arm's), from a line fitted at small commands,
+    with limits reached and not."""
     log, mode = problem.log, problem.options.mode
     # small commands, at which no limit is met yet
     small = np.abs(problem.asked) <= 0.4 * np.abs(log.command_v).max()
@@ -258,7 +260,7 @@ def _fit_least_squares(problem: _Problem, x: Array, prior: Array, max_evaluation
         return out
 
     found = least_squares(
-        lambda y: np.concatenate([problem.rest(full_vector(y)), weight * (full_vector(y) - prior)]), x[moving],
+        lambda y: np.concatenate([problem.residuals(full_vector(y)), weight * (full_vector(y) - prior)]), x[moving],
         jac=lambda y: np.concatenate([problem.jacobian(full_vector(y))[:, moving], hold]),
         x_scale="jac", ftol=1e-9, max_nfev=max_evaluations,
     )  # fmt: skip
@@ -268,7 +270,7 @@ def _fit_least_squares(problem: _Problem, x: Array, prior: Array, max_evaluation
 def _lump_fit(problem: _Problem, x: Array) -> LumpFit:
     """Numbers with their covariance, from the residuals and from what all samples share."""
     p, m = len(problem.free), problem.arm.shape[1]
-    rest, jacobian = problem.rest(x), problem.jacobian(x)
+    rest, jacobian = problem.residuals(x), problem.jacobian(x)
     weight = _prior(problem) ** 2
     moving = _free_indices(problem)
     inverse = np.linalg.pinv((jacobian.T @ jacobian + np.diag(weight))[np.ix_(moving, moving)], rcond=1e-15)
@@ -298,7 +300,7 @@ def _lump_fit(problem: _Problem, x: Array) -> LumpFit:
 
 
 def _common_error_columns(problem: _Problem, x: Array) -> list[Array]:
-    """Errors of the residuals by one standard uncertainty of each thing that all samples share."""
+    """Shifts (r,) of the residuals by one standard uncertainty of each error that all samples share."""
     o, p = problem.options, len(problem.free)
     torque = problem.torque(x[None, :p])[0]
     blank = np.zeros_like(torque[::SUBSTEPS])

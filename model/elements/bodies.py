@@ -89,7 +89,8 @@ class Bodies:
         }  # fmt: skip
 
     def forces(self) -> list[Statement]:
-        """Weight, inertia of turning, friction of joints."""
+        """Statements that add weights, velocity-dependent inertia forces and joint friction to the generalised forces
+        ``f0``, …."""
         rubs = self.joint_friction()
         taken = {i: e for i, e in rubs.items() if i not in self._s.led}
         for i in self._s.led:  # also resists what raises it
@@ -99,7 +100,7 @@ class Bodies:
         ]
 
     def inertia(self, acceleration: list[Expression]) -> list[Expression]:
-        """M a, row by row of the coordinates that are solved for; ``acceleration`` is of all."""
+        """M a for the ``acceleration`` of all coordinates; ZERO in rows that are not solved for."""
         out = [ZERO] * self._s.n
         for (i, j), m in self.mass.items():
             for row, column in {(i, j), (j, i)}:
@@ -108,7 +109,7 @@ class Bodies:
         return out
 
     def energy(self) -> list[Statement]:
-        """Kinetic energy and that of heights; what friction of joints takes."""
+        """Statements that add kinetic and gravitational energy (J) and the power (W) lost in joints to variables."""
         s, k = self._s, self._k
         v = k.state.v
         moving = total((0.5 if i == j else 1.0) * m * v[i] * v[j] for (i, j), m in self.mass.items())

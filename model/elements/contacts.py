@@ -103,7 +103,7 @@ class Contact:
 
     @cached_property
     def touches(self) -> Expression:
-        """Whether the surfaces meet, with no root where they do not."""
+        """Condition that the surfaces overlap, without a square root."""
         shape = self.s.contact[self.c][2]
         _, given, reach = self._relative_geometry
         near = given[0] * given[0] + given[1] * given[1] < reach * reach
@@ -204,7 +204,7 @@ class Contact:
         return [Assign(variable(f"fade{m}"), rate) for m, rate in zip(self.memories, rates, strict=True)]
 
     def branch_conditions(self) -> list[Expression]:
-        """Conditions by which the law of its felt takes one of two numbers."""
+        """Conditions of all branches (`where`) that the felt's law takes, in the order in which they were made."""
         felt = self.pressed_by(self.gap[0], self.relative_speeds[0])
         said = [
             *evaluate_law(self.law.force, felt),
@@ -257,9 +257,9 @@ class Contact:
         return [*own, If(self.touches, [rub])] if lasting else [If(self.touches, [*own, rub])]
 
 
-def largest_acceleration(turns: dict[int, Expression], ease: dict[int, Expression]) -> Expression:
+def largest_acceleration(turns: dict[int, Expression], inverse_inertia: dict[int, Expression]) -> Expression:
     """The largest acceleration of one coordinate that a unit force along a direction gives."""
-    found = [abs(turn) * ease[k] for k, turn in turns.items() if k in ease]
+    found = [abs(turn) * inverse_inertia[k] for k, turn in turns.items() if k in inverse_inertia]
     return maximum(*found) if found else ZERO
 
 

@@ -21,7 +21,8 @@ def soft_limit(x: Expression, limit: Expression, share: Expression) -> Expressio
 def amplifier(
     given: Arguments, loop: Expression, supply: Expression, limit: Expression, hold: Expression, share: Expression
 ) -> Expression:
-    """Voltage (V) at a source voltage and a current: less what its current loop takes, within its supply.
+    """Voltage (V) at ``given``, source voltage and current: less ``loop`` times current, held by ``limit`` (A) and
+    ``supply`` (V), softly over ``share`` of these.
 
     It gives way beyond the largest current.
     """
@@ -62,7 +63,7 @@ class Drives:
         return [self._push(*row) for row in self._rows]
 
     def own_rates(self) -> list[Expression]:
-        """Rate of the speed along which each input acts while no coordinate accelerates."""
+        """For each input, the acceleration along which it acts while no coordinate accelerates."""
         out = []
         for kind, i, numbers in self._rows:
             turning = self._k.pose[i].turning
@@ -77,7 +78,7 @@ class Drives:
         ]
 
     def energy(self) -> list[Statement]:
-        """Statements for the input power, W, and the loss in a winding."""
+        """Statements that add the input power and the loss in a winding (W) to ``given`` and ``drive``."""
         out: list[Statement] = []
         for kind, i, numbers in self._rows:
             v = self._k.state.v

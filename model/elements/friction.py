@@ -6,7 +6,8 @@ from model.compiler.expressions import ZERO, Arguments, Expression, compute_wher
 
 
 def friction(everywhere: bool) -> Callable[..., Expression]:
-    """Friction coefficient (or torque) by A, B1, B2 at a speed, with one over the threshold of sliding.
+    """Return a function for the friction coefficient (or torque) by A, B1, B2 at a speed, given 1 / threshold speed;
+    ``everywhere``: without branches.
 
     ``everywhere``: it is also to be differentiable by a B1 that is 0.
     """

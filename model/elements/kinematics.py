@@ -93,7 +93,8 @@ class Kinematics:
         return _Pose(pivot, cosine(angle), sine(angle), speed, ways)
 
     def _lifted_key_pose(self, i: int, pivot: Vector, ways: dict[int, Vector | None]) -> _Pose:
-        """Pose of a key whose front is where it would be if the key turned by its coordinate and did not rise.
+        """Pose of a key whose front is where it would be if the key turned by its coordinate and did not rise; adds the
+        rise to ``ways``.
 
         The front is ``wanted`` above the pivot's place, ``up`` above the pivot, ``across`` beside it: with the rise r
         up = wanted - r, and the key turns at (wanted' - r') / across. A rise turns it about the point under the front.
@@ -149,7 +150,8 @@ class Kinematics:
 
 
 def relative_velocities(a: dict[int, Vector], b: dict[int, Vector]) -> dict[int, Vector]:
-    """Ways of one point against another's, of the coordinates that move them apart."""
+    """Velocity of point a relative to b per unit speed of each coordinate, from those of both; coordinates that do not
+    part them are left out."""
     nothing = (ZERO, ZERO)
     out = {}
     for k in {**a, **b}:

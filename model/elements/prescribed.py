@@ -14,13 +14,14 @@ ORDER = 6  # coefficients of a piece: a quintic
 Motion = tuple[Expression, Expression, Expression, Expression]
 
 
-def interpolate_motion(o: int, t: Expression, piece: Expression) -> tuple[list[Statement], Motion]:
-    """Statements that find the piece that holds the time, from ``piece`` on; angle, speed, acceleration, jerk there."""
-    count = read("p", o)
+def interpolate_motion(offset: int, t: Expression, piece: Expression) -> tuple[list[Statement], Motion]:
+    """Statements that set ``piece`` to the one that holds time ``t``; angle, speed, acceleration, jerk there. The
+    motion stands at ``offset`` in the parameters."""
+    count = read("p", offset)
     k = value_of("piece")
 
     def start(behind: int) -> Expression:
-        return read("p", o + 1 + behind, make_lane_integer(k))
+        return read("p", offset + 1 + behind, make_lane_integer(k))
 
     find: list[Statement] = [
         Assign(variable("piece"), minimum(maximum(piece, 0.0), count - 1.0)),
@@ -28,7 +29,7 @@ def interpolate_motion(o: int, t: Expression, piece: Expression) -> tuple[list[S
         While((k > 0.0) & (t < start(0)), [Assign(variable("piece"), k - 1.0)]),
     ]
     behind = intern("whole_add", make_lane_integer(count), intern("whole_multiply", make_lane_integer(k), ORDER))
-    row = [read("p", o + 2 + i, behind) for i in range(ORDER)]
+    row = [read("p", offset + 2 + i, behind) for i in range(ORDER)]
     x = t - start(0)
     out = []
     for derivative in range(4):

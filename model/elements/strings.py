@@ -90,7 +90,8 @@ class Modes:
         return slot("w", row + self.first + k)
 
     def sums(self, row: int) -> list[Statement]:
-        """Statements that sum the string's displacement as ``sway`` and its rate as ``swing``."""
+        """Statements that set ``sway`` and ``swing`` to the string's displacement (m) and its rate, sums of the modes
+        at ``row`` of the workspace."""
         return [
             Assign(variable("sway"), ZERO), Assign(variable("swing"), ZERO),
             loop_over(f"sum {row}", self.count, lambda i: [
@@ -100,7 +101,7 @@ class Modes:
         ]  # fmt: skip
 
     def add_stored_energy(self, row: int, to: Place, sign: float = 1.0) -> For:
-        """Add their energy, J, to a name."""
+        """Loop that adds ``sign`` times the energy (J) of the modes at ``row`` of the workspace to ``to``."""
 
         def one(i: Expression) -> list[Statement]:
             y, u = self.state(row, 0, i), self.state(row, 1, i)
@@ -110,7 +111,7 @@ class Modes:
         return loop_over(f"energy {row} {sign}", self.count, one)
 
     def reach(self) -> list[Statement]:
-        """Largest displacement (m) of the free string towards the hammer."""
+        """Statements that set `W.S_REACH` to a bound on the free string's displacement (m) towards the hammer."""
         found = variable("reach")
 
         def one(i: Expression) -> list[Statement]:
@@ -137,7 +138,7 @@ class Modes:
         return free_vibration(self.state(W.Z, 0, i), self.state(W.Z, 1, i), k, sigma, turned)
 
     def propagate(self, time: Expression) -> For:
-        """Let free modes swing for a time, s."""
+        """Loop that lets the free modes vibrate for a time, s, in place."""
 
         def one(i: Expression) -> list[Statement]:
             y, u = self.free_vibration(i, time)
@@ -162,7 +163,8 @@ def free_vibration(y: Any, u: Any, stiffness: Any, sigma: Any, turned: tuple[Any
 def string_contact_force(
     given: Arguments, give: Expression, curve: Curve, damping: Expression
 ) -> tuple[Expression, ...]:
-    """Whether felt presses on a string, the force (N), and its part that a slow press takes (N).
+    """Whether felt presses on a string at ``given`` (depth, its rate), the force (N), and its part that a slow press
+    takes (N).
 
     Felt and the modes left out, which give way by ``give`` (m/N) times the slow force, are springs in a row.
     """
@@ -254,7 +256,7 @@ class StringContact(Contact):
     # what a step does with the modes ------------------------------------------------------------------------------
 
     def begin_step(self) -> list[Statement]:
-        """Wake or rest the modes at the start of a step: sets ``sway``, ``swing``, ``awake``."""
+        """Statements that wake or rest the modes at the start of a step: set ``sway``, ``swing``, ``awake``."""
         m, x = self.modes, self.gap[0]
         since, first_time = read("w", W.Z + m.first + L.SINCE), read("w", W.S_COUNT) <= 0.0
         reach, now = read("w", W.S_REACH), read("w", W.NOW)
@@ -371,7 +373,8 @@ class StringContact(Contact):
         ]  # fmt: skip
 
     def known_sides(self, gh: Expression) -> list[Statement]:
-        """Known sides of the modes' equations under the contact's force: sets ``given``."""
+        """Statements for the right-hand sides of the modes' stage equations under the contact's force: set ``given``,
+        what they change it by."""
         m = self.modes
 
         def one(i: Expression) -> list[Statement]:

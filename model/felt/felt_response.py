@@ -74,7 +74,7 @@ class FeltLaw:
         >>> felt.response([0.0, 1.0, 2.0], [0.0, 1e-3, 5e-4]).force_n.round(3).tolist()
         [0.0, 12.0, 4.125]
         """
-        t, x = _path(time_s, depth_m)
+        t, x = _check_press(time_s, depth_m)
         law, memories, curve, damping, numbers = self._kernel_arguments()
         kernel = load_press_kernel(KNOWN[law], memories, len(numbers), len(curve) < 3)
         samples, found = np.column_stack([t, x, np.gradient(x, t)]).reshape(1, -1), np.empty((1, 2 * len(t)))
@@ -84,8 +84,8 @@ class FeltLaw:
         return Response(force, stored)
 
 
-def _path(time_s: ArrayLike, depth_m: ArrayLike) -> tuple[Array, Array]:
-    """Times and depths as arrays that can be followed."""
+def _check_press(time_s: ArrayLike, depth_m: ArrayLike) -> tuple[Array, Array]:
+    """Check times (n,), which must increase, and depths (n,), and return them as arrays."""
     t, x = as_numbers(time_s, "press: times"), as_numbers(depth_m, "press: depths")
     if t.ndim != 1 or t.shape != x.shape or len(t) < 2:
         raise InputError(

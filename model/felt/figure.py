@@ -11,7 +11,7 @@ from model.files.figure_sheet import new_sheet
 
 
 def draw(presses: Sequence[Pressing], fits: Sequence[LawFit], title: str, path: str | Path) -> None:
-    """Draw force over depth of every press under each law.
+    """Write a figure of force over depth of every press, a panel for each law, to ``path``.
 
     Parameters
     ----------

@@ -163,7 +163,7 @@ def draw_starts(search: Search) -> Array:
     return np.asarray(search.low + share * np.subtract(search.usual, search.low))
 
 
-def _fit(search: Search, presses: Sequence[Pressing], starts: ArrayLike) -> Array:
+def _fit_coordinates(search: Search, presses: Sequence[Pressing], starts: ArrayLike) -> Array:
     """Coordinates (k,) of the best fit from any of the starts."""
 
     def residual(s: Array) -> Array:
@@ -213,11 +213,14 @@ def fit_law(kind: str, presses: Sequence[Pressing]) -> LawFit:
         raise InputError(f"felt law {kind}: {twice} is given twice; give each press once")
     search = law_search(kind, presses)
     starts = draw_starts(search)
-    best = _fit(search, presses, starts)
+    best = _fit_coordinates(search, presses, starts)
     law = search.law(best)
     # the others differ little from all: one start, at the best of all
     inside = np.clip(best, np.add(search.low, 1e-6), np.subtract(search.high, 1e-6))
-    without = [search.law(_fit(search, [p for p in presses if p is not one], [inside, starts[0]])) for one in presses]
+    without = [
+        search.law(_fit_coordinates(search, [p for p in presses if p is not one], [inside, starts[0]]))
+        for one in presses
+    ]
     n = len(presses)
     values = np.array([search.values(one) for one in without])
     spread = np.sqrt((n - 1) / n * np.sum((values - values.mean(axis=0)) ** 2, axis=0))

@@ -86,7 +86,7 @@ def _smooth_depth(depth_m: Array) -> Array:
 
 
 def check_pressing(name: str, time_s: ArrayLike, displacement_m: ArrayLike, force_n: ArrayLike) -> Pressing:
-    """Check and smooth what was measured.
+    """Check one measured press and release, (n,) each; smooth its depths and thin it to at most `MOST_SAMPLES`.
 
     Parameters
     ----------

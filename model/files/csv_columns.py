@@ -44,7 +44,7 @@ class ColumnFile:
 def read_columns(
     path: str | Path, wanted: Sequence[str], optional: Sequence[str] | None = None, prefix: str | None = None
 ) -> ColumnFile:
-    """Read a file that has the columns ``wanted``.
+    """Read a CSV file with the columns ``wanted``; others must be in ``optional`` (None: any) or begin with ``prefix``.
 
     Parameters
     ----------

@@ -44,7 +44,8 @@ def observe_poses(
     force_n: Array,
     normal_n: Array | None = None,
 ) -> SeenMotion:
-    """Poses and contacts at given states.
+    """Poses and contacts at states (m, n) under forces (m,) on the key; ``normal_n`` (m, contacts) where the contact
+    forces are known.
 
     Parameters
     ----------

@@ -100,7 +100,7 @@ def _close_up(inside: Inside) -> tuple[float, float]:
 
 
 def _draw_motion(
-    axes: Axes, action: Action, solution: Solution, force_n: Array, ends: tuple[float, float] | None, legend: bool
+    axes: Axes, action: Action, solution: Solution, force_n: Array, shown_s: tuple[float, float] | None, legend: bool
 ) -> None:
     """Input, dip of the key's front and distance of the hammer from the string, in one panel."""
     time = solution.time_s
@@ -113,7 +113,7 @@ def _draw_motion(
     if "hammer" in solution.bodies:
         lines += other.plot(time, 1e3 * solution.hammer_height_m, color=NORMAL, label="hammer to string, mm")
     other.set_ylabel("mm")
-    axes.set_xlim(*(ends or (time[0], time[-1])))
+    axes.set_xlim(*(shown_s or (time[0], time[-1])))
     axes.grid(alpha=0.3)
     if legend:
         other.legend(handles=lines, fontsize="small", ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0))
@@ -175,8 +175,9 @@ def _draw_contact(axes: Axes, inside: Inside, c: int, label: str | None) -> None
         )
 
 
-def _draw_rail(axes: Axes, inside: Inside, ends: tuple[float, float] | None) -> None:
-    """Draw the rail's upward force on the key, red where it would have to pull, between the times ``ends``, s."""
+def _draw_rail(axes: Axes, inside: Inside, shown_s: tuple[float, float] | None) -> None:
+    """Draw the rail's upward force on the key, red where it would have to pull; labels within the times ``shown_s``
+    (None: all)."""
     time, force = inside.dense_time_s, inside.dense_joint_n[:, inside.bodies.index("key"), 1]
     if RAIL in inside.contacts:
         time, force = inside.time_s, inside.normal_n[:, inside.contacts.index(RAIL)]
@@ -185,38 +186,38 @@ def _draw_rail(axes: Axes, inside: Inside, ends: tuple[float, float] | None) -> 
     gaps = inside.key_lifts()
     for lift in gaps:
         axes.axvspan(lift.start_s, lift.end_s, color=TENSE, alpha=0.3, linewidth=0)
-    for lift in _intervals_to_label(gaps, [g.largest_m for g in gaps], ends):
+    for lift in _intervals_to_label(gaps, [g.largest_m for g in gaps], shown_s):
         axes.annotate(
             f"off {lift.start_s:.4f} s,\n{1e3 * (lift.end_s - lift.start_s):.1f} ms, {1e3 * lift.largest_m:.2f} mm",
             (lift.start_s, 0.0), xytext=(2, 12), textcoords="offset points", fontsize="x-small", color=TENSE,
         )  # fmt: skip
     axes.axhline(0.0, color="black", linewidth=0.6)
     pulls = inside.key_tensions()
-    for one in _intervals_to_label(pulls, [p.largest_n for p in pulls], ends):
+    for one in _intervals_to_label(pulls, [p.largest_n for p in pulls], shown_s):
         axes.annotate(
             f"would lift {one.start_s:.4f} s,\n{1e3 * (one.end_s - one.start_s):.1f} ms, {one.largest_n:.1f} N",
             (one.largest_at_s, -one.largest_n), xytext=(8, 2), textcoords="offset points",
             fontsize="x-small", color=TENSE,
         )  # fmt: skip
-    shown = (time >= ends[0]) & (time <= ends[1]) if ends else np.ones(len(time), dtype=bool)
+    shown = (time >= shown_s[0]) & (time <= shown_s[1]) if shown_s else np.ones(len(time), dtype=bool)
     low, high = float(force[shown].min()), float(force[shown].max())
     axes.set_ylim(min(low, 0.0) - 0.15 * (high - low), high + 0.05 * (high - low))
     axes.set_xlabel("time, s")
     axes.grid(alpha=0.3)
-    if ends is None:
+    if shown_s is None:
         red = "off" if RAIL in inside.contacts else "pull"
         axes.set_ylabel(
             f"balance rail\non the key, N\n(red: {red})", rotation=0, ha="right", va="center", fontsize="small"
         )
 
 
-def _intervals_to_label(found: Sequence[Any], size: Sequence[float], ends: tuple[float, float] | None) -> list[Any]:
+def _intervals_to_label(found: Sequence[Any], size: Sequence[float], shown_s: tuple[float, float] | None) -> list[Any]:
     """Those of the intervals ``found`` to annotate: the largest in the whole view, similar ones in the close-up."""
-    limit = max(size, default=0.0) * (1.0 if ends is None else WORTH_A_LABEL)
+    limit = max(size, default=0.0) * (1.0 if shown_s is None else WORTH_A_LABEL)
     return [
         one
         for one, s in zip(found, size, strict=True)
-        if s >= limit and (ends is None or ends[0] <= one.start_s <= ends[1])
+        if s >= limit and (shown_s is None or shown_s[0] <= one.start_s <= shown_s[1])
     ]
 
 

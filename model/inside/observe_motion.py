@@ -53,7 +53,8 @@ def integrate_panels(
     allowed: Callable[[], float],
     rounds: int,
 ) -> Panels:
-    """Integrate rates over the panels between ``edges`` (k + 1,), s.
+    """Integrate the rates of ``sample`` over panels between ``edges`` (k + 1,), s, split up to ``rounds`` times where
+    their error exceeds ``allowed()``.
 
     Parameters
     ----------

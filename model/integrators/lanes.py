@@ -263,7 +263,8 @@ def read_stage_input(bits, width, node, members, space):
 
 @inlined_uncounted
 def choose_steps(bits, width, gamma, members, space):
-    """Set the steps: they end where their member ends, in the lanes of ``bits`` at harmful kinks of their input."""
+    """Set steps and allowances: steps end where their member ends, in the lanes of ``bits`` at harmful kinks of their
+    input."""
     number, whole, memory = space.number, space.whole, space.step
     n = members.angle.shape[1]
     drive = InputTable(members.time, members.value, False)
@@ -290,7 +291,7 @@ def choose_steps(bits, width, gamma, members, space):
 
 @inlined_uncounted
 def accept_or_reject(trying, sound, rejected, exponent, width, space):
-    """Return the next step sizes and the lanes whose error norm is at most 1."""
+    """Set the next step sizes of the lanes of ``trying``; return the bits of those whose error norm is at most 1."""
     number, memory = space.number, space.step
     within = 0
     for lane in range(width):

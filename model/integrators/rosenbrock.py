@@ -102,7 +102,8 @@ def record_step(w, n_dense, n, n_z, row):
 
 @step_loop(INTEGRATE)
 def integrate(span, drive, out, scene, kernels, method, limits, account):
-    """Advance the state of ``span`` in place to its end; fill the rows of ``out``.
+    """Advance the state of ``span`` in place to its end, fill rows of ``out``, count in ``account``; return the time
+    reached, next step and status.
 
     Adds the time spent at rest to ``account`` and, where its ``energies`` (6,) are not empty, work put in and energies
     lost (J), by Gauss's rule along each step's dense output. Returns the time reached, the next step to try, a status;

@@ -47,7 +47,8 @@ def inverse_band(factor):
 
 @kernel
 def row_variances(inverse, first, rows):
-    """Return row · matrix · row^T of each row, (r,), from the band ``inverse`` of the matrix."""
+    """Return row · matrix · row^T (r,) for each of ``rows`` (r, k), which begin at columns ``first`` (r,), from the
+    band ``inverse`` of the matrix."""
     b = inverse.shape[0] - 1
     out = np.zeros(rows.shape[0])
     for r in range(rows.shape[0]):

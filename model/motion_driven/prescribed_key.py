@@ -26,7 +26,7 @@ from model.kernels.lanes import has_wide_vectors
 from model.parameters.action import BODIES, Action
 from model.parameters.effects import ARM, FINGER, KEY_LIFT, MOTOR, SHANK
 from model.scene.build import Scene, build_scene
-from model.scene.key_motion import KeyMotion, acceleration_of_input, angle_at_height, with_moved
+from model.scene.key_motion import KeyMotion, acceleration_of_input, angle_at_height, append_prescribed_motion
 from model.scene.selection import SceneChoice, choice_of
 from model.scene.string_terms import with_modes
 from model.simulation.compliant_joints import CompliantJointMotion, compliant_joint_motion
@@ -74,18 +74,19 @@ def rest_angle(action: Action, choice: SceneChoice) -> float:
     return prescribed_angle(free, choice.prescribed_coordinate, solve_rest(free, with_joints=True), free.vector)
 
 
-def prescribed_angle(free: Scene, moved: str, whole: Array, p: Array) -> float:
-    """Angle (rad) of what a motion would prescribe, at coordinates ``whole`` of the scene without that motion.
+def prescribed_angle(free: Scene, body: str, coordinates: Array, p: Array) -> float:
+    """Angle (rad) of ``body`` that a motion would prescribe, from the ``coordinates`` of the scene ``free`` of that
+    motion and its parameters ``p``.
 
-    ``whole`` (n + g,) ends with what joints give; ``p`` are the scene's numbers.
+    ``coordinates`` (n + g,) ends with what joints give; ``p`` are the scene's numbers.
     """
-    angle, rise = float(whole[free.bodies.index(moved)]), 0.0
-    if moved != "key":
+    angle, rise = float(coordinates[free.bodies.index(body)]), 0.0
+    if body != "key":
         return angle
     if KEY_LIFT in free.bodies:
-        rise = whole[free.bodies.index(KEY_LIFT)]
+        rise = coordinates[free.bodies.index(KEY_LIFT)]
     elif ("key", "y") in free.pins:
-        rise = whole[free.size + free.pins.index(("key", "y"))]
+        rise = coordinates[free.size + free.pins.index(("key", "y"))]
     x, y = front = p[free.tables.offset[2] : free.tables.offset[2] + 2]
     return float(angle_at_height(front, np.sin(angle) * x + np.cos(angle) * y + rise)) if rise else angle
 
@@ -145,7 +146,8 @@ def run_prescribed(
 def run_prescribed_lanes(
     runs: Sequence[tuple[Action, KeyMotion, Array]], *, tolerance: float
 ) -> list[PrescribedMotion | ModelError]:
-    """Motions of many runs, side by side in lanes where the machine has them, each in the scene of its action.
+    """Motions, or errors, of many runs (action, motion, output times), side by side in lanes where the machine has
+    them.
 
     A run's numbers do not depend on the other runs.
 
@@ -206,7 +208,8 @@ class _Prescribed:
         method: str = DEFAULT_METHOD,
         energy: bool = False,
     ) -> _Prescribed:
-        """At rest at the motion's first angle."""
+        """Build the simulation of a prescribed motion, at rest at its first angle, with times counted from its
+        start."""
         # from zero on: a clock that has run for days has few digits left for a step
         start = float(motion.break_s[0])
         motion, times = KeyMotion(motion.break_s - start, motion.coefficient), output_time_s - start
@@ -227,7 +230,7 @@ class _Prescribed:
     def whole_states(self, own: tuple[Array, Array]) -> tuple[Array, Array, Array]:
         """Angles and speeds (m, n) of all coordinates from those solved for; the motion (m, 3)."""
         moved = self.motion.evaluate(self.time_s)
-        return *with_moved(self.scene.tables, self.scene.vector, own, moved, self.memory), moved
+        return *append_prescribed_motion(self.scene.tables, self.scene.vector, own, moved, self.memory), moved
 
     def order(self) -> tuple[tuple[str, ...], list[int]]:
         """Bodies in the usual order, and where the scene has them."""

@@ -21,7 +21,7 @@ from model.motion_driven.prescribed_key import key_load
 from model.observables import head_height_m, key_dip_m
 from model.parameters.action import BODIES, Action, ActionLike, as_action
 from model.scene.build import build_scene
-from model.scene.key_motion import KeyMotion, with_moved
+from model.scene.key_motion import KeyMotion, append_prescribed_motion
 from model.simulation.compliant_joints import pin_motion
 from model.simulation.run import Simulation, State
 from model.simulation.statics import solve_rest
@@ -71,10 +71,11 @@ def key_angle_at_dip(action: Action, rest_rad: Array, dip_m: float) -> float:
     return math.asin(height / length) - offset
 
 
-def _motion(
+def _motion_through_stops(
     start: float, stops: Sequence[float], turn_rate: float, ramp_s: float, hold_s: float
 ) -> tuple[KeyMotion, list[float]]:
-    """The key's motion through the stops, resting ``hold_s`` at each, and the times of arrival, s.
+    """The key's motion from the angle ``start`` (rad) through ``stops``, resting ``hold_s`` at each, and the times of
+    arrival, s.
 
     Speeds rise and fall as 3 x^2 - 2 x^3, so that the acceleration has no jump.
     """
@@ -150,7 +151,7 @@ def slow_press(
     begin = key_angle_at_dip(action, rest, 0.0)
     stops = [key_angle_at_dip(action, rest, float(dip)) for dip in dips]
     ramp_s, sample_s = max(RAMP, RAMP_WAY / speed_m_per_s), max(SAMPLE, SAMPLE_WAY / speed_m_per_s)
-    motion, arrived = _motion(begin, stops, speed_m_per_s / abs(action["drive.point.x"]), ramp_s, hold_s)
+    motion, arrived = _motion_through_stops(begin, stops, speed_m_per_s / abs(action["drive.point.x"]), ramp_s, hold_s)
     scene = build_scene(action, key_motion=motion)
     start = solve_rest(scene, 0.0, rest[[names.index(body) for body in scene.bodies[: scene.size]]])
     longest = max(LONGEST_STEP_S, LONGEST_STEP_WAY / speed_m_per_s)
@@ -159,7 +160,7 @@ def slow_press(
     span = motion.break_s[[0, -1]]  # the input is the time itself
     own = run.advance(float(times[-1]), span, span, output_time_s=times)
     moved, memory = motion.evaluate(times), run.remembered if scene.remembers else None
-    q, v = with_moved(scene.tables, scene.vector, own, moved, memory)
+    q, v = append_prescribed_motion(scene.tables, scene.vector, own, moved, memory)
     force, _ = key_load(scene, q, v, moved[:, 2], memory=memory)
     normal = contacts_at(scene.tables, scene.vector, q, v, memory)[:, :, NORMAL]
     order = [scene.bodies.index(body) for body in BODIES]

@@ -203,7 +203,8 @@ def _fit_spline(
     inner: Array,
     relaxation: float,
 ) -> tuple[tuple[float, float], Array, Array, tuple[Array, Array]]:
-    """Noise of the samples, knots and coefficients of a spline with knots at the times ``inner``, its covariance.
+    """Fit a spline with knots at the times ``inner``: noise (jitter rad, clock s), knots, coefficients, and the banded
+    factor and inverse of their normal matrix.
 
     ``samples`` are times, angles from the first on, the run of equal readings of each, and the width of a count;
     ``noise_given`` the jitter of angle, None where it is to be estimated, and of the clock.

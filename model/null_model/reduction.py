@@ -85,7 +85,8 @@ class Reduced:
 def _static_states(
     scene: Scene, rest: Array, direction: float, held: tuple[int, ...], points: int | None
 ) -> list[Array]:
-    """States from rest on along ``direction`` of the key, to the force at which paths end or for ``points``."""
+    """Static states (5,) from ``rest`` on, the key turned in steps along ``direction`` (±1) with ``held`` coordinates
+    fixed: ``points`` of them, or (None) up to a limit of force."""
     out, q = [], rest.copy()
     limit = DOWN_N if direction < 0.0 else UP_N
     for _ in range(MOST_POINTS if points is None else points):
@@ -101,7 +102,8 @@ def _static_states(
 
 
 def _reflected_quantities(scene: Scene, angle_rad: Array, sense: float) -> Path:
-    """Reflected quantities along states (p, 5)."""
+    """Inertia, forces, friction and damping reflected to the key along states (p, 5); ``sense``: sign of the key's
+    angle as its front goes down."""
     ratio = np.gradient(angle_rad, STEP, axis=0)
     ratio[:, KEY] = sense  # exact
     rows = np.empty((len(ratio), 5))
@@ -149,7 +151,7 @@ def _catch_angle(scene: Scene, angle_rad: Array, rest: float, up: float, string:
     return np.where(np.isnan(low), -np.inf, low)
 
 
-def _string(action: Action, rest: float) -> tuple[float, float]:
+def _turn_to_string(action: Action, rest: float) -> tuple[float, float]:
     """Sense of the hammer's angle towards the string, and how far (rad) it turns from rest to the string."""
     turn = np.linspace(0.0, 1.0, 20001)  # rad, in steps of 0.05 mrad
     up = 1.0 if hammer_height_from_angle(action, rest + 1e-6) < hammer_height_from_angle(action, rest) else -1.0
@@ -192,7 +194,7 @@ def reduce_action(action: ActionLike) -> Reduced:
     scene, rest = build_scene(action), hand_set_rest(action)
     lever = balance(scene, rest, 1.0)[0][KEY] - balance(scene, rest, 0.0)[0][KEY]
     sense = 1.0 if lever > 0.0 else -1.0  # of the key's angle as its front goes down
-    up, string = _string(action, float(rest[HAMMER]))
+    up, string = _turn_to_string(action, float(rest[HAMMER]))
 
     parked = rest.copy()
     parked[HAMMER] = rest[HAMMER] + up * (min(string, 1.0) - STILL_OPEN)

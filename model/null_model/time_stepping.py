@@ -108,10 +108,11 @@ def _interpolate(table: Array, n: Constants, s: float, column: int) -> float:
 
 
 @inlined
-def _step(
+def _runge_kutta_step(
     table: Array, n: Constants, s: float, w: float, h: float, force: Array, k: int, load: float
 ) -> tuple[float, float]:
-    """One step of the classical Runge-Kutta method; forces of rows k, k + 1, k + 2 at its start, middle and end."""
+    """One step ``h`` of the classical Runge-Kutta method for (s, w) on one path; rows k, k + 1, k + 2 of ``force`` are
+    at its start, middle and end."""
     a1 = _acceleration(table, n, s, w, force[k], load)
     w2 = w + 0.5 * h * a1
     a2 = _acceleration(table, n, s + 0.5 * h * w, w2, force[k + 1], load)
@@ -153,7 +154,7 @@ def integrate(
             break
         if mode == RIDING:
             before = omega
-            s, w = _step(joined, n, s, w, h, force, 2 * k, 0.0)
+            s, w = _runge_kutta_step(joined, n, s, w, h, force, 2 * k, 0.0)
             phi = n.up * (_interpolate(joined, n, s, ANGLE) - n.rest)
             omega = n.up * _interpolate(joined, n, s, RATIO) * w
             pushed = n.inertia * (omega - before) / h - _gravity(n, phi)
@@ -165,7 +166,7 @@ def integrate(
             load = 0.0
             if mode == CAUGHT:
                 load = _gravity(n, phi) * n.up * _interpolate(joined, n, s, RATIO)
-            s, w = _step(away, n, s, w, h, force, 2 * k, load)
+            s, w = _runge_kutta_step(away, n, s, w, h, force, 2 * k, load)
             if mode == FLYING:
                 turn = _gravity(n, phi + 0.5 * h * omega) / n.inertia
                 above = phi

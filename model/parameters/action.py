@@ -191,7 +191,8 @@ class Action(Tabular):
         return replace(self, structure=structure, effects=effects)
 
     def content(self) -> str:
-        """All values as text in a fixed order, for hashing; of what files need not hold, only what is not usual."""
+        """All values as text in a fixed order, for hashing; values of effects only where they differ from the
+        default."""
         usual = added_defaults()
         own = {path: q for path, q in self.effects.items() if path not in usual or q.value != usual[path].value}
         lines = [f"{path}={q.value!r}" for path, q in sorted({**self.quantities, **own}.items())]

@@ -51,7 +51,8 @@ def _all_names(action: Action) -> dict[str, list[str]]:
 
 
 def named_paths(action: Action, name: str, where: str) -> list[str]:
-    """Paths of the values that a path, pattern, law or group stands for."""
+    """Parameter paths that a name stands for: a path, a pattern, a law or a group; `InputError` where there are
+    none."""
     names = _names(action)
     # a pattern means single parameters; a law or group is named in full
     paths = names.get(name) or [path for path in action.quantities if fnmatchcase(path, name)]
@@ -62,7 +63,8 @@ def named_paths(action: Action, name: str, where: str) -> list[str]:
 
 
 def scale_parameters(action: ActionLike, factors: Mapping[str, float]) -> Action:
-    """A copy of ``action`` with parameters multiplied, in the order given.
+    """A copy of ``action`` with parameters multiplied, in the order given; warns of values that its felt's law does not
+    have.
 
     Parameters
     ----------

@@ -77,7 +77,7 @@ ALLOWED_M = {
 
 
 def targets_at(wanted_m: Mapping[str, float] | None = None) -> tuple[RegulationTarget, ...]:
-    """The seven targets of thesis Section 2.3, some of them at another length.
+    """The seven targets of thesis Section 2.3, those named in ``wanted_m`` (name -> m) at another length.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def _vector(action: Action, path: str) -> complex:
 
 
 def pivot_displacements(action: Action, rest_rad: Array) -> dict[str, complex]:
-    """Displacement (m) at rest of pivots that a compliant joint or a lifting key moves."""
+    """Displacements (m), x + iy by body, at rest of pivots that a compliant joint or a lifting key moves."""
     scene = build_scene(action)
     out = dict.fromkeys((body for body, _ in scene.pins), 0j)
     if scene.pins:
@@ -165,17 +165,18 @@ def pivot_displacements(action: Action, rest_rad: Array) -> dict[str, complex]:
 
 
 def contact_penetration(
-    action: Action, contact: str, angle_rad: ArrayLike, moved: Mapping[str, complex] | None = None
+    action: Action, contact: str, angle_rad: ArrayLike, displacements: Mapping[str, complex] | None = None
 ) -> ContactGeometry:
-    """Gap of a contact at angles (n,) rad, the five bodies' first, whether or not the contact has any stiffness.
+    """Penetration, normal and first centre of a contact, stiff or not, at angles (n,) rad, the five bodies' first;
+    ``displacements`` (m) of pivots by body.
 
-    Geometry alone; points and directions are complex numbers in the world frame, x right, y up. ``moved`` are
+    Geometry alone; points and directions are complex numbers in the world frame, x right, y up. ``displacements`` are
     displacements of pivots, m.
     """
     frames = {"ground": (0j, 0.0)}  # pivot and angle of each body from ground
     for body, angle in zip(BODIES, np.asarray(angle_rad, dtype=float)[: len(BODIES)], strict=True):
         pivot, turned = frames[action.structure[f"{body}.parent"]]
-        pivot += cmath.rect(1.0, turned) * _vector(action, f"{body}.pivot") + (moved or {}).get(body, 0j)
+        pivot += cmath.rect(1.0, turned) * _vector(action, f"{body}.pivot") + (displacements or {}).get(body, 0j)
         frames[body] = pivot, turned + float(angle)
 
     def place(side: str) -> tuple[complex, float]:
@@ -203,17 +204,17 @@ def contact_penetration(
     return ContactGeometry(radius - abs(apart), apart / abs(apart), center)
 
 
-def first_touch_angle(action: Action, key_rest_rad: float, moved: complex = 0j) -> float:
+def first_touch_angle(action: Action, key_rest_rad: float, pivot_displacement: complex = 0j) -> float:
     """Angle of the key (rad) at which it first touches the felt under its front, without pressing it.
 
-    Its pivot is ``moved`` (m) from its place in the set.
+    Its pivot is ``pivot_displacement`` (m) from its place in the set.
     """
     felt, line = f"{KEY_FRONT}.first", f"{KEY_FRONT}.second"
     nx, ny = action[f"{line}.normal.x"], action[f"{line}.normal.y"]
     length = math.hypot(nx, ny)
     nx, ny = nx / length, ny / length
-    ax = action[f"{felt}.x"] - action["key.pivot.x"] - moved.real
-    ay = action[f"{felt}.y"] - action["key.pivot.y"] - moved.imag
+    ax = action[f"{felt}.x"] - action["key.pivot.x"] - pivot_displacement.real
+    ay = action[f"{felt}.y"] - action["key.pivot.y"] - pivot_displacement.imag
     # touch: (felt centre) . R(angle) normal = line's own distance + radius
     along, across = ax * nx + ay * ny, ay * nx - ax * ny
     reach = action[f"{line}.x"] * nx + action[f"{line}.y"] * ny + action[f"{felt}.radius"]
@@ -292,7 +293,7 @@ def measure_blow(action: Action, rest_rad: Array) -> tuple[dict[str, float], dic
 
 
 def measure(action: ActionLike, progress: Callable[[str], None] | None = None) -> TargetValues:
-    """All seven quantities of an action.
+    """Measure the seven regulation targets of an action: at rest, in a slow press and in a medium blow.
 
     Parameters
     ----------

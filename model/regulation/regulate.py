@@ -25,7 +25,7 @@ from model.regulation.screws import (
     TOLERANCE,
     Bench,
 )
-from model.regulation.turn_screw import WIDER, Say, set_rest, turn_screw
+from model.regulation.turn_screw import WIDER, Say, meet_rest_targets, turn_screw
 
 ROUNDS = 6  # of all seven targets, at most
 IN_MOTION = ("let_off", "drop", "check")
@@ -130,12 +130,13 @@ class _Attempt:
 
 
 def _repeat_rounds(bench: Bench, before: TargetValues, say: Say) -> _Attempt:
-    """Set all targets in order, in rounds, until a measurement of all seven agrees; the best attempt."""
+    """Set all targets by turning screws of ``bench``, in rounds, until a measurement of all seven agrees; the best
+    attempt, with its error if unmet."""
     best, turns = before, dict(bench.turn_m)
     for _ in range(ROUNDS):
         try:
             _clear_screws(bench, say)
-            set_rest(bench, say)
+            meet_rest_targets(bench, say)
             _regulate_dynamic_targets(bench, say)
         except RegulationError as caught:
             met = max(_target_errors(best, bench.targets).values()) <= TOLERANCE

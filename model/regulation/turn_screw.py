@@ -61,14 +61,14 @@ def turn_screw(bench: Bench, name: str, say: Say, beyond_m: float = 0.0) -> floa
             errors[turn] = bench.error(name, turn) - beyond_m
         return errors[turn]
 
-    _secant(bench, name, bench.turn_m[name], error_at)
+    _iterate_secant(bench, name, bench.turn_m[name], error_at)
     for places in (_sample_travel, *(_sample_near_best,) * NEAREST):
         if abs(errors[_best_turn(errors)]) <= TOLERANCE:
             break
         for place in places(bench, name, errors):
             error_at(place)
         for start in _sign_changes(errors):
-            _secant(bench, name, start, error_at)
+            _iterate_secant(bench, name, start, error_at)
             if abs(errors[_best_turn(errors)]) <= TOLERANCE:
                 break
     best = _best_turn(errors)
@@ -109,7 +109,7 @@ def _sign_changes(errors: dict[float, float]) -> list[float]:
     return sorted(changes, key=lambda turn: abs(errors[turn]))
 
 
-def _secant(bench: Bench, name: str, turn: float, error_at: Callable[[float], float]) -> None:
+def _iterate_secant(bench: Bench, name: str, turn: float, error_at: Callable[[float], float]) -> None:
     """Secant iteration for the target from ``turn``; updates the slope in ``bench.effect``."""
     low, high = bench.limits(name)
     aim = CONVERGED[MEASURED_IN[name]]
@@ -154,23 +154,24 @@ def _secant(bench: Bench, name: str, turn: float, error_at: Callable[[float], fl
         turn, error, measured = new, new_error, new_measured
 
 
-def set_rest(bench: Bench, say: Say) -> None:
+def meet_rest_targets(bench: Bench, say: Say) -> None:
     """Turn the four screws of the rest targets until all are met, the rest rail if need be; else raise why not."""
     given = dict(bench.turn_m)
-    if (_is_met(bench) and not bench.aim_m) or _solve(bench, say, [(0.0, 0.0)]):
+    if (_is_met(bench) and not bench.aim_m) or _search_rest_turns(bench, say, [(0.0, 0.0)]):
         return
     bench.turn_m = given
     low, _ = bench.limits(RAIL)
     with_rail_lowered = replace(bench, turn_m=bench.turn_m | {RAIL: low})
-    if _solve(with_rail_lowered, say):
+    if _search_rest_turns(with_rail_lowered, say):
         bench.turn_m = with_rail_lowered.turn_m
         _raise_rail(bench, say)
         return
     raise _rest_targets_error(bench, with_rail_lowered, say)
 
 
-def _solve(bench: Bench, say: Say, starts: Iterable[tuple[float, ...]] = GRID) -> bool:
-    """Turn the four screws of ``bench`` with its rest rail as it is; True if all rest targets are met, else nearest."""
+def _search_rest_turns(bench: Bench, say: Say, starts: Iterable[tuple[float, ...]] = GRID) -> bool:
+    """Turn the four screws of ``bench`` with its rest rail as it is, from each of ``starts`` (shares of the travel of
+    capstan and jack); True if all rest targets are met, else nearest."""
     usual = dict(bench.turn_m)
     attempts: list[tuple[float, dict[str, float]]] = []
     for capstan, pad in starts:
@@ -271,7 +272,7 @@ def _rest_targets_error(bench: Bench, with_rail_lowered: Bench, say: Say) -> Reg
     """Build (not raise) the error of unmet rest targets: a screw that would exceed its limit, else the worst."""
     rail_m = with_rail_lowered.limits(RAIL)[0] - WIDER
     longer = replace(with_rail_lowered, wider_m=WIDER, turn_m=with_rail_lowered.turn_m | {RAIL: rail_m})
-    if _solve(longer, say):
+    if _search_rest_turns(longer, say):
         _raise_rail(longer, say)
         beyond = {}
         for name in REST_TARGETS:

@@ -170,7 +170,7 @@ def _coordinates(choice: SceneChoice, motion: KeyMotion | None) -> list[str]:
     ]  # carries no other body, so it may come last
 
 
-def _parent(action: Action, bodies: list[str], body: str) -> int:
+def _parent_index(action: Action, bodies: list[str], body: str) -> int:
     """Index of the body that carries a body, `L.GROUND` for the ground, `L.GUIDED` for the key's lift."""
     if body == KEY_LIFT:
         return L.GUIDED
@@ -181,7 +181,7 @@ def _parent(action: Action, bodies: list[str], body: str) -> int:
     return bodies.index(name) if name in bodies else L.GROUND
 
 
-def _body(action: Action, bodies: list[str], body: str) -> list[float]:
+def _body_numbers(action: Action, bodies: list[str], body: str) -> list[float]:
     """Pivot, centre of mass, mass, inertia and joint friction of a coordinate's body."""
     if body == KEY_LIFT:
         friction = action[f"{RAIL}.guide_friction.A"]
@@ -279,7 +279,7 @@ def build_scene(action: ActionLike, choice: SceneChoice | None = None, key_motio
     action = as_action(action)
     choice = choice_of(action) if choice is None else choice
     if key_motion is not None:
-        return _build(action, choice, key_motion)
+        return _assemble_scene(action, choice, key_motion)
     return _cached_scene(
         action, choice, tuple(law.number for law in LAWS.values())
     )  # a law that was added again is another
@@ -287,18 +287,19 @@ def build_scene(action: ActionLike, choice: SceneChoice | None = None, key_motio
 
 @lru_cache(maxsize=MOST)
 def _cached_scene(action: Action, choice: SceneChoice, laws: tuple[int, ...]) -> Scene:
-    return _build(action, choice, None)
+    return _assemble_scene(action, choice, None)
 
 
-def _build(action: Action, choice: SceneChoice, key_motion: KeyMotion | None) -> Scene:
-    """Scene of a checked action and choice: tables of its structure, and the parameter vector."""
+def _assemble_scene(action: Action, choice: SceneChoice, key_motion: KeyMotion | None) -> Scene:
+    """Check the choice and assemble its scene: tables of the structure, the parameter vector, and the start of the
+    search for rest."""
     choice.check(action)
     bodies = _coordinates(choice, key_motion)
-    parent = [_parent(action, bodies, b) for b in bodies]
+    parent = [_parent_index(action, bodies, b) for b in bodies]
     n, key, presser = len(bodies), bodies.index("key"), pressing.presser_of(bodies)
     vector: list[float] = [action["gravity.g"], action["friction_threshold.v_t"], action["friction_threshold.omega_t"]]
     for b in bodies:
-        vector += _body(action, bodies, b)
+        vector += _body_numbers(action, bodies, b)
     pivot = [complex(*vector[o : o + 2]) for o in range(L.GLOBALS, len(vector), L.BODY_SIZE)]
     offsets = [len(vector)]
     springs = _springs(action, choice, bodies)

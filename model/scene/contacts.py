@@ -27,13 +27,14 @@ class Contact(NamedTuple):
     numbers: list[float]
 
 
-def read_contact(action: Action, name: str, bends: bool) -> Contact:
-    """A contact of the action, or the balance rail's; beyond the shank's hinge in the head's frame."""
+def read_contact(action: Action, name: str, has_flexible_shank: bool) -> Contact:
+    """A contact of the action, or the balance rail's; with a flexible shank, what lies on the head belongs to the
+    shank's body and frame."""
     if name == RAIL:
         return Contact("key", "ground", L.LINE, rail_contact(action))
     first, second = (action.structure[f"{name}.{side}.body"] for side in ("first", "second"))
-    numbers = _numbers(action, name)
-    if bends and name in ON_THE_HEAD:
+    numbers = _contact_numbers(action, name)
+    if has_flexible_shank and name in ON_THE_HEAD:
         at = L.A_X if first == "hammer" else L.B_X
         numbers[at] -= action["shank.hinge.x"]
         numbers[at + 1] -= action["shank.hinge.y"]
@@ -41,7 +42,7 @@ def read_contact(action: Action, name: str, bends: bool) -> Contact:
     return Contact(first, second, SHAPES[action.structure[f"{name}.second.shape"]], numbers)
 
 
-def _numbers(action: Action, name: str) -> list[float]:
+def _contact_numbers(action: Action, name: str) -> list[float]:
     """Parameters of a contact in the order of the kernels: first circle, second surface, felt, friction."""
     first, second = f"{name}.first", f"{name}.second"
     shape = action.structure[f"{second}.shape"]

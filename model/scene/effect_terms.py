@@ -16,7 +16,7 @@ LARGEST_LIFT = 0.02  # m, up to which bounds on gaps are valid; a pin is not muc
 ON_THE_HEAD = ("contact04", "contact12", "contact13")  # back check, string, rest rail: beyond the shank's hinge
 
 
-def sink_m(action: Action) -> float:
+def rail_compression_m(action: Action) -> float:
     """Static compression (m) of the rail's felt with the key's pivot at its nominal position."""
     a, b, c = (action[f"{RAIL}.normal.{k}"] for k in ("a", "b", "c"))
     load = action[f"{RAIL}.load_at_rest"]
@@ -37,7 +37,7 @@ def rail_contact(action: Action) -> list[float]:
     """Numbers of the rail's contact, as of any other: a circle round the key's pivot on level felt of the ground."""
     x, y = action["key.pivot.x"], action["key.pivot.y"]
     law = [action[f"{RAIL}.normal.{k}"] for k in ("a", "b", "c", "D")]
-    level = y - RAIL_RADIUS + sink_m(action)
+    level = y - RAIL_RADIUS + rail_compression_m(action)
     return [0.0, 0.0, RAIL_RADIUS, x, level, 0.0, 0.0, 1.0, 0.0, 0.0, *law, 0.0, 0.0, 0.0]
 
 

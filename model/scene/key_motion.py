@@ -3,7 +3,7 @@
 Input of a motion-driven scene (``build_scene(key_motion=...)``); `model.motion_driven.spline_fit` makes one of measured
 angles. Its second derivative is the acceleration, so the pieces must join twice continuously; this is checked.
 Of a key that lifts or whose joint gives the front is prescribed, where the force acts; the angle is then that of a key
-on its pivot whose front is at that height. `with_moved` gives its true one.
+on its pivot whose front is at that height. `append_prescribed_motion` gives its true one.
 """
 
 from __future__ import annotations
@@ -126,21 +126,22 @@ def angle_at_height(front: ArrayLike, height_m: ArrayLike) -> Array:
     return np.asarray(np.mod(turned + np.pi, 2.0 * np.pi) - np.pi)
 
 
-def with_moved(
-    tables: Tables, p: Array, own: tuple[Array, Array], moved: Array, memory: Array | None = None
+def append_prescribed_motion(
+    tables: Tables, p: Array, others: tuple[Array, Array], prescribed: Array, memory: Array | None = None
 ) -> tuple[Array, Array]:
-    """Angles and speeds (m, n) of all coordinates: ``own`` (m, n - 1), then what a motion ``moved`` (m, 2) prescribes.
+    """Angles and speeds (m, n) of all coordinates: ``others`` (m, n - 1) each, then the angle and speed that a motion
+    prescribes, from ``prescribed`` (m, 2).
 
     ``memory`` (m, z) is what the run remembers there.
     """
-    angle, speed = moved[:, 0], moved[:, 1]
-    risen = _rises(tables, own, memory)
+    angle, speed = prescribed[:, 0], prescribed[:, 1]
+    risen = _rises(tables, others, memory)
     if risen is not None:
         front = x, y = p[tables.offset[2] : tables.offset[2] + 2]
         level = np.cos(angle) * x - np.sin(angle) * y
         angle = angle_at_height(front, np.sin(angle) * x + np.cos(angle) * y - risen[0])
         speed = (level * speed - risen[1]) / (np.cos(angle) * x - np.sin(angle) * y)
-    return np.column_stack([own[0], angle]), np.column_stack([own[1], speed])
+    return np.column_stack([others[0], angle]), np.column_stack([others[1], speed])
 
 
 def acceleration_of_input(

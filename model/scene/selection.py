@@ -169,7 +169,7 @@ SCENES = {
 
 
 def choice_of(action: ActionLike, scene: str | Path | SceneChoice | None = None) -> SceneChoice:
-    """What takes part: of a scene by name, file or choice; by default what the action itself says.
+    """What takes part in a scene given by name, file or choice; by default (None) what the action's own scene says.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def choice_of(action: ActionLike, scene: str | Path | SceneChoice | None = None)
     Examples
     --------
     >>> import model
-    >>> strung = model.load_scene("string").on(model.load_action())
+    >>> strung = model.load_scene("string").apply_to(model.load_action())
     >>> model.choice_of(strung).effects, model.choice_of(strung, "whole").effects
     (('string',), ())
     """
@@ -215,7 +215,7 @@ def quantities_of(action: ActionLike) -> dict[str, Quantity]:
     Examples
     --------
     >>> import model
-    >>> strung = model.load_scene("string").on(model.load_action())
+    >>> strung = model.load_scene("string").apply_to(model.load_action())
     >>> sorted(model.quantities_of(strung).keys() - strung.quantities.keys())[:3]
     ['string.b1', 'string.b2', 'string.length']
     """
@@ -290,7 +290,7 @@ def scene_of(table: Mapping[str, Any], where: str) -> SceneChoice:
             continue
         if key in EFFECTS and isinstance(value, dict):
             on.append(key)
-            values += _values(where, key, value)
+            values += _effect_values(where, key, value)
             continue
         if key not in LISTS:
             raise InputError(
@@ -308,7 +308,7 @@ def scene_of(table: Mapping[str, Any], where: str) -> SceneChoice:
     return SceneChoice(**chosen, effects=effects, values=tuple(values), laws=tuple(laws))
 
 
-def _values(where: str, effect: str, table: dict[str, Any]) -> list[tuple[str, float]]:
+def _effect_values(where: str, effect: str, table: dict[str, Any]) -> list[tuple[str, float]]:
     """Paths and checked values of an effect's or a contact's table in a scene file."""
     known, out = added_defaults(), []
     for key, item in quantity_tables(table, f"{effect}."):
@@ -321,7 +321,7 @@ def _values(where: str, effect: str, table: dict[str, Any]) -> list[tuple[str, f
 
 def _felt(where: str, contact: str, law: str, table: dict[str, Any]) -> list[tuple[str, float]]:
     """Values of a contact's table, which must be those of its law."""
-    values = _values(where, contact, table)
+    values = _effect_values(where, contact, table)
     for path, _ in values:
         if law_of(path) != (contact, law):
             raise InputError(f"{where}: {path}: found beside the law {law}, allowed {contact}.{law}. and its numbers")

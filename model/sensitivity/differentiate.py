@@ -18,7 +18,7 @@ from model.sensitivity.options import SensitivityOptions
 from model.sensitivity.parameter_names import describe_parameters, directions, find_parameters, refuse_idle
 from model.sensitivity.result import Sensitivities
 from model.sensitivity.tangents import RecordedMotion
-from model.simulation.run import Simulation, State, with_memory
+from model.simulation.run import Simulation, State, complete_memory
 from model.simulation.statics import RestState, rest_state, with_pins
 
 Array = NDArray[np.float64]
@@ -82,7 +82,7 @@ def sensitivities(
         times, forces, preload_n, sampled = force_table_of_trial(blow)
         at = sampled if options.output_time_s is None else options.output_time_s
         blow, options = (times, forces), replace(options, rest_input=preload_n, output_time_s=at)
-    found = _differentiate(chosen, blow, parameters, options, inputs)
+    found = _differentiate_blow(chosen, blow, parameters, options, inputs)
     if options.estimate_error:
         finer = replace(
             options,
@@ -91,12 +91,12 @@ def sensitivities(
             contact_forces=False,
             events=False,
         )
-        other = _differentiate(chosen, blow, parameters, finer, inputs)
+        other = _differentiate_blow(chosen, blow, parameters, finer, inputs)
         found = replace(found, estimated_error=_largest_difference(found.d_angles, other.d_angles))
     return found
 
 
-def _differentiate(
+def _differentiate_blow(
     action: Action, blow: Blow, parameters: Sequence[str], options: SensitivityOptions, inputs: Blow | None
 ) -> Sensitivities:
     """Sensitivities of a blow, a table (time s, force N); ``inputs`` are changes of it to differentiate along, too."""
@@ -106,12 +106,12 @@ def _differentiate(
     named = find_parameters(action, parameters) if len(parameters) or inputs is None else []
     slopes = directions(action, choice, named)
     if inputs is not None:
-        slopes = slopes.with_inputs(*_check_event_slopes(inputs, len(times)))
+        slopes = slopes.with_inputs(*_check_input_changes(inputs, len(times)))
     scene = slopes.scene
     start = rest_state(action, options.rest_input, scene)
     whole = with_pins(scene, start.angle_rad, options.rest_input) if scene.pins else start.angle_rad
     state = State(float(times[0]), start.angle_rad.copy(), np.zeros(scene.size))
-    state = with_memory(scene, state, options.rest_input)
+    state = complete_memory(scene, state, options.rest_input)
     simulation = Simulation(scene, state, options.tolerance, options.method)
     end = float(outputs[-1]) if len(outputs) else float(times[-1])
     recorded = RecordedMotion(slopes, simulation, end, (times, forces), (whole, options.rest_input))
@@ -150,8 +150,8 @@ def _differentiate(
     return out
 
 
-def _check_event_slopes(inputs: Blow, rows: int) -> tuple[Array, Array]:
-    """Changes (k, m) of an input of so many rows, and (m,) at rest."""
+def _check_input_changes(inputs: Blow, rows: int) -> tuple[Array, Array]:
+    """Check and return changes (rows, m) of an input of ``rows`` samples, and those (m,) at rest."""
     table, rest = (as_numbers(given, "inputs", ndim) for given, ndim in zip(inputs, (2, 1), strict=True))
     if table.shape != (rows, *rest.shape) or not (np.isfinite(table).all() and np.isfinite(rest).all()):
         raise InputError(

@@ -45,7 +45,7 @@ SHIFT_S = 1e-6  # of a central difference: short against a contact's millisecond
 NARROWINGS, NARROWED_BY = 5, 32  # to some 1e-12 s
 
 
-def touches_at(scene: Scene, angle: Array, speed: Array, vector: Array | None = None) -> Array:
+def contact_columns(scene: Scene, angle: Array, speed: Array, vector: Array | None = None) -> Array:
     """Columns of contacts, as of `contacts_at`, at states (m, n) that end with what joints give: `Scene.coordinates`.
 
     Forces are those of the slow loading curve; depths and their rates are those of every law.
@@ -82,7 +82,7 @@ class Events:
     @cached_property
     def depths(self) -> Array:
         """Penetrations (m, c) of all contacts at these times."""
-        return touches_at(self.scene, *self.motion)[:, :, DEPTH]
+        return contact_columns(self.scene, *self.motion)[:, :, DEPTH]
 
     # quantities, (m,) of states (m, n), how far joints give after the scene's own coordinates
 
@@ -94,7 +94,7 @@ class Events:
 
     def _depth_of(self, contact: str, angle: Array, speed: Array, vector: Array | None = None) -> tuple[Array, Array]:
         """Penetration (m,) of a contact, m, negative where it is open, and its rate (m,), m/s."""
-        found = touches_at(self.scene, angle, speed, vector)[:, self.scene.contacts.index(contact)]
+        found = contact_columns(self.scene, angle, speed, vector)[:, self.scene.contacts.index(contact)]
         return found[:, DEPTH], found[:, RATE]
 
     def _depth(self, contact: str, angle: Array, speed: Array) -> Array:
@@ -105,8 +105,8 @@ class Events:
 
     # where a level is passed
 
-    def _root(self, value: Callable[[Array, Array], Array], k: int) -> float:
-        """Time between samples ``k`` and ``k + 1`` at which ``value`` changes sign."""
+    def _refine_crossing(self, value: Callable[[Array, Array], Array], k: int) -> float:
+        """Time (s) between samples ``k`` and ``k + 1`` at which ``value`` (of angles, speeds) changes sign."""
         left, right = (float(t) for t in self.times[k : k + 2])
         for _ in range(NARROWINGS):
             at = np.linspace(left, right, NARROWED_BY + 1)
@@ -119,7 +119,8 @@ class Events:
     def _find_first(
         self, name: str, value: Callable[[Array, Array], Array], rising: bool, after: float, why: str
     ) -> bool:
-        """Set ``at[name]`` to the first time (s) after ``after`` at which ``value`` crosses zero; False if none."""
+        """Set ``at[name]`` to the first time (s) after ``after`` at which ``value`` crosses zero; where there is none,
+        ``absent[name]`` to ``why``, and return False."""
         y = value(*self.motion)
         above = y > 0.0
         passes = (above[1:] & ~above[:-1]) if rising else (~above[1:] & above[:-1])
@@ -127,11 +128,12 @@ class Events:
         if not len(at):
             self.absent[name] = why
             return False
-        self.at[name] = self._root(value, int(at[0]))
+        self.at[name] = self._refine_crossing(value, int(at[0]))
         return True
 
     def find(self) -> Array:
-        """Find all events; the times at which states are needed for them, in order."""
+        """Find all events, into ``at`` or, with the reason, ``absent``; return the times, in order, at which states are
+        needed for them."""
         missing = [body for body in BODIES if body not in self.scene.bodies[: len(BODIES)]]
         if missing or self.scene.bodies[: len(BODIES)] != BODIES:
             self.absent.update(dict.fromkeys(EVENTS, f"the scene has no free {' or '.join(missing) or 'key'}"))
@@ -176,7 +178,7 @@ class Events:
             k = int(before[-1])
             leaving = next(contact for contact in driving if presses[contact][k])
             self._leaver = leaving
-            self.at["let_off_s"] = self._root(partial(self._depth, leaving), k)
+            self.at["let_off_s"] = self._refine_crossing(partial(self._depth, leaving), k)
         else:
             self.absent["let_off_s"] = "the hammer is carried to the string"
         if BACK_CHECK not in self.scene.contacts:
@@ -202,7 +204,7 @@ class Events:
             self.absent["check_m"] = self.absent["drop_s"] = "the hammer is not held"
             return
         if k + 1 < len(self.times):  # else it is held to the end
-            last = self.at[RELEASE] = self._root(partial(self._depth, BACK_CHECK), k)
+            last = self.at[RELEASE] = self._refine_crossing(partial(self._depth, BACK_CHECK), k)
         middle = 0.5 * (self.at["check_s"] + last)
         self.at["check_m"] = middle
         level = float(self._height(action, *self.states(np.array([middle])))[0]) + DROP_M
@@ -229,7 +231,9 @@ class Events:
             if name == "check_m":
                 middle = 0.5 * (d_events["check_s"] + d_events[RELEASE])
                 events[name] = float(self._height(self.action, *state)[0])
-                d_events[name] = self._slope(self._height, state, own) + self._rate(self._height, t, state) * middle
+                d_events[name] = (
+                    self._total_derivative(self._height, state, own) + self._rate(self._height, t, state) * middle
+                )
                 continue
             events[name], d_events[name] = t, self._time_derivative(name, state, own, d_events["check_m"])
             for value, at in _READ_AT.items():
@@ -239,15 +243,19 @@ class Events:
                     y = float(quantity(self.action, *state)[0])
                     rate = self._rate(quantity, t, state)
                     events[value] = sign * y
-                    d_events[value] = sign * (self._slope(quantity, state, own) + rate * d_events[name])
+                    d_events[value] = sign * (self._total_derivative(quantity, state, own) + rate * d_events[name])
         for of in (events, d_events):
             of.pop(RELEASE, None)
         return events, d_events
 
-    def _slope(
-        self, quantity: Callable[[Action, Array, Array], Array], state: tuple[Array, Array], own: tuple[Array, Array]
+    def _total_derivative(
+        self,
+        quantity: Callable[[Action, Array, Array], Array],
+        state: tuple[Array, Array],
+        state_slopes: tuple[Array, Array],
     ) -> Array:
-        """Derivatives (P,) of a quantity by the parameters; ``own`` (1, n, P) are those of angles and of speeds.
+        """Total derivative (P,) of a quantity by the parameters, directly and through the state; ``state_slopes`` (1,
+        n, P): of angles, of speeds.
 
         ``state`` holds the angles and speeds (1, n). The derivative at a fixed state is added.
         """
@@ -255,17 +263,18 @@ class Events:
         of_itself = parameter_derivatives(
             self.action, self.directions.parameters, lambda a: float(quantity(a, *state)[0])
         )
-        return np.asarray(by_angle @ own[0][0] + by_speed @ own[1][0] + of_itself)
+        return np.asarray(by_angle @ state_slopes[0][0] + by_speed @ state_slopes[1][0] + of_itself)
 
-    def _depth_slope(self, contact: str, state: tuple[Array, Array], own: Array) -> Array:
-        """Derivatives (P,) of a contact's penetration by the parameters; ``own`` (1, n, P) are those of the angles.
+    def _depth_derivative(self, contact: str, state: tuple[Array, Array], angle_slopes: Array) -> Array:
+        """Total derivative (P,) of a contact's penetration by the parameters; ``angle_slopes`` (1, n, P) are those of
+        the angles.
 
         ``state`` holds the angles and speeds (1, n). The derivative at a fixed state is added.
         """
         angle, speed = state
         n, depth = angle.shape[1], partial(self._depth_of, contact)
         # what it gains at a speed of one coordinate alone is its slope by that coordinate
-        out = depth(np.repeat(angle, n, axis=0), np.eye(n))[1] @ own[0]
+        out = depth(np.repeat(angle, n, axis=0), np.eye(n))[1] @ angle_slopes[0]
         vector, slopes = self.scene.vector, self.directions
         places = gap_number_places(self.scene, contact)
         for j in np.flatnonzero(slopes.slope[:, places].any(axis=1)):
@@ -282,22 +291,23 @@ class Events:
         return float((ends[0] - ends[1]) / (2.0 * h))
 
     def _time_derivative(
-        self, name: str, state: tuple[Array, Array], own: tuple[Array, Array], d_check: Array
+        self, name: str, state: tuple[Array, Array], state_slopes: tuple[Array, Array], d_check: Array
     ) -> Array:
-        """Derivative (P,) of an event's time, from ``own`` (1, n, P), the derivatives of angles and speeds there."""
+        """Derivative (P,) of an event's time, from those of angles and speeds there, ``state_slopes`` (1, n, P), and of
+        the check height, ``d_check`` (P,)."""
         pressing = {"key_bottom_s": KEY_FRONT, "check_s": BACK_CHECK, RELEASE: BACK_CHECK}
         contact = (pressing | {"let_off_s": getattr(self, "_leaver", "")}).get(name)
         if contact:
-            return -self._depth_slope(contact, state, own[0]) / self._depth_of(contact, *state)[1][0]
+            return -self._depth_derivative(contact, state, state_slopes[0]) / self._depth_of(contact, *state)[1][0]
         if name == "onset_s":
             # the dip is counted from rest, which moves too: a difference of two heights
             at, rest = state[0][0], self.recorded.rest
-            d = gradient(lambda q: key_dip_m(self.action, q, rest), at, SMOOTH_TURN) @ own[0][0]
+            d = gradient(lambda q: key_dip_m(self.action, q, rest), at, SMOOTH_TURN) @ state_slopes[0][0]
             d -= gradient(lambda q: key_dip_m(self.action, q, at), rest, SMOOTH_TURN) @ self.recorded.d_rest
             parameters = self.directions.parameters
             d += parameter_derivatives(self.action, parameters, lambda a: float(key_dip_m(a, state[0], rest)[0]))
             return np.asarray(-d / self._rate_along_motion(lambda q: key_dip_m(self.action, q, rest), state))
-        d = self._slope(self._height, state, own)
+        d = self._total_derivative(self._height, state, state_slopes)
         if name == "drop_s":
             d = d - d_check
         return np.asarray(-d / self._rate_along_motion(lambda q: self._height(self.action, q, q), state))

@@ -19,7 +19,7 @@ from model.motion_driven.spline_fit import fit_key_motion
 from model.parameters.action import ActionLike, as_action, load_action
 from model.parameters.effects import ARM, FINGER, MOTOR
 from model.scene.build import build_scene
-from model.scene.key_motion import KeyMotion, with_moved
+from model.scene.key_motion import KeyMotion, append_prescribed_motion
 from model.scene.selection import check_prescribed
 from model.scene.string_terms import with_modes
 from model.sensitivity.observed import observable_derivatives
@@ -27,7 +27,7 @@ from model.sensitivity.options import SensitivityOptions
 from model.sensitivity.parameter_names import describe_parameters, directions, find_parameters, refuse_idle
 from model.sensitivity.result import Sensitivities
 from model.sensitivity.tangents import RecordedMotion, rest_derivatives
-from model.simulation.run import Simulation, State, with_memory
+from model.simulation.run import Simulation, State, complete_memory
 from model.simulation.statics import solve_rest, with_pins
 
 Array = NDArray[np.float64]
@@ -106,7 +106,7 @@ def motion_sensitivities(
     slopes = directions(action, choice, named, key)
     scene = slopes.scene
     tables, n = scene.tables, scene.size
-    state = with_memory(scene, State(0.0, solve_rest(scene, 0.0), np.zeros(n)))
+    state = complete_memory(scene, State(0.0, solve_rest(scene, 0.0), np.zeros(n)))
     whole = with_pins(scene, state.angle_rad, 0.0) if scene.pins else state.angle_rad
     simulation = Simulation(scene, state, options.tolerance, options.method, largest_step_s=LONGEST_STEP_S)
     span, wanted = key.break_s[[0, -1]], outputs - begins
@@ -117,7 +117,7 @@ def motion_sensitivities(
 
     def true_states(q: Array, v: Array, z: Array, moved_rad: Array, p: Array) -> Array:
         """True angles and speeds of all coordinates, side by side."""
-        return np.hstack(with_moved(tables, p, (q, v), np.column_stack([moved_rad, moved[:, 1]]), z))
+        return np.hstack(append_prescribed_motion(tables, p, (q, v), np.column_stack([moved_rad, moved[:, 1]]), z))
 
     def holding(q: Array, v: Array, z: Array, moved_rad: Array, p: Array) -> Array:
         states = np.hsplit(true_states(q, v, z, moved_rad, p), 2)

@@ -62,7 +62,7 @@ def paths_read(action: Action, quantity: Callable[[Action], object]) -> set[str]
 def parameter_derivatives(
     action: Action, parameters: Sequence[Parameter], quantity: Callable[[Action], float]
 ) -> Array:
-    """Derivatives (P,) of a smooth function of an action's lengths and angles."""
+    """Derivatives (P,) by each parameter of ``quantity``, a smooth function of an action's lengths and angles."""
     read = paths_read(action, quantity)
     out = np.zeros(len(parameters))
     for j, parameter in enumerate(parameters):
@@ -81,7 +81,8 @@ def observable_derivatives(
     slopes: tuple[Array, ...],
     smooth: bool = False,
 ) -> Array:
-    """Derivatives (..., P) of an observable by the parameters, through the states and the scene's numbers.
+    """Derivatives (..., P) of ``quantity`` (of the arrays of ``state`` and the scene's vector) by the parameters;
+    ``slopes`` (..., P) are those of ``state``.
 
     ``state`` are angles (m, n), speeds (m, n) and what else; ``slopes`` of each, with the parameters last. What no felt
     plays a part in is ``smooth``.

@@ -55,7 +55,7 @@ class Parameter:
 
 
 def find_parameters(action: ActionLike, names: Sequence[str]) -> list[Parameter]:
-    """Parameters by name.
+    """Parameters by name (path, law, felt or group), in order; `InputError` for a name that is unknown or given twice.
 
     Parameters
     ----------
@@ -86,10 +86,10 @@ def find_parameters(action: ActionLike, names: Sequence[str]) -> list[Parameter]
     twice = [name for i, name in enumerate(names) if name in names[:i]]
     if twice:
         raise InputError(f"parameters: {', '.join(dict.fromkeys(twice))} found twice, allowed each once")
-    return [_parameter(action, name) for name in names]
+    return [_find_parameter(action, name) for name in names]
 
 
-def _parameter(action: Action, name: str) -> Parameter:
+def _find_parameter(action: Action, name: str) -> Parameter:
     """Parameter of a path, law, felt or group; `InputError` where it is unknown or fixed by the geometry."""
     quantities = {**action.quantities, **action.effects}
     if name in quantities:
@@ -194,10 +194,10 @@ def shift_parameter(action: Action, parameter: Parameter, by: float) -> Action:
     return shift_parameters(action, (parameter,), (by,))
 
 
-def shift_parameters(action: Action, parameters: Sequence[Parameter], by: Iterable[float]) -> Action:
-    """Copy of an action with each parameter changed ``by`` its step, in its unit; ranges are not checked."""
+def shift_parameters(action: Action, parameters: Sequence[Parameter], amounts: Iterable[float]) -> Action:
+    """Copy of an action with each parameter changed by its amount, in its unit; ranges are not checked."""
     values = _values(action)
-    for parameter, change in zip(parameters, by, strict=True):
+    for parameter, change in zip(parameters, amounts, strict=True):
         for path, weight in parameter.paths.items():
             values[path] += float(change) * weight
     out = as_action_type(_UncheckedAction, action)
@@ -208,13 +208,16 @@ def shift_parameters(action: Action, parameters: Sequence[Parameter], by: Iterab
 def directions(
     action: Action, choice: SceneChoice, parameters: Sequence[Parameter], key_motion: KeyMotion | None = None
 ) -> Directions:
-    """Slopes of a scene's numbers by central differences; those numbers are smooth functions of the parameters."""
+    """Derivatives of a scene's parameter vector by each parameter, by central differences; `InputError` for those that
+    have no effect."""
     choice.check(action)
     scene = build_scene(action, choice, key_motion)
     build = partial(build_scene, choice=choice, key_motion=key_motion)
     slope = np.zeros((len(parameters), len(scene.vector)))
     switching = {
-        j for group in _groups(scene, parameters) for j in _fill_group(slope, group, parameters, (action, build), scene)
+        j
+        for group in _group_parameters(scene, parameters)
+        for j in _fill_group(slope, group, parameters, (action, build), scene)
     }
     found = Directions(tuple(parameters), action, scene, slope)
     still = [j for j in range(len(parameters)) if j not in switching and not np.any(slope[j])]
@@ -255,8 +258,9 @@ def _element_numbers(scene: Scene, parameter: Parameter) -> slice | None:
     return slice(first, first + size)
 
 
-def _groups(scene: Scene, parameters: Sequence[Parameter]) -> list[list[int]]:
-    """Group parameters so that one scene build separates their effects: one of each contact or body."""
+def _group_parameters(scene: Scene, parameters: Sequence[Parameter]) -> list[list[int]]:
+    """Group parameters, as lists of indices, so that one scene build separates their effects: one of each contact or
+    body."""
     groups: dict[object, list[int]] = {}
     seen: Counter[int] = Counter()
     for j, parameter in enumerate(parameters):
@@ -271,12 +275,16 @@ def _fill_group(
     slope: Array,
     group: list[int],
     parameters: Sequence[Parameter],
-    of: tuple[Action, Callable[[Action], Scene]],
+    action_and_builder: tuple[Action, Callable[[Action], Scene]],
     scene: Scene,
 ) -> list[int]:
-    """Fill the rows of a group of parameters; returns those whose change switches something on or off."""
+    """Fill the rows of ``slope`` for a ``group`` of parameters (indices); return those whose change switches something
+    on or off."""
     chosen = [parameters[j] for j in group]
-    ends = [of[1](shift_parameters(of[0], chosen, [s * p.step for p in chosen])) for s in (1.0, -1.0)]
+    ends = [
+        action_and_builder[1](shift_parameters(action_and_builder[0], chosen, [s * p.step for p in chosen]))
+        for s in (1.0, -1.0)
+    ]
     alike = all(_has_same_structure(scene, end) for end in ends)
     if len(group) == 1:
         if not alike:
@@ -297,7 +305,7 @@ def _fill_group(
             return []
     # something is switched, or a parameter changes more than its contact or body: one at a time
     slope[group] = 0.0
-    return [j for one in group for j in _fill_group(slope, [one], parameters, of, scene)]
+    return [j for one in group for j in _fill_group(slope, [one], parameters, action_and_builder, scene)]
 
 
 def effective_paths(action: ActionLike, choice: SceneChoice | None = None) -> list[str]:

@@ -17,7 +17,8 @@ Array = NDArray[np.float64]
 
 
 def find_sources(directions: Directions) -> Sources:
-    """Numbers that parameters change, and by how much a unit of each does; without those of a string's modes."""
+    """Entries of the scene's vector that parameters change, with their derivatives by each; without those of a string's
+    modes."""
     scene = directions.scene
     modes = int(scene.tables.offset[7]) + L.STRING_HEAD if len(scene.tables.string) else len(scene.vector)
     entry, column = np.nonzero(directions.slope[:, :modes].T)
@@ -41,21 +42,24 @@ INPUT_STEP = 1e-6  # of the largest input: a command is cut off beyond its limit
 
 
 def _input_slopes(
-    directions: Directions, found: Callable[[Command | None, Array], Array], value: Array, moved: Array
+    directions: Directions, kernel_input: Callable[[Command | None, Array], Array], value: Array, input_changes: Array
 ) -> Array:
-    """Change (..., P) of the kernels' input, ``found`` from a command and a run's input, by what changes either.
+    """Derivatives (..., P) of the kernels' input by parameters of the command and, last, along ``input_changes`` (k, m)
+    of ``value`` (k,).
 
-    ``value`` (k,) is the run's input, ``moved`` (k, m) its changes.
+    ``value`` (k,) is the run's input, ``input_changes`` (k, m) its changes.
     """
-    own, count = directions.scene.command, len(directions.parameters) - moved.shape[1]
-    out = np.zeros((*found(own, value).shape, len(directions.parameters)))
+    own, count = directions.scene.command, len(directions.parameters) - input_changes.shape[1]
+    out = np.zeros((*kernel_input(own, value).shape, len(directions.parameters)))
     for j, parameter in enumerate(directions.parameters[:count] if own is not None else ()):
         ends = shifted_commands(directions, j)
         if any(end != own for end in ends):
-            out[..., j] = (found(ends[0], value) - found(ends[1], value)) / (2.0 * parameter.step)
-    for j, change in enumerate(moved.T, count):
+            out[..., j] = (kernel_input(ends[0], value) - kernel_input(ends[1], value)) / (2.0 * parameter.step)
+    for j, change in enumerate(input_changes.T, count):
         step = INPUT_STEP * (1.0 + np.max(np.abs(value))) / max(float(np.max(np.abs(change))), 1e-300)
-        out[..., j] = (found(own, value + step * change) - found(own, value - step * change)) / (2.0 * step)
+        out[..., j] = (kernel_input(own, value + step * change) - kernel_input(own, value - step * change)) / (
+            2.0 * step
+        )
     return out
 
 

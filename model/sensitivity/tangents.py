@@ -72,18 +72,19 @@ class _Run:
             allocate_aligned(count, _pad_to_lanes(count)), np.zeros((count, count)), np.zeros(count, dtype=np.int64),
             allocate_aligned(count, p), allocate_aligned(2 * n, p), allocate_aligned(2 * n, p),
             np.zeros(count, dtype=np.int64),
-            np.zeros((STAGES, 2)), allocate_aligned(1, p), np.array([*places, s.own, *s.solved]), self._channels(p),
+            np.zeros((STAGES, 2)), allocate_aligned(1, p), np.array([*places, s.own, *s.solved]),
+            self._allocate_channels(p),
         )  # fmt: skip
         sources = find_sources(directions)
         self.linear = Linear(
-            self.numbers, self.kernels, sources, self._loads(sources), self.space, allocate_aligned(0, 2, p)
+            self.numbers, self.kernels, sources, self._allocate_loads(sources), self.space, allocate_aligned(0, 2, p)
         )
 
     def workspace(self) -> Array:
         """Memory in which the scene's kernels work."""
         return np.zeros(W.WITH_MEMORY if self.scene.remembers else W.SIZE)
 
-    def _loads(self, sources: Sources) -> Loads:
+    def _allocate_loads(self, sources: Sources) -> Loads:
         """Kernels of the derivatives by the parameters of ``sources``, with allocated arrays for what they fill."""
         s, tables = self.structure, self.scene.tables
         size, places = s.free + len(s.memory) + len(s.string), normal_places(s)
@@ -108,7 +109,7 @@ class _Run:
         s = self.structure
         return int(self.scene.vector[s.offset[7]]) if s.string else 0
 
-    def _channels(self, p: int) -> Channels:
+    def _allocate_channels(self, p: int) -> Channels:
         """Allocated arrays for the tangents of felt and string by ``p`` columns of parameters."""
         s, nodes = self.structure, STAGES + 1
         links = memory_couplings(self.scene.tables) if s.memory or s.string else []
@@ -195,7 +196,7 @@ def _scene_at_rest(directions: Directions) -> _Run:
 
 
 def input_kinks(time: Array, value: Array) -> Array:
-    """Strongest kinks (m, 2) of an input table, at which tangent steps must end.
+    """Times (m, 2), each twice, of the strongest kinks of an input table, at which tangent steps must end.
 
     Not all: between the samples of a measured force they are all alike, and error control is enough.
     """
@@ -260,7 +261,7 @@ class RecordedMotion:
             run.space.carried[0:1, : len(directions.parameters)] = 0.0 if carried is None else carried
         self.rest = rest[0][: directions.scene.size].copy()
         self._d_rest = _rest_derivatives(still, *rest)
-        self._d_remembered = self._remembered_at_rest(plan)
+        self._d_remembered = self._memory_rest_derivatives(plan)
         self.motion = _record_motion(self.run, simulation, plan)
         slopes = input_derivatives(directions, table, plan.drive.time)
         if len(slopes):
@@ -268,7 +269,7 @@ class RecordedMotion:
             filled[:, :, : slopes.shape[2]] = slopes
             self.run.linear = self.run.linear._replace(input_slope=filled)
 
-    def _remembered_at_rest(self, plan: Plan) -> Array:
+    def _memory_rest_derivatives(self, plan: Plan) -> Array:
         """Derivatives (C, P') of the internal variables at the start, where their rates are 0."""
         run, channels = self.run, self.run.space.channels
         out = allocate_aligned(*channels.inner.shape)
@@ -428,7 +429,8 @@ class RecordedMotion:
         return out
 
     def normal_forces(self, state: Array, slopes: tuple[Array, Array, Array]) -> tuple[Array, Array]:
-        """Normal forces (m, c), N, and their derivatives (m, c, P).
+        """Normal forces (m, c), N, at states (m, N), and their derivatives (m, c, P) from those of angles, speeds and
+        channels.
 
         ``state`` (m, N) are angles, speeds and what is remembered; ``slopes`` those of `TangentResult`.
         """

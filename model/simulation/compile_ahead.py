@@ -28,7 +28,8 @@ _BESIDE = f"import sys; sys.path.insert(0, {_ROOT!r}); from model.simulation.com
 def compile_ahead(
     choices: Sequence[SceneChoice], *, loop: bool = False, then: str = ""
 ) -> subprocess.Popen[bytes] | None:
-    """Start compiling scenes in a process beside this one, where this machine has not compiled kernels yet.
+    """Start a process that compiles scenes, then calls ``then`` ('module:function'), where this machine has not
+    compiled kernels yet; None if not started.
 
     Halves the wait of a first run: call it before what integrates is first used.
 
@@ -98,7 +99,7 @@ def compile_lanes(choice: SceneChoice) -> None:
 
 
 def main() -> None:
-    """Compile what the standard input names."""
+    """Compile the scenes that the standard input holds (pickled), then call the function that it names."""
     for told in list(getattr(getattr(ffi.lib, "_lock", None), "_cblist", ())):
         ffi.unregister_lock_callback(*told)  # numba's own, which time each call of LLVM, as often as functions nest
     gc.disable()  # what compiling leaves behind is looked through for a seventh of its time; the process ends soon
@@ -107,7 +108,7 @@ def main() -> None:
         import model.integrators.rosenbrock  # noqa: F401  # start-up: seconds, its import compiles the loop
     action = load_action()
     for choice in choices:
-        load_kernels(build_scene(choice.on(action), choice).tables)
+        load_kernels(build_scene(choice.apply_to(action), choice).tables)
     if then:
         module, _, function = then.partition(":")
         getattr(importlib.import_module(module), function)()

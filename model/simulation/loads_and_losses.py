@@ -70,7 +70,8 @@ class RailLift:
 
 
 def _negative_intervals(time_s: ArrayLike, signal: ArrayLike) -> Iterator[tuple[float, float, float, float, float]]:
-    """Intervals in which a sampled signal (m,), straight between its samples, is negative.
+    """Start, end, largest depth below 0, its time and area of each interval in which a signal (m,), straight between
+    its samples, is negative.
 
     Their ends, the largest size below zero and when, the integral of that size.
     """

@@ -24,7 +24,7 @@ from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.kernels.signatures import Account, InputTable, Limits, Outputs, SceneNumbers, Span, StepKernels
 from model.scene.build import Scene
-from model.scene.key_motion import with_moved
+from model.scene.key_motion import append_prescribed_motion
 from model.simulation.negative_contact_force import describe_jumps, describe_pull
 from model.simulation.solution import EnergyAudit
 from model.simulation.statics import with_pins
@@ -101,8 +101,8 @@ class State(ArrayRecord):
             )
 
 
-def with_memory(scene: Scene, state: State, u: float = 0.0) -> State:
-    """The state with internal variables: as they are in it, or those of felt at rest at its angles.
+def complete_memory(scene: Scene, state: State, u: float = 0.0) -> State:
+    """The state with internal variables: its own, checked, or, where it has none, those of felt at rest at its angles.
 
     Joints that give are in balance under the input ``u``.
     """
@@ -127,7 +127,9 @@ def _rested_memories(scene: Scene, state: State, whole: NDArray[np.float64]) -> 
     angles = w[None, W.Q : W.Q + scene.size]
     if np.any(scene.tables.prescribed):
         moved = np.array([[w[W.Q + scene.size], 0.0]])
-        angles, _ = with_moved(scene.static_tables, scene.vector, (angles, np.zeros_like(angles)), moved, rows)
+        angles, _ = append_prescribed_motion(
+            scene.static_tables, scene.vector, (angles, np.zeros_like(angles)), moved, rows
+        )
     found = contacts_at(scene.static_tables, scene.vector, angles, np.zeros_like(angles), rows)[0]
     s, p, out = Structure(scene.tables), scene.vector, list[float]()
     for c in dict.fromkeys(s.memory):
@@ -209,7 +211,7 @@ class Simulation:
                 f"tolerance: found {self.tolerance:g} rad, allowed {SMALLEST_TOLERANCE:g} to {LARGEST_TOLERANCE:g}"
             )
         self.state.check(self.scene.size)
-        self.state = with_memory(self.scene, self.state)
+        self.state = complete_memory(self.scene, self.state)
 
     def advance(
         self,
@@ -220,7 +222,7 @@ class Simulation:
         held: bool = False,
         output_time_s: ArrayLike | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Go on to time ``until`` under a tabulated input.
+        """Go on to time ``until`` under a tabulated input; return angles and speeds (m, n) at the output times.
 
         Parameters
         ----------

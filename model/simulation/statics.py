@@ -120,7 +120,7 @@ def solve_rest(
         raise InputError(f"rest state: start found {q}, allowed {scene.size} finite angles")
     free = np.array([i for i in range(len(q)) if i not in (*held, *scene.wound)], dtype=np.int64)
     for _ in range(MOST_ESCAPES):
-        q, f, stiff = _descend(scene, q, u, free)
+        q, f, stiff = _minimise_energy(scene, q, u, free)
         for _ in range(20):
             step = np.linalg.lstsq(-stiff, f, rcond=None)[0]
             f_new, stiff_new = _free_part(scene, _displace(q, free, step), u, free)
@@ -153,7 +153,7 @@ def _loose_direction(
     return None
 
 
-def _descend(
+def _minimise_energy(
     scene: Scene, q: NDArray[np.float64], u: float, free: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Follow the energy down from ``q`` to where the force on ``free`` vanishes; also returns that force and stiffness.

@@ -20,7 +20,7 @@ DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)), (0, (8, 
 BODIES_DRAWN = ("key", "whippen", "hammer")
 
 
-def _draw(axes: Axes, study: Study, body: str) -> None:
+def _draw_turn(axes: Axes, study: Study, body: str) -> None:
     """Turn of a body from its first angle, one curve per variant."""
     i = BODIES.index(body)
     for k, name in enumerate(v.name for v in study.variants):
@@ -54,6 +54,6 @@ def draw_study(study: Study, path: str | Path) -> None:
         panels[0].set(ylabel="force, N", title=study.action)
         panels[0].grid(alpha=0.3)
         for axes, body in zip(panels[1:], BODIES_DRAWN, strict=True):
-            _draw(axes, study, body)
+            _draw_turn(axes, study, body)
         panels[-1].set_xlabel("time, s")
         panels[-1].legend(fontsize="small")

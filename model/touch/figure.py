@@ -12,7 +12,8 @@ from model.touch.measure import Touch
 
 
 def draw(feels: Sequence[Touch], path: str | Path) -> None:
-    """Draw force over dip, hammer speed over force and the fastest repetition of several actions on one sheet.
+    """Write a figure of force over dip, hammer speed over force and the fastest repetition of several actions to
+    ``path``.
 
     Parameters
     ----------

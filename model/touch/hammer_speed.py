@@ -39,7 +39,7 @@ def blow_length_s(force_n: float) -> float:
 
 
 def hammer_speeds(action: ActionLike, forces_n: ArrayLike = FORCES) -> Array:
-    """Speed of the hammer at the string for each force of the blow.
+    """Speed (m/s) of the hammer at the string for a blow of each force (n,), N; NaN where it does not reach it.
 
     Parameters
     ----------

@@ -54,7 +54,7 @@ def strikes_string(
 
 
 def fastest_repetition(action: ActionLike, peaks_n: ArrayLike = PEAKS) -> float:
-    """Highest rate that the action follows.
+    """Highest rate (1/s) at which every blow of some peak force reaches the string; NaN where there is none.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ class Touch(ArrayRecord):
     check_load: tuple[CheckLoad | None, ...] = ()
 
     def rows(self) -> dict[str, float]:
-        """Everything but the curve, by name and unit, in the order of the table."""
+        """All results but the curve: value by name with its unit, in the order of the table."""
         w = self.weights
         out = {"key dip, mm": 1e3 * w.dip_m}
         for name, (force, u) in w.rows().items():

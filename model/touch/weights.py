@@ -23,7 +23,7 @@ from model.motion_driven.slow_press import SLOW_M_PER_S, Press, key_angle_at_dip
 from model.parameters.action import BACK_CHECK, BODIES, KEY_FRONT, STRING, Action, ActionLike, as_action
 from model.regulation.measures import SLIPPED, measure_at_rest
 from model.scene.build import build_scene
-from model.scene.key_motion import KeyMotion, with_moved
+from model.scene.key_motion import KeyMotion, append_prescribed_motion
 from model.scene.selection import choice_of
 from model.simulation.hand_set_rest import hand_set_rest, slip_angle
 from model.simulation.statics import solve_rest
@@ -173,7 +173,7 @@ def _static_force(action: Action, rest: Array, press: Press, at: NDArray[np.int6
         found = solve_rest(scene, (angle - float(angles[0])) / turn, own, with_joints=True)
         memory = np.concatenate([found[scene.size :], np.zeros(len(scene.pins))])[None]
         q, moved = found[None, : scene.size], np.array([[angle, 0.0]])
-        whole, speeds = with_moved(still.tables, still.vector, (q, np.zeros_like(q)), moved, memory)
+        whole, speeds = append_prescribed_motion(still.tables, still.vector, (q, np.zeros_like(q)), moved, memory)
         forces.append(float(key_load(still, whole, speeds, np.zeros(1), memory=memory)[0][0]))
     fine, coarse = (float(np.trapezoid(forces[::k], dips[::k]) / (dips[-1] - dips[0])) for k in (1, 2))
     return fine, abs(fine - coarse)

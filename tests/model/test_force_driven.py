@@ -311,5 +311,5 @@ def test_an_error_in_doubt_is_judged_by_a_second_companion(
             return calls[-1]  # noqa: B023
 
         monkeypatch.setattr(ForceDrivenRun, "largest_difference", difference)
-        assert run.from_state(state).error_rad == said and len(calls) == asked
+        assert run.simulate_from(state).error_rad == said and len(calls) == asked
     assert run.companion(state, 0.01).tolerance == pytest.approx(1e-7)

@@ -329,7 +329,8 @@ class _Press:
 
 
 def find_jump(law: Law, traced: Traced) -> str:
-    """Press a felt that follows the law; return where its force or rates jump, empty where they are continuous."""
+    """Press a felt that follows the law; return where its force or rates jump, empty where continuous; `InputError`
+    where not finite or pulling."""
     press = _Press(law, traced)
     found = ""
     resting = [

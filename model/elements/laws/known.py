@@ -43,7 +43,8 @@ def law_numbered(number: int) -> Law:
 
 
 def add_law(law: Law) -> None:
-    """Let contacts follow another law of felt, until the program ends.
+    """Let contacts follow another law of felt, until the program ends; `InputError` for a faulty one, a warning where
+    its force jumps.
 
     Call it where your script starts, before actions are read, so that worker processes know the law, too. A law added
     again under its name takes the place of the one before.

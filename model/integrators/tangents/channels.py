@@ -43,7 +43,7 @@ class Collocation(NamedTuple):
 
 
 def radau(stages: int) -> Collocation:
-    """Radau's method with an odd number of nodes."""
+    """Radau IIA collocation with an odd number of ``stages``: nodes, matrices, error estimate."""
     one, two = np.polynomial.Polynomial([0.0] * (stages - 1) + [1.0]), np.polynomial.Polynomial([-1.0, 1.0])
     nodes = np.sort((one * two**stages).deriv(stages - 1).roots().real)
     nodes[-1] = 1.0
@@ -483,7 +483,8 @@ def channel_start(c, b, channels):
 
 @uncounted_loop(AT)
 def interpolate_channels(x, channels, out):
-    """Fill ``out`` (C, P) with s at the fraction ``x`` of the solved step, by its polynomial."""
+    """Fill ``out`` (C, P) with the channels' derivatives at the fraction ``x`` of the solved step, by its
+    polynomial."""
     count, blocks = channels.many.shape[0], channels.inner.shape[1] // LANES
     value, to = rows(channels.value, LANES), rows(out, LANES)
     for c in range(count):

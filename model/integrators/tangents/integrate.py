@@ -61,21 +61,22 @@ def copy_elements(out, given):
 
 
 @inlined_uncounted
-def fill_remaining_outputs(out, until, wanted, tangent, channels):
-    """Fill the outputs up to ``until`` with the present tangent; return how many are filled."""
-    while out < wanted.time.shape[0] and wanted.time[out] <= until:
-        row = wanted.row[out]
+def fill_remaining_outputs(nth, until, wanted, tangent, channels):
+    """Fill the outputs from the ``nth`` up to the time ``until`` with the present tangent; return the next to fill."""
+    while nth < wanted.time.shape[0] and wanted.time[nth] <= until:
+        row = wanted.row[nth]
         if wanted.channel.shape[0] > 0:
             interpolate_channels(0.0, channels, wanted.channel[row])
         copy_elements(wanted.angle[row], tangent[0])
         copy_elements(wanted.speed[row], tangent[1])
-        out += 1
-    return out
+        nth += 1
+    return nth
 
 
 @inlined_uncounted
 def linearise_at(t, m, place, motion, drive, linear, linearise):
-    """Fill row ``m`` of ``linear`` with the linearised equations at ``t``; return the step and input interval of ``t``.
+    """Fill row ``m`` of ``linear`` with the linearised equations at ``t``; return the indices (motion's step, input
+    interval) of ``t``, searched from ``place``.
 
     The searches for these start from ``place``, which holds those returned before.
     """
@@ -144,7 +145,8 @@ def reuse_end_node(space):
 
 @inlined_uncounted
 def load_string_tangents(row, motion, linear):
-    """Advance the tangents of a string's modes, in place, over the time in which they were free."""
+    """Wake the modes of a string, or rest them, as ``row`` says; advance their tangents, in place, over the time in
+    which they were free."""
     modes, loads = linear.space.channels.modes, linear.loads
     modes.awake[0] = 0 if row[1] < 0.0 else 1
     if row[1] >= 0.0:
@@ -166,7 +168,8 @@ def clear_released_memories(channels):
 
 @uncounted_loop(FOLLOW)
 def integrate_tangents(motion, drive, landings, linear, wanted, tangent, reached, linearise):
-    """Integrate ``tangent`` (2, n, P) along the whole motion and fill its outputs; ``reached`` is workspace."""
+    """Integrate ``tangent`` (2, n, P) along the whole motion and fill the outputs of ``wanted``; return status, time,
+    steps and rejected steps."""
     space, kinks = linear.space, landings.kink
     channels, woken = space.channels, 0
     t = motion.step[0, 0]

@@ -94,18 +94,19 @@ NORMAL_SLOPES = types.void(MOVED, _numbers, _i, SOURCES, LOADS, _numbers, _table
 
 
 @uncounted_loop(NORMAL_SLOPES)
-def normal_force_derivatives(moved, p, own, sources, loads, w, normal, out):
-    """Fill ``normal`` (m, c), N, and add its derivatives to ``out`` (m, c, P), zeros before; ``own``: free coordinates.
+def normal_force_derivatives(moved, p, n_free, sources, loads, w, normal, out):
+    """Fill ``normal`` (m, c), N, and add its derivatives to ``out`` (m, c, P), zeros before; ``n_free``: number of free
+    coordinates.
 
-    ``own`` coordinates stand in a row of states before their speeds and what is remembered; ``w`` is a workspace.
+    ``n_free`` coordinates stand in a row of states before their speeds and what is remembered; ``w`` is a workspace.
     """
     n, count = moved.d_angle.shape[1], out.shape[2]
     d_angle, d_speed, d_channel = moved.d_angle, moved.d_speed, moved.d_channel
     for m in range(moved.state.shape[0]):
-        for i in range(own):
-            w[Q + i], w[V + i] = moved.state[m, i], moved.state[m, own + i]
-        for i in range(moved.state.shape[1] - 2 * own):
-            w[Z + i] = moved.state[m, 2 * own + i]
+        for i in range(n_free):
+            w[Q + i], w[V + i] = moved.state[m, i], moved.state[m, n_free + i]
+        for i in range(moved.state.shape[1] - 2 * n_free):
+            w[Z + i] = moved.state[m, 2 * n_free + i]
         loads.normals(w, loads.input, p, loads.normal)
         at = 0
         for c in range(normal.shape[1]):

@@ -183,7 +183,8 @@ def solve_step(h, tangent, space):
 
 @uncounted_loop(ESTIMATED_ERROR)
 def estimate_error(h, tangent, wanted, space):
-    """Return the largest error of a step in any column over its tolerance, by a method of lower order."""
+    """Return the largest error of a step in any column over its tolerance, by a method of lower order; overwrites the
+    factors in ``space``."""
     n = tangent.shape[1]
     blocks = tangent.shape[2] // LANES
     a, order = space.matrix, space.order

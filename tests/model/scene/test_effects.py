@@ -10,7 +10,7 @@ from scipy.linalg import eig
 
 import model
 from model.inside import Observer
-from model.scene.effect_terms import bending, parts_of_hammer, sink_m
+from model.scene.effect_terms import bending, parts_of_hammer, rail_compression_m
 from tests.model.conftest import read_table
 from tests.model.kernels.linearised import Evaluation
 
@@ -84,7 +84,7 @@ def test_the_rail_carries_what_the_rigid_joint_would(action: model.Action) -> No
         state = Observer(model.build_scene(action)).evaluate(rigid.angle_rad[None], np.zeros((1, 5)), np.array([force]))
         rail = rest.contact_normal_n[rest.contacts.index("balance_rail")]
         assert rail == pytest.approx(state.joint_forces()[0, 0, 1], rel=1e-3)
-        assert rest.angle_rad[LIFT] == pytest.approx(sink_m(stiff) - rail / 1e8, rel=1e-6)
+        assert rest.angle_rad[LIFT] == pytest.approx(rail_compression_m(stiff) - rail / 1e8, rel=1e-6)
     printed = model.rest_state(action, 0.0, model.build_scene(action, BOTH))
     assert abs(printed.angle_rad[LIFT]) < 1e-7  # `load_at_rest` is what the rail carries then
 
@@ -107,7 +107,7 @@ def test_a_forte_lifts_the_key_where_the_thesis_saw_it(action: model.Action, for
     out = model.simulate(action, forte[:, 0], forte[:, 1], output_time_s=at, scene=BOTH, contact_forces=True)
     columns = out.columns()
     lift, rail = columns["key_lift_m"], columns["balance_rail_normal_n"]
-    np.testing.assert_array_equal(rail == 0.0, lift >= sink_m(action))
+    np.testing.assert_array_equal(rail == 0.0, lift >= rail_compression_m(action))
     bottom = at[np.argmax(columns["contact02_normal_n"] > 0.0)]
     first = at[np.argmax(rail == 0.0)]
     assert 0.0 < first - bottom < 2e-3
