@@ -154,8 +154,9 @@ def _options(
         os.environ["PIANORIG_DEBUG"] = "1"
 
 
-def _show_each_once() -> Callable[..., None]:
-    """What shows a warning: without the line of our source that raised it, and once in a command."""
+def _make_warning_printer() -> Callable[..., None]:
+    """Return a replacement of `warnings.showwarning` that prints each text once, on standard error, without our source
+    line."""
     shown: set[str] = set()
 
     def show(message: Warning | str, *where: Any, **more: Any) -> None:
@@ -191,7 +192,7 @@ def main(arguments: list[str] | None = None) -> None:
     given = (sys.argv[1:] if arguments is None else arguments) or ["--help"]
     as_json = "--json" in given[: given.index("--") if "--" in given else None]
     write_what_the_terminal_can()
-    warnings.showwarning = _show_each_once()
+    warnings.showwarning = _make_warning_printer()
     # a command keeps most of what it allocates until it ends: passes of the collector, the last one above all, find
     # nothing and would take a fifth of the time (docs/explanation/lanes.md)
     gc.set_threshold(20_000, 20, 50)  # choice: some thirty times Python's own

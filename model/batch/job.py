@@ -87,10 +87,7 @@ class Member:
 
 
 def content_sha256(*values: Any, known: dict[int, bytes] | None = None) -> str:
-    """Hash of plain values, arrays and records, and of the model's code; ``known`` caches digests by id.
-
-    ``known`` has hashes of arrays and records by their ``id``: of what others share, while those live.
-    """
+    """Hash of plain values, arrays and records, and of the model's code; ``known`` caches digests by id."""
     digest = hashlib.sha256(code_sha256().encode())
     for value in values:
         _update_digest(digest, value, {} if known is None else known)
@@ -139,7 +136,6 @@ def code_sha256() -> str:
 
 
 def _with_writable_arrays(run: ForceDrivenRun) -> ForceDrivenRun:
-    """The run with arrays that kernels accept; what comes from another process may be read-only."""
     fewer = None if run.fewer_modes is None else _scene_with_writable_arrays(run.fewer_modes)
     return replace(run, scene=_scene_with_writable_arrays(run.scene), fewer_modes=fewer)
 

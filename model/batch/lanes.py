@@ -88,11 +88,7 @@ def group_jobs(jobs: Sequence[Job], todo: Sequence[int], workers: int) -> list[l
 
 def _lane_sort_key(run: ForceDrivenRun | None, known: dict[int, tuple[float, float]]) -> tuple[float, ...]:
     """Sort key that puts similar members side by side: longer runs first, then more varying and stronger forces;
-    ``known`` caches by force array.
-
-    Longer ones come first, then those whose force goes up and down more often, then the stronger; the same force is
-    looked at once, as ``known`` by its ``id``.
-    """
+    ``known`` caches by force array."""
     assert run is not None
     force = run.force_n
     if id(force) not in known:

@@ -34,7 +34,6 @@ Array = NDArray[Any]
 
 
 def _digest(about: dict[str, Any], arrays: dict[str, Array]) -> str:
-    """SHA-256 of facts and arrays, with names, types and shapes."""
     digest = hashlib.sha256(json.dumps(about, sort_keys=True).encode())
     for name, array in sorted(arrays.items()):
         digest.update(f"\0{name} {array.dtype.str} {array.shape}\0".encode())

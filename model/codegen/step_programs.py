@@ -106,7 +106,6 @@ class StepPrograms:
         return read("w", start + self._width * i + j)
 
     def _acceleration(self, i: int) -> int:
-        """Index in the workspace of the acceleration of coordinate ``i``."""
         return (W.P_ACC if self._s.pin else W.ACC) + i
 
     def _coordinates(self, row: int, q: int, v: int, prescribed: tuple[Row, Row]) -> tuple[Row, Row]:
@@ -220,10 +219,8 @@ class StepPrograms:
         chain: list[int],
         memories: list[int],
     ) -> list[Statement]:
-        """The statements, each force and rate of an internal variable followed by its derivatives.
-
-        ``chain`` are coordinates it depends on, ``memories`` the numbers of its memories.
-        """
+        """The statements, each force and rate of an internal variable (``memories``) followed by its derivatives by
+        coordinates ``chain``."""
         rates = {f"fade{m}": m for m in memories}
         forces = {f"f{i}": i for i in self._s.solved}
 
@@ -443,7 +440,6 @@ class StepPrograms:
         return e, {(i, j) for i, j in self._columns(e) if j in s.solved}
 
     def _masses(self, e: Elements) -> set[tuple[int, int]]:
-        """Entries of the mass matrix of what is solved for."""
         s = self._s
         return {pair for i, j in e.bodies.mass for pair in ((i, j), (j, i)) if i in s.solved and j in s.solved}
 

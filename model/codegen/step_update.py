@@ -250,8 +250,7 @@ def _time_to_zero(c: Expression, latest: Expression) -> list[Statement]:
 def _fit_to_turn(
     step: Expression, z: Expression, rate: Expression, strength: Expression, bound: Expression
 ) -> list[Statement]:
-    """Statements that shorten ``step`` for friction whose scaled speed z runs through zero at ``rate`` (1/s), unlike in
-    sign; ``strength``: its acceleration, ``bound``: allowed error of speed.
+    """Statements that shorten ``step`` for friction whose scaled speed ``z`` runs through zero at ``rate`` (1/s).
 
     Outside the layer |z| < LAYER the step ends at its edge; inside, a step turns z by no more than the ``bound`` of a
     speed's error bears: ``strength`` is the acceleration that friction gives (rad/s^2).

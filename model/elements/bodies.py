@@ -74,7 +74,6 @@ class Bodies:
         return drift[0] + moved[0], drift[1] + moved[1]
 
     def _joint_speed(self, i: int) -> Expression:
-        """Speed in the joint of the i-th body, rad/s or m/s."""
         return self._k.pose[i].turning if i in self._s.led else self._k.state.v[i]
 
     def joint_friction(self) -> dict[int, Expression]:

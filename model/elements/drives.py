@@ -22,10 +22,7 @@ def amplifier(
     given: Arguments, loop: Expression, supply: Expression, limit: Expression, hold: Expression, share: Expression
 ) -> Expression:
     """Voltage (V) at ``given``, source voltage and current: less ``loop`` times current, held by ``limit`` (A) and
-    ``supply`` (V), softly over ``share`` of these.
-
-    It gives way beyond the largest current.
-    """
+    ``supply`` (V), softly over ``share`` of these."""
     u, current = given
     return soft_limit(u - loop * current - hold * (current - soft_limit(current, limit, share)), supply, share)
 
@@ -51,7 +48,6 @@ class Drives:
         return {i: u}
 
     def _volts(self, i: int, numbers: list[Expression]) -> Expression:
-        """Voltage on the winding whose charge is coordinate ``i``, V."""
         volts: Expression = amplifier(
             (self._k.state.u, self._k.state.v[i]), *numbers[L.WINDING_AMPLIFIER : L.WINDING_SIZE]
         )

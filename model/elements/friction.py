@@ -7,10 +7,7 @@ from model.compiler.expressions import ZERO, Arguments, Expression, compute_wher
 
 def friction(everywhere: bool) -> Callable[..., Expression]:
     """Return a function for the friction coefficient (or torque) by A, B1, B2 at a speed, given 1 / threshold speed;
-    ``everywhere``: without branches.
-
-    ``everywhere``: it is also to be differentiable by a B1 that is 0.
-    """
+    ``everywhere``: without branches, differentiable at B1 = 0 too."""
 
     @differentiate_once
     def coefficient(given: Arguments, per: Expression, a: Expression, b1: Expression, b2: Expression) -> Expression:

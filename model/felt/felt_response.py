@@ -97,7 +97,6 @@ def _check_press(time_s: ArrayLike, depth_m: ArrayLike) -> tuple[Array, Array]:
 
 
 def _check_cubic(law: str, a: float, b: float, c: float) -> None:
-    """Refuse a curve that pulls or softens."""
     check_numbers(f"felt law {law}", a=(a, 0.0, math.inf), c=(c, 0.0, math.inf))
     if b < 0.0 and b * b > 3.0 * a * c * (1.0 + 1e-9):
         raise InputError(f"felt law {law}: b found {b:g}, allowed from {-math.sqrt(3.0 * a * c):g} (stiffness from 0)")
@@ -119,7 +118,6 @@ class HuntCrossley(FeltLaw):
     d: float
 
     def __post_init__(self) -> None:
-        """Refuse a felt that pulls, softens below zero stiffness or gives energy."""
         _check_cubic("hunt-crossley", self.a, self.b, self.c)
         check_numbers("felt law hunt-crossley", D=(self.d, 0.0, math.inf))
 
@@ -148,7 +146,6 @@ class Stulov(FeltLaw):
     tau_s: float
 
     def __post_init__(self) -> None:
-        """Refuse a felt that would give energy or force without press."""
         largest = 1.0 - 1e-9
         check_numbers(
             "felt law stulov", F0=(self.f0, 0.0, math.inf), p=(self.p, 0.5, 10.0), epsilon=(self.epsilon, 0.0, largest)

@@ -86,13 +86,8 @@ def _smooth_depth(depth_m: Array) -> Array:
 
 
 def check_pressing(name: str, time_s: ArrayLike, displacement_m: ArrayLike, force_n: ArrayLike) -> Pressing:
-    """Check one measured press and release, (n,) each; smooth its depths and thin it to at most `MOST_SAMPLES`.
-
-    Parameters
-    ----------
-    name : what to call the press in results and errors
-    time_s, displacement_m, force_n : (n,) s, m, N
-    """
+    """Check one measured press and release, (n,) s, m, N; smooth its depths, thin it to at most `MOST_SAMPLES`;
+    ``name`` is for messages."""
     t, x, f = (as_numbers(v, name, 1) for v in (time_s, displacement_m, force_n))
     if not len(t) == len(x) == len(f) or len(t) < FEWEST_SAMPLES:
         raise InputError(f"{name}: found {len(t)} samples, allowed at least {FEWEST_SAMPLES}")

@@ -44,15 +44,8 @@ class ColumnFile:
 def read_columns(
     path: str | Path, wanted: Sequence[str], optional: Sequence[str] | None = None, prefix: str | None = None
 ) -> ColumnFile:
-    """Read a CSV file with the columns ``wanted``; others must be in ``optional`` (None: any) or begin with ``prefix``.
-
-    Parameters
-    ----------
-    path : CSV file in UTF-8
-    wanted : columns that must be there
-    optional : columns that may be there too; None allows any others
-    prefix : columns whose names begin with it may be there too
-    """
+    """Read a CSV file with the columns ``wanted``; others must be in ``optional`` (None: any) or begin with
+    ``prefix``."""
     where, allowed = str(path), ",".join(wanted)
     if optional:
         allowed += f" and optionally {','.join(optional)}"

@@ -44,18 +44,8 @@ def observe_poses(
     force_n: Array,
     normal_n: Array | None = None,
 ) -> SeenMotion:
-    """Poses and contacts at states (m, n) under forces (m,) on the key; ``normal_n`` (m, contacts) where the contact
-    forces are known.
-
-    Parameters
-    ----------
-    scene : what takes part
-    time_s : (m,) s
-    angle_rad, speed_rad_per_s : (m, n) states
-    force_n : (m,) input
-    normal_n : (m, c) normal forces of the run; needed where felt remembers or a string is struck, for there angles and
-        speeds do not decide them
-    """
+    """Poses and contacts at states (m, n) under forces (m,) on the key; ``normal_n`` (m, contacts) are needed where
+    felt remembers or a string is struck."""
     scene_of_places = scene
     if normal_n is None:
         found = [*scene.what_remembers, *dict.fromkeys(f"{body}_pin" for body, _ in scene.pins)]

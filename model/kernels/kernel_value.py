@@ -23,7 +23,6 @@ pointer = types.CPointer(types.float64)
 
 
 def _is_plain_array(kind: Any) -> bool:
-    """Whether the address of its first number says all of an array."""
     return isinstance(kind, types.Array) and kind.dtype == types.float64 and kind.layout == "C"
 
 
@@ -72,7 +71,6 @@ class Kernel:
         self.address, self.type, self.owner = address, KernelType(of, of_numba), owner
 
     def __call__(self, *values: Any) -> Any:
-        """Call it from Python, for tests and for what is not worth a loop."""
         return _call(self, *values)
 
 

@@ -75,11 +75,8 @@ def rest_angle(action: Action, choice: SceneChoice) -> float:
 
 
 def prescribed_angle(free: Scene, body: str, coordinates: Array, p: Array) -> float:
-    """Angle (rad) of ``body`` that a motion would prescribe, from the ``coordinates`` of the scene ``free`` of that
-    motion and its parameters ``p``.
-
-    ``coordinates`` (n + g,) ends with what joints give; ``p`` are the scene's numbers.
-    """
+    """Angle (rad) of ``body`` that a motion would prescribe, from the ``coordinates`` (n + g,) of the scene ``free`` of
+    that motion and its parameters ``p``."""
     angle, rise = float(coordinates[free.bodies.index(body)]), 0.0
     if body != "key":
         return angle
@@ -101,18 +98,8 @@ def run_prescribed(
     method: str = DEFAULT_METHOD,
     energy: bool = False,
 ) -> PrescribedRun:
-    """Run the action under a prescribed motion of the key, arm or finger, from rest at its first angle.
-
-    Parameters
-    ----------
-    action : parameter set
-    motion : of the key, or of the front, arm or finger of the scene
-    output_time_s : (m,) increasing, within the motion
-    tolerance : requested largest error of any angle, rad
-    choice : what takes part; by default what the action says
-    method : integration method by name
-    energy : also account for what holds the motion
-    """
+    """Run the action under a prescribed motion of the key, arm or finger, from rest at its first angle; ``energy``:
+    with the audit of what holds the motion."""
     choice = choice_of(action, choice)
     action = choice.apply_to(action)
     action = with_modes(action, tolerance)
@@ -146,21 +133,8 @@ def run_prescribed(
 def run_prescribed_lanes(
     runs: Sequence[tuple[Action, KeyMotion, Array]], *, tolerance: float
 ) -> list[PrescribedMotion | ModelError]:
-    """Motions, or errors, of many runs (action, motion, output times), side by side in lanes where the machine has
-    them.
-
-    A run's numbers do not depend on the other runs.
-
-    Parameters
-    ----------
-    runs : action, motion and output times (m,) of each, as of `run_prescribed`
-    tolerance : requested largest error of any angle, rad
-
-    Returns
-    -------
-    list
-        In the order of the runs; the error of one that cannot be carried out.
-    """
+    """Motions, or errors, of ``runs`` (action, motion, output times (m,)) in order, side by side in lanes where the
+    machine has them."""
     out: list[PrescribedMotion | ModelError] = [ModelError("not run")] * len(runs)
     alike: dict[object, list[tuple[int, _Prescribed, Plan]]] = defaultdict(list)
     for i, (action, motion, output_time_s) in enumerate(runs):
@@ -247,18 +221,8 @@ def key_load(
     vector: Array | None = None,
     memory: Array | None = None,
 ) -> tuple[Array, Array]:
-    """Force or torque (m,) that holds the last coordinate to its motion, and the pivot's force on the key (m,), N, up.
-
-    Of a key it is a force, N, down at the drive point; of an arm or a finger the torque on its joint, N m.
-
-    Parameters
-    ----------
-    scene : with a prescribed coordinate
-    angles, speeds : (m, n) of all coordinates
-    acceleration : (m,) of the motion, rad/s^2
-    vector : numbers of the scene; its own by default
-    memory : (m, z) what a run remembered there, if anything
-    """
+    """Force (N, down) or torque (N m) (m,) that holds the last coordinate to its motion, and the pivot's force on the
+    key (m,), N, up; states (m, n) of all coordinates."""
     p, states = scene.vector if vector is None else vector, (angles, speeds)
     wanted = acceleration_of_input(scene.tables, p, states, acceleration, memory)
     found = bodies_at(scene.tables, p, states, memory, prescribed=wanted)

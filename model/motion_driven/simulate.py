@@ -60,7 +60,6 @@ class MotionDrivenOptions(SimulationOptions):
     share: Callable[..., Iterable[PrescribedRun]] = map
 
     def __post_init__(self) -> None:
-        """Refuse an ensemble or an uncertainty that cannot be."""
         if self.members < 0 or self.members == 1:
             raise InputError(f"members of the ensemble: found {self.members}, allowed 0 or from 2")
         if not 0.0 <= self.u_zero_rad <= LARGEST_U_RAD:

@@ -269,14 +269,8 @@ def _fit_spline(
 def fit_key_motion(
     time_s: ArrayLike, key_rad: ArrayLike, *, resolution_rad: float | None = None, jitter_rad: float | None = None
 ) -> KeyFit:
-    """Fit a motion to measured angles of the key.
-
-    Parameters
-    ----------
-    time_s, key_rad : (n,) increasing times (s) and angles (rad, counter-clockwise); NaN where an angle is lost
-    resolution_rad : width of an encoder count; by default seen in the angles, 0 where they are not quantised
-    jitter_rad : standard deviation of a sample beyond its rounding; by default estimated
-    """
+    """Fit a spline to measured angles (n,) of the key, NaN where lost; by default the count's width and the jitter
+    (rad) are estimated."""
     times, angles = check_motion_table(time_s, key_rad)
     for name, value in (("resolution", resolution_rad), ("jitter", jitter_rad)):
         if value is not None and not 0.0 <= value <= LARGEST_U_RAD:

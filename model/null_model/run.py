@@ -134,7 +134,6 @@ def _check_stops(reduced: Reduced, time_s: Array, rows: Array, force_n: Array) -
 
 
 def _table(path: Path) -> Array:
-    """Columns of a path that `integrate` reads."""
     columns = path.mass, path.pull, path.lever, path.dry, path.damp, path.angle_rad[:, HAMMER], path.ratio[:, HAMMER]
     return np.ascontiguousarray(np.column_stack(columns))
 

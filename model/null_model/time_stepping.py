@@ -134,18 +134,8 @@ def _gravity(n: Constants, phi: float) -> float:
 def integrate(
     joined: Array, away: Array, check: Array, n: Constants, s: float, h: float, force: Array, rows: Array
 ) -> None:
-    """Integrate from coordinate ``s`` at rest with the hammer riding; fills ``rows`` (m, 5).
-
-    Parameters
-    ----------
-    joined, away : (p, 7) tables of the paths
-    check : (p,) turn of the hammer at which the back check catches it
-    n : constants of the action
-    s : turn of the key at the start, rad
-    h : step, s
-    force : (2 m - 1,) N at half steps
-    rows : (m, 5), written
-    """
+    """Fill ``rows`` (m, 5) from key turn ``s`` (rad) at rest, the hammer riding, in steps ``h`` (s) under ``force`` (2
+    m - 1,), N, at half steps; ``joined``, ``away`` (p, 7) are tables of the paths."""
     w, mode, jack_out = 0.0, RIDING, False
     phi, omega = n.up * (_interpolate(joined, n, s, ANGLE) - n.rest), 0.0
     for k in range(len(rows)):

@@ -26,7 +26,6 @@ GROUPS = ("damping", "friction", "joint_friction")
 
 
 def _names(action: Action) -> dict[str, list[str]]:
-    """Parameter paths by name, computed once for an action."""
     kept: dict[str, list[str]] | None = action.__dict__.get("paths_by_name")
     if kept is None:
         kept = action.__dict__["paths_by_name"] = _all_names(action)

@@ -251,7 +251,6 @@ def measure_at_rest(action: Action, rest_rad: Array | None = None) -> dict[str, 
 
 
 def _component(point: complex, direction: complex) -> float:
-    """Component of a point along a unit vector."""
     return (point * direction.conjugate()).real
 
 

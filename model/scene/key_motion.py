@@ -130,10 +130,7 @@ def append_prescribed_motion(
     tables: Tables, p: Array, others: tuple[Array, Array], prescribed: Array, memory: Array | None = None
 ) -> tuple[Array, Array]:
     """Angles and speeds (m, n) of all coordinates: ``others`` (m, n - 1) each, then the angle and speed that a motion
-    prescribes, from ``prescribed`` (m, 2).
-
-    ``memory`` (m, z) is what the run remembers there.
-    """
+    prescribes, from ``prescribed`` (m, 2)."""
     angle, speed = prescribed[:, 0], prescribed[:, 1]
     risen = _rises(tables, others, memory)
     if risen is not None:

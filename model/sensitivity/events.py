@@ -255,10 +255,7 @@ class Events:
         state_slopes: tuple[Array, Array],
     ) -> Array:
         """Total derivative (P,) of a quantity by the parameters, directly and through the state; ``state_slopes`` (1,
-        n, P): of angles, of speeds.
-
-        ``state`` holds the angles and speeds (1, n). The derivative at a fixed state is added.
-        """
+        n, P): of angles, of speeds."""
         by_angle, by_speed = state_derivatives(partial(quantity, self.action), (state[0][0], state[1][0]))
         of_itself = parameter_derivatives(
             self.action, self.directions.parameters, lambda a: float(quantity(a, *state)[0])
@@ -267,10 +264,7 @@ class Events:
 
     def _depth_derivative(self, contact: str, state: tuple[Array, Array], angle_slopes: Array) -> Array:
         """Total derivative (P,) of a contact's penetration by the parameters; ``angle_slopes`` (1, n, P) are those of
-        the angles.
-
-        ``state`` holds the angles and speeds (1, n). The derivative at a fixed state is added.
-        """
+        the angles."""
         angle, speed = state
         n, depth = angle.shape[1], partial(self._depth_of, contact)
         # what it gains at a speed of one coordinate alone is its slope by that coordinate

@@ -40,7 +40,6 @@ class SensitivityOptions(SimulationOptions):
     estimate_error: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse a relative tolerance that cannot be met or means nothing."""
         if not SMALLEST <= self.relative_tolerance <= LARGEST:
             raise InputError(
                 f"relative tolerance: found {self.relative_tolerance:g}, allowed {SMALLEST:g} to {LARGEST:g}"

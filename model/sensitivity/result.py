@@ -76,7 +76,6 @@ class Sensitivities(Tabular, ArrayRecord):
     estimated_error: float = float("nan")
 
     def __repr__(self) -> str:
-        """Parameters, rows and times, without the arrays."""
         names = ", ".join(self.parameters[:3]) + (", …" if len(self.parameters) > 3 else "")
         times = f"{self.time_s[0]:g} to {self.time_s[-1]:g} s" if len(self.time_s) else "no times"
         return f"<Sensitivities to {len(self.parameters)} parameters ({names}): {len(self.time_s)} rows, {times}>"

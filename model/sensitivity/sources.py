@@ -45,10 +45,7 @@ def _input_slopes(
     directions: Directions, kernel_input: Callable[[Command | None, Array], Array], value: Array, input_changes: Array
 ) -> Array:
     """Derivatives (..., P) of the kernels' input by parameters of the command and, last, along ``input_changes`` (k, m)
-    of ``value`` (k,).
-
-    ``value`` (k,) is the run's input, ``input_changes`` (k, m) its changes.
-    """
+    of ``value`` (k,)."""
     own, count = directions.scene.command, len(directions.parameters) - input_changes.shape[1]
     out = np.zeros((*kernel_input(own, value).shape, len(directions.parameters)))
     for j, parameter in enumerate(directions.parameters[:count] if own is not None else ()):

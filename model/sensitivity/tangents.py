@@ -81,7 +81,6 @@ class _Run:
         )
 
     def workspace(self) -> Array:
-        """Memory in which the scene's kernels work."""
         return np.zeros(W.WITH_MEMORY if self.scene.remembers else W.SIZE)
 
     def _allocate_loads(self, sources: Sources) -> Loads:
@@ -105,7 +104,6 @@ class _Run:
         )  # fmt: skip
 
     def count_of_modes(self) -> int:
-        """Number of modes of the scene's string, 0 for the bar."""
         s = self.structure
         return int(self.scene.vector[s.offset[7]]) if s.string else 0
 
@@ -430,10 +428,7 @@ class RecordedMotion:
 
     def normal_forces(self, state: Array, slopes: tuple[Array, Array, Array]) -> tuple[Array, Array]:
         """Normal forces (m, c), N, at states (m, N), and their derivatives (m, c, P) from those of angles, speeds and
-        channels.
-
-        ``state`` (m, N) are angles, speeds and what is remembered; ``slopes`` those of `TangentResult`.
-        """
+        channels."""
         scene, run = self.run.scene, self.run
         normal = np.empty((len(state), len(scene.contacts)))
         out = np.zeros((*normal.shape, len(self.directions.parameters)))

@@ -71,10 +71,7 @@ class RailLift:
 
 def _negative_intervals(time_s: ArrayLike, signal: ArrayLike) -> Iterator[tuple[float, float, float, float, float]]:
     """Start, end, largest depth below 0, its time and area of each interval in which a signal (m,), straight between
-    its samples, is negative.
-
-    Their ends, the largest size below zero and when, the integral of that size.
-    """
+    its samples, is negative."""
     time_s, signal = two_columns(time_s, signal, "signal of the rail")
     turn = np.flatnonzero((signal[:-1] < 0.0) != (signal[1:] < 0.0))
     share = signal[turn] / (signal[turn] - signal[turn + 1])

@@ -66,10 +66,8 @@ def describe_jumps(scene: Scene) -> str:
 
 
 def describe_pull(scene: Scene, time_s: float, state: tuple[Array, Array, Array], u: float) -> str:
-    """The sentence where a run stopped at a state because felt would pull next; empty where that was not why.
-
-    ``state``: angles, speeds, and what is remembered; ``u`` the input.
-    """
+    """The sentence where a run stopped at a state (angles, speeds, memory) because felt would pull next; empty where
+    that was not why."""
     s = Structure(scene.tables)
     watched = [c for c in range(len(s.contact)) if s.law(c).added]
     if not watched or np.any(scene.tables.prescribed) and len(state[0]) != scene.size:

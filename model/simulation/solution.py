@@ -196,7 +196,6 @@ class Solution(Moved, ArrayRecord):
     action: Action | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Take arrays as they are given, and contacts with their forces."""
         super().__post_init__()
         named = Contacts.from_names(self.contacts, self.action, self.contact_normal_n, self.contact_friction_n)
         object.__setattr__(self, "contacts", named)
@@ -207,7 +206,6 @@ class Solution(Moved, ArrayRecord):
         return self.error_rad is not None and self.error_rad > MISSED * self.tolerance
 
     def __repr__(self) -> str:
-        """Bodies, rows and times, without the arrays."""
         times = f", {self.time_s[0]:g} to {self.time_s[-1]:g} s" if len(self.time_s) else ""
         missed = f", estimated error {self.error_rad:.1e} rad" if self.error_rad is not None else ""
         return f"<Solution of {', '.join(self.bodies)}: {len(self.time_s)} rows{times}{missed}>"

@@ -96,7 +96,6 @@ class Weights:
 
 
 def _window_samples(press: Press) -> int:
-    """Samples in which the moving key goes `SMOOTH`."""
     return max(1, round(SMOOTH / float(np.max(np.abs(np.diff(press.dip_m))))))
 
 

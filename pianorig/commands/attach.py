@@ -82,14 +82,8 @@ def attach_film(
     frame_rate_hz: float | None = None,
     author: str = "unknown",
 ) -> FilmRecord:
-    """Check a film against a trial and copy it beside it.
-
-    Parameters
-    ----------
-    sha256 : the film file's SHA-256 as computed on the camera's computer
-    first_frame : number of the film's first frame after the trigger, for films whose header does not say it
-    frame_rate_hz : rate it was filmed at, for films that say none, or their play-back rate
-    """
+    """Check a film against trial ``number``, copy it beside it, write its record and a note in the annotations; nothing
+    stays after a failure."""
     # start-up: 0.5 s of h5py and pandas that --help does not need
     from rig.session.annotation_file import utc_now
     from rig.session.film_record import FilmRecord, clock_steps, record_path, write_record
@@ -164,15 +158,16 @@ def _check_unused(session: rig.Session, trial: rig.Trial, data: Path, digest: st
             )
 
 
-def _first_frame(film: Path, said: int | None, given: int | None) -> int:
-    """First frame counted from the trigger, of the film's header or the option; refuses neither and two."""
-    if said is not None and given is not None and said != given:
+def _first_frame(film: Path, stated: int | None, option: int | None) -> int:
+    """First frame counted from the trigger, as the film's header states it or the option gives it; `CommandInputError`
+    for neither, or two that differ."""
+    if stated is not None and option is not None and stated != option:
         raise CommandInputError(
-            f"{film}: its header says first frame {said}, --first-frame {given}; leave out the option"
+            f"{film}: its header says first frame {stated}, --first-frame {option}; leave out the option"
         )
-    if said is None and given is None:
+    if stated is None and option is None:
         raise CommandInputError(f"{film}: does not say its first frame after the trigger; add --first-frame")
-    first = said if said is not None else given
+    first = stated if stated is not None else option
     return int(first or 0)
 
 

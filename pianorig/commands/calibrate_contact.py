@@ -93,7 +93,7 @@ def calibrate_contact(
         rubbing = [name for name in rubbing if name.startswith("contact")]
         raise CommandInputError(f"--contact {order.contact}: {given.name} has friction at {', '.join(rubbing)}")
     pad = f"{order.contact}:{order.load_n!r}:{order.radius_m!r}"
-    with workflows.interrupts_told(out):
+    with workflows.report_interrupt(out):
         drum = f"the {order.body} on its joint alone with the drum, 60 degrees up"
         bare, braked = (
             workflows.read_swings(

@@ -58,7 +58,7 @@ def command(
     """
     check_writable(out, ".toml")
     check_writable(figure, *FIGURE_ENDINGS)
-    options = _options(mode, length, known or [], (u_force, u_current, u_delay))
+    options = _drive_options(mode, length, known or [], (u_force, u_current, u_delay))
     found = model.drive.identify_drive(model.drive.read_drive_log(log), options)
     lines = found.lines()
     if out is not None:
@@ -76,8 +76,9 @@ def command(
     tell(as_json, facts | {"figure": figure}, (*lines, *file_lines([figure])))
 
 
-def _options(mode: str, length: str, known: list[str], u: tuple[float, float, float]) -> model.drive.DriveOptions:
-    """What is known beside a log; ``u`` of force, current and delay."""
+def _drive_options(mode: str, length: str, known: list[str], u: tuple[float, float, float]) -> model.drive.DriveOptions:
+    """Options of the identification from texts of the command: ``known`` as NAME=VALUE+-U; ``u`` are those of force,
+    current and delay."""
     values = {}
     for text in known:
         name, sign, value = text.partition("=")
@@ -90,7 +91,6 @@ def _options(mode: str, length: str, known: list[str], u: tuple[float, float, fl
 
 
 def _format_uncertainty(e: model.drive.Estimate) -> str:
-    """Text of an estimate's standard uncertainty with its unit."""
     return f"standard uncertainty {e.u:.2g} {e.unit}"
 
 

@@ -77,7 +77,7 @@ def calibrate_encoder(
     rig_file, references = rig.load_rig(rig_name), guided_calibration.up_and_down(angles_rad)
     guided_calibration.rewritten(rig_file, "encoders", {"arc_gain": 1.0, "u_eccentricity_rad": 0.0}, named=body)
     address = workflows.virtual_address(backend, "pose", f"{body}:{','.join(f'{angle:.9g}' for angle in references)}")
-    with workflows.interrupts_told(out), closing(rig.open_backend(address, rig_file.config)) as bench:
+    with workflows.report_interrupt(out), closing(rig.open_backend(address, rig_file.config)) as bench:
         if bench.capabilities.hardware:
             said = ", ".join(f"{angle:g}" for angle in references)
             print(f"hold the {body} at {said} rad, two seconds each", file=sys.stderr, flush=True)

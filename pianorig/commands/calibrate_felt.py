@@ -98,14 +98,14 @@ def command(
                 "--speed, --force, --motion: D of one curve; several curves give D from their own speeds"
             )
         source = f"calibrated from {len(curves)} presses, {curves[0].name} first"
-        found.append(("felt_laws", _felt_laws(curves, contact, figure), source))
+        found.append(("felt_laws", _fit_felt_laws(curves, contact, figure), source))
     elif curves:
-        felt = _felt(curves[0], contact, speed, blows, figure)
+        felt = _fit_felt(curves[0], contact, speed, blows, figure)
         found.append(("felt", felt, f"calibrated from {curves[0].name}"))
     for name, texts, calibrate in (
-        ("friction", friction, partial(_friction, contact)),
-        ("rebound", rebound, _rebound),
-        ("pendulum", pendulum, partial(_pendulum, given, body)),
+        ("friction", friction, partial(_calibrate_friction, contact)),
+        ("rebound", rebound, _calibrate_rebound),
+        ("pendulum", pendulum, partial(_calibrate_pendulum, given, body)),
     ):
         if texts is not None:
             measured = [read_measured(text, f"--{name}") for text in texts]
@@ -201,7 +201,7 @@ def _cell(value: float, width: int) -> str:
     return f"{f'{value:.3g}' if value == value else '-':>{width}}"
 
 
-def _felt(
+def _fit_felt(
     path: Path,
     contact: str | None,
     speed: str | None,
@@ -220,7 +220,7 @@ def _felt(
     for name, unit, v, u in zip("abc", ("N/m^3", "N/m^2", "N/m"), fit.abc, fit.u_abc, strict=True):
         lines.append(f"  {name} = {v:.4g} {unit} (standard uncertainty {u:.2g} {unit})")
     lines.append(f"  mid-line off the cubic: {fit.misfit_n:.3g} N rms of {fit.mid_n[-1]:.3g} N")
-    lines += [f"  {line}" for line in _judgement(fit)]
+    lines += [f"  {line}" for line in _describe_misfit(fit)]
     if fit.off:
         lines.append(f"  uncertainty includes what all points share: {', '.join(fit.off)}")
     if fit.bound is not None:
@@ -259,7 +259,7 @@ def _felt(
     return Calibrated(facts, lines, values)
 
 
-def _judgement(fit: model.calibration.FeltFit) -> list[str]:
+def _describe_misfit(fit: model.calibration.FeltFit) -> list[str]:
     """What the measured points say against the law of eqs 2.5 and 2.7."""
     lines = []
     if not fit.law_fits:
@@ -276,8 +276,9 @@ def _judgement(fit: model.calibration.FeltFit) -> list[str]:
     return lines
 
 
-def _friction(contact: str | None, mu: Sequence[float], u: Sequence[float]) -> Calibrated:
-    """Eq. 2.10 from static and kinetic coefficient."""
+def _calibrate_friction(contact: str | None, mu: Sequence[float], u: Sequence[float]) -> Calibrated:
+    """Friction parameters of a contact by eq. 2.10, from static and kinetic coefficient ``mu`` and their standard
+    uncertainties ``u``."""
     fit = model.calibration.fit_friction(*mu, *u)
     facts = {"A": fit.a, "B1": fit.b1, "B2": fit.b2, "u_A": fit.u_a, "u_B1": fit.u_b1}
     line = (
@@ -288,15 +289,18 @@ def _friction(contact: str | None, mu: Sequence[float], u: Sequence[float]) -> C
     return Calibrated(facts, [line], {f"{contact}.friction.{k}": v for k, v in values.items()} if contact else {})
 
 
-def _rebound(speeds: Sequence[float], u: Sequence[float]) -> Calibrated:
+def _calibrate_rebound(speeds: Sequence[float], u: Sequence[float]) -> Calibrated:
     """The string's damping from the hammer head's speed before and after it."""
     d, u_d = model.calibration.damping_from_rebound(*speeds, *u)
     line = f"string {STRING}: D = {d:.4g} s/m (standard uncertainty {u_d:.2g} s/m)"
     return Calibrated({"D": d, "u_D": u_d}, [line], {f"{STRING}.normal.D": (d, u_d)})
 
 
-def _pendulum(action: model.Action, body: str | None, swing: Sequence[float], u: Sequence[float]) -> Calibrated:
-    """A body's inertia from its mass, arm and period as a pendulum (eqs A.1, A.2)."""
+def _calibrate_pendulum(
+    action: model.Action, body: str | None, swing: Sequence[float], u: Sequence[float]
+) -> Calibrated:
+    """A body's inertia from ``swing``, its mass (kg), arm (m) and period (s) as a pendulum (eqs A.1, A.2), with their
+    uncertainties ``u``."""
     if body is not None and body not in model.BODIES:
         raise CommandInputError(f"--body {body}: not found; allowed {', '.join(model.BODIES)}")
     u_of = dict(zip(("u_mass_kg", "u_arm_m", "u_period_s"), u, strict=True))
@@ -315,7 +319,7 @@ def _pendulum(action: model.Action, body: str | None, swing: Sequence[float], u:
     return Calibrated(facts, [line], values)
 
 
-def _felt_laws(paths: Sequence[Path], contact: str | None, figure: Path | None) -> Calibrated:
+def _fit_felt_laws(paths: Sequence[Path], contact: str | None, figure: Path | None) -> Calibrated:
     """Every law fitted to all presses, with its error on presses held out; values are those of the thesis's law."""
     if len(paths) < FEWEST_PRESSES:
         raise CommandInputError(
@@ -365,6 +369,5 @@ def _felt_laws(paths: Sequence[Path], contact: str | None, figure: Path | None) 
 
 
 def _value(fit: model.felt.LawFit, k: int) -> str:
-    """The k-th parameter of a law with its standard uncertainty and unit."""
     unit = "" if fit.units[k] == "1" else f" {fit.units[k]}"
     return f"{fit.names[k]} = {fit.values[k]:.4g} ({fit.u[k]:.2g}){unit}"

@@ -91,7 +91,7 @@ def calibrate_force(
     rig_file = rig.load_rig(rig_name)
     stated = rig_file.config.force.model_dump(include={"electrical", "physical_n", "u_gain_relative", "calibration"})
     guided_calibration.rewritten(rig_file, "force", stated)
-    with workflows.interrupts_told(out), closing(rig.open_backend(backend, rig_file.config)) as bench:
+    with workflows.report_interrupt(out), closing(rig.open_backend(backend, rig_file.config)) as bench:
 
         def hang_weight(instruction: str, mass_kg: float) -> None:
             if isinstance(bench, SimulatedBackend):

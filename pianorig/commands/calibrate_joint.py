@@ -57,7 +57,7 @@ def calibrate_joint(
     record = workflows.calibration_record(out, "swing")
     workflows.check_swings(body, swings)
     given, rig_file = model.load_action(action), rig.load_rig(rig_name)
-    with workflows.interrupts_told(out):
+    with workflows.report_interrupt(out):
         how = f"the {body} on its joint alone, 60 degrees up"
         found = workflows.read_swings(
             rig_file, workflows.virtual_address(backend, "swing", body), body, swings, ask, how=how

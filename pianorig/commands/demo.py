@@ -68,7 +68,7 @@ def command(
     write_text(picture, angles_svg([demo.result]))
     facts = {"session": demo.session.path, "report": report, "picture": picture, "verdict": demo.result.verdict}
     lines = [
-        *paragraphs(seen_in_words(demo)),
+        *paragraphs(describe_demo(demo)),
         "",
         *figure_lines(demo.figures),
         "",
@@ -137,10 +137,8 @@ class Demo:
 
 
 def tracking_errors(result: vision.TrackResult, truth: FilmTruth) -> tuple[TrackingError, ...]:
-    """Compare tracked relative angles with the exposure-mean truth of the film.
-
-    Both are zeroed on the still frames, as the tracker does.
-    """
+    """Errors (rad) of the tracked angles of jack and repetition lever against the film's exposure-mean truth, both from
+    the still frames."""
     import numpy as np  # start-up: 0.1 s that --help does not need
 
     out = []
@@ -189,14 +187,8 @@ def peak_memory_mib() -> float | None:
 
 
 def run_demo(out: Path, *, trials: int, profile: str = "forte", quiet: bool = True) -> Demo:
-    """Record five blows on the virtual bench, film one, track it, compare with the model, write the report.
-
-    Parameters
-    ----------
-    out : session folder to create
-    trials, profile : what is played
-    quiet : show no progress
-    """
+    """Record ``trials`` blows on the virtual bench, film one, track it, compare with the model, write the report;
+    measure speed and errors."""
     # on a first run the bench's own scene compiles here, and what comes after it on the other processor
     whole = model.load_scene("whole")
     beside = model.compile_ahead([whole], loop=True, then="pianorig.workflows.first_run:call_once")
@@ -214,7 +206,7 @@ def run_demo(out: Path, *, trials: int, profile: str = "forte", quiet: bool = Tr
     words = f"recording {trials} {profile} blows on the virtual bench, filming trial {FILMED}"
     with (
         stage("record and film", words),
-        workflows.interrupts_told(out),
+        workflows.report_interrupt(out),
         bar("filming", quiet) as filming,
         recording_line(quiet) as recording,
     ):
@@ -231,7 +223,7 @@ def run_demo(out: Path, *, trials: int, profile: str = "forte", quiet: bool = Tr
     film = session.trial(FILMED).film
     if film is None:
         raise RuntimeError("the demo's film was not written")
-    with _recording_is_kept(out):
+    with _name_session_on_interrupt(out):
         if beside is not None:
             with stage("compile", "compiling what the comparison needs"):
                 model.compile_lanes(whole)
@@ -253,7 +245,7 @@ def run_demo(out: Path, *, trials: int, profile: str = "forte", quiet: bool = Tr
 
 
 @contextmanager
-def _recording_is_kept(folder: Path) -> Iterator[None]:
+def _name_session_on_interrupt(folder: Path) -> Iterator[None]:
     """Context in which Ctrl-C raises `Interrupted`, which names the session's folder and how to go on."""
     try:
         yield
@@ -264,7 +256,7 @@ def _recording_is_kept(folder: Path) -> Iterator[None]:
         ) from interrupt
 
 
-def seen_in_words(demo: Demo) -> list[str]:
+def describe_demo(demo: Demo) -> list[str]:
     """What the demo did and found, in plain sentences."""
     trials = len(demo.session.trials)
     lost = sum(error.lost for error in demo.figures.tracking)
@@ -290,6 +282,7 @@ def next_commands(session: Path) -> list[tuple[str, str]]:
 
 
 def figure_lines(figures: Figures) -> list[str]:
+    """Table of what the demo measured: times, errors, memory, as lines of text."""
     mdeg = 1e3 * 180 / math.pi
     rows = [
         ("simulation of 0.7 s of trial 1, warm", f"{figures.simulation_s * 1e3:.0f} ms"),

@@ -40,16 +40,8 @@ def command(
 
 
 def export_session(path: Path, form: str, *, trials: list[int] | None = None, out: Path | None = None) -> list[Path]:
-    """Write the trials of a session, or of one file, in one form; return the files.
-
-    Parameters
-    ----------
-    path : session folder, or one ``trial_NNNN.h5``
-    form : ``csv``, ``mat``, ``tdms``, ``parquet``, or ``force``: the force with offset, mains hum and group delay taken
-        off, as ``validate`` corrects it, as a CSV table of ``time_s,force_n``
-    trials : their numbers; by default all, rejected ones included
-    out : folder to write to, made where it is missing; by default ``export`` inside the session
-    """
+    """Write trials (by number; None: all) of a session, or the one of a trial's file, in one form into ``out`` (None:
+    ``export`` inside it); return the files."""
     from rig.session.trial_export import FORMATS, export_trial  # start-up: 0.5 s of h5py and pandas
 
     if form not in (*FORMATS, FORCE):

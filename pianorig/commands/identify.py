@@ -132,10 +132,10 @@ def command(
             profiles=None if profiles else (),
             progress=None if as_json else say,
         )
-        ranked, refused, why_none = ranked_next(found) if plan is not None else ([], [], "")
+        ranked, refused, why_none = next_strokes_or_reason(found) if plan is not None else ([], [], "")
     files = validation.write_reading(found, out, ranked, refused)
     if plan is not None and not why_none:
-        files |= {"plan": write_next(found, ranked, plan)}
+        files |= {"plan": write_best_stroke(found, ranked, plan)}
     shrinks = [{"name": p.name, "trials": p.trials, "shrink": dict(p.shrink)} for p in ranked]
     more = {"file": out, "files": files, "next": shrinks, "no_plan": why_none or None}
     lines = [
@@ -147,7 +147,7 @@ def command(
         *(f"{name}: {path}" for name, path in files.items()),
         *(wrap_text(f"plan: none is written: {why_none}.") if why_none else []),
     ]
-    tell(as_json, _as_plain(found) | more, lines)
+    tell(as_json, _plain_facts(found) | more, lines)
     if found.end.by_user:
         raise Interrupted(f"identify stopped by Ctrl-C; the best so far is in {out}")
 
@@ -180,7 +180,7 @@ def _scores(name: str, scores: dict[str, Any]) -> str:
     return f"RMSE (°), {name}: {'; '.join(parts)}"
 
 
-def _as_plain(found: Any) -> dict[str, Any]:
+def _plain_facts(found: Any) -> dict[str, Any]:
     """An identification as plain lists, tables and texts for ``--json``."""
     supported = found.details.supported
     return {
@@ -203,13 +203,8 @@ NO_SESSION = (
 
 
 def next_strokes(found: validation.Identification) -> tuple[list[Prospect], list[str]]:
-    """Strokes and sensors ranked by how far they would shrink the intervals; and what is refused, with reasons.
-
-    Returns
-    -------
-    prospects, refused : lists
-        The second says what cannot be played or predicted, and why.
-    """
+    """Strokes and sensors ranked by how far they would shrink the intervals; and texts of what cannot be played or
+    predicted, with why."""
     from validation.infer.further import prospects, shelf  # start-up: --help needs none of it
 
     sources = found.details.sources
@@ -229,15 +224,9 @@ def check_plan(sessions: Sequence[Path], motion_driven: bool) -> None:
     rig.session_rig(rig.Session.open(sessions[0]))
 
 
-def ranked_next(found: validation.Identification) -> tuple[list[Prospect], list[str], str]:
-    """As `next_strokes`, and why no plan can be written; what hinders it is told, so that the fit is not lost.
-
-    Returns
-    -------
-    prospects, refused : lists
-    why_none : str
-        Empty where a stroke can be recommended.
-    """
+def next_strokes_or_reason(found: validation.Identification) -> tuple[list[Prospect], list[str], str]:
+    """Ranked strokes and refused ones (`next_strokes`), and why no plan can be written, empty where one can; no error,
+    so that the fit is not lost."""
     # start-up: --help needs none of it
     from validation.infer.further import best_stroke
     from validation.infer.sentences import group_by_reason
@@ -256,7 +245,7 @@ def ranked_next(found: validation.Identification) -> tuple[list[Prospect], list[
     )
 
 
-def write_next(found: validation.Identification, ranked: list[Prospect], plan: Path) -> Path:
+def write_best_stroke(found: validation.Identification, ranked: list[Prospect], plan: Path) -> Path:
     """Write the best stroke as a trial plan; its path."""
     # start-up: --help needs none of it
     from validation.infer.estimates import LACKING

@@ -26,8 +26,9 @@ def _position_facts(position: Position) -> dict[str, Any]:
     }
 
 
-def _doubts(row: dict[str, Any]) -> str:
-    """What a reader must know of a trial, after its line."""
+def _describe_doubts(row: dict[str, Any]) -> str:
+    """Doubts about an imported trial as text to append to its line, each after a semicolon; empty where there are
+    none."""
     found = [row["condition"]] if row["condition"] else []
     found += [f"rejected: {row['rejected']}"] if row["rejected"] else []
     found += [f"{row['status']}: {row['reason']}"] if row["status"] != "complete" else []
@@ -96,7 +97,7 @@ def command(
         peak = "no force" if raw_n is None else f"raw peak {raw_n:.2f} N" if peak_n is None else f"peak {peak_n:.2f} N"
         lines.append(
             f"trial {row['trial']}: {source}, {row['samples']} samples at {row['sample_rate_hz']:g} Hz, "
-            f"{peak}, blow from {row['blow_start_s']:.3f} s{_doubts(row)}"
+            f"{peak}, blow from {row['blow_start_s']:.3f} s{_describe_doubts(row)}"
         )
     lines += [f"{name}: {facts['judgement']}" for name, facts in rows[0]["positions"].items()]
     tell(as_json, {"session": out, "trials": rows}, [*lines, f"session: {out}"])

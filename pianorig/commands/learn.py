@@ -110,7 +110,8 @@ def command(
 
 
 def draw_recorded(path: Path, targets: Sequence[rig.TargetForce]) -> None:
-    """Draw the recorded forces over time, one line each, key bottoms marked (after Fig. 3.6)."""
+    """Write a picture (PNG) of the recorded forces over time, one line each, key bottoms marked (after Fig. 3.6), to
+    ``path``."""
     # start-up: 0.5 s of NumPy and matplotlib that --help does not need
     import numpy as np
     from matplotlib.figure import Figure
@@ -154,6 +155,7 @@ def draw_learned(folder: Path, learned: rig.Learned) -> None:
 
 
 def _draw_errors(axes: Any, learned: rig.Learned) -> None:
+    """Draw the error of each blow, percent of the peak, and the goal."""
     numbers = [blow.number for blow in learned.blows]
     axes.plot(numbers, [100 * blow.error for blow in learned.blows], "o-", ms=4)
     axes.axhline(100 * learned.goal, color="C2", lw=1.0, label=f"goal, {100 * learned.goal:g} %")
@@ -213,6 +215,8 @@ def learn_profile(
     operator: str = "unknown",
     progress: Callable[[rig.Blow], None] | None = None,
 ) -> rig.Learned:
+    """Play up to ``blows`` blows, each with an improved command, until the force follows the target within ``goal``
+    (share of the peak); write blows, profile and picture into ``out``."""
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise CommandInputError(f"{out}: exists already and is not an empty folder; choose another --out")
     rig_file = rig.load_rig(access.rig)
@@ -222,7 +226,7 @@ def learn_profile(
 
         def blow(profile: rig.Profile, number: int) -> rig.TrialData:
             folder = out / f"blow_{number:02d}"
-            with workflows.interrupts_told(folder):
+            with workflows.report_interrupt(folder):
                 session = rig.record(
                     folder,
                     profile=profile,
@@ -237,7 +241,7 @@ def learn_profile(
             return session.trials[0].read()
 
         learned = rig.learn(target, rig_file.config, blow, blows=blows, goal=goal, progress=progress)
-    _write(out, learned)
+    _write_results(out, learned)
     draw_learned(out, learned)
     return learned
 
@@ -260,7 +264,7 @@ def learning_summary(learned: rig.Learned) -> dict[str, Any]:
     }
 
 
-def _write(out: Path, learned: rig.Learned) -> None:
+def _write_results(out: Path, learned: rig.Learned) -> None:
     """Write ``profile.toml`` of the best blow and ``learning.json`` into the folder ``out``."""
     best = learned.best
     found = f"{100 * best.error:.2f} % RMS of the peak before key bottom in blow {best.number}"

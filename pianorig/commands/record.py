@@ -132,8 +132,8 @@ def command(
         target, count = out or workflows.new_session_folder("passive"), ""
         title = f"waiting for strokes on {backend}, into {target}; Ctrl-C ends"
         with (
-            workflows.interrupts_told(target),
-            workflows.judging(target, action, as_json),
+            workflows.report_interrupt(target),
+            workflows.judge_during_recording(target, action, as_json),
             recording_line(as_json, title) as progress,
         ):
             session = rig.record_passive(
@@ -151,7 +151,7 @@ def command(
     elif resume is not None:
         own = "rig, profiles, plan, operator, action and room are the session's own"
         refuse_beside(ctx, "--resume", own, "resume", "backend", "yes", "selftest", "figure")
-        with workflows.interrupts_told(resume, resumed=True), recording_line(quiet=as_json) as progress:
+        with workflows.report_interrupt(resume, resumed=True), recording_line(quiet=as_json) as progress:
             session, new = workflows.resume(resume, access, progress)
         rows = [{"trial": n, "status": (t := session.trial(n)).status, "condition": t.read().condition} for n in new]
         target, count = resume, f", {len(session.trials)} trials"
@@ -159,8 +159,8 @@ def command(
         target, count = out or workflows.new_session_folder(profile if plan is None else plan.stem), ""
         title = f"recording {profile if plan is None else plan} on {backend} into {target}"
         with (
-            workflows.interrupts_told(target),
-            workflows.judging(target, action, as_json),
+            workflows.report_interrupt(target),
+            workflows.judge_during_recording(target, action, as_json),
             bar("filming", quiet=as_json) as film_progress,
             recording_line(as_json, title) as progress,
         ):
@@ -200,15 +200,21 @@ def _press_felt(
     order: rig.FeltOrder,
     access: workflows.BenchAccess,
     as_json: bool,
-    named: tuple[str, str],
+    operator_and_action: tuple[str, str],
     room: rig.RoomInfo | None,
 ) -> None:
     """Record the ordered presses of a felt into a session and print what was found."""
     target = out or workflows.new_session_folder(f"felt_{order.contact}")
     title = f"pressing {order.contact} on {access.backend} into {target}"
-    with workflows.interrupts_told(target), recording_line(as_json, title) as progress:
+    with workflows.report_interrupt(target), recording_line(as_json, title) as progress:
         _, facts = press_felt(
-            target, order, access, operator=named[0], action_name=named[1], progress=progress, room=room
+            target,
+            order,
+            access,
+            operator=operator_and_action[0],
+            action_name=operator_and_action[1],
+            progress=progress,
+            room=room,
         )
     tell(as_json, {"session": target, **facts}, [*felt_lines(order, facts), f"session: {target}"])
 
@@ -216,7 +222,8 @@ def _press_felt(
 def press_felt(
     out: Path, order: rig.FeltOrder, access: workflows.BenchAccess, **keywords: Unpack[RecordingKeywords]
 ) -> tuple[rig.FeltSession, dict[str, Any]]:
-    """Press a felt, or the block, on a bench; on the virtual one it is mounted by itself."""
+    """Record the ordered presses of a felt, or of the block, into ``out``; return session and facts; of the block,
+    write the rig file with its compliance, too."""
     # start-up: 0.5 s of NumPy and h5py, which --help does not need
     from rig.atomic_write import write_text
     from rig.felt_recording import check_order
@@ -244,11 +251,11 @@ def press_felt(
             "largest_deviation_m": found.crooked_m,
             "rig": out / RIG_NAME,
         }
-    rows = [_row(press) for press in done.presses]
-    return done, {"presses": rows, **_loop_at_rest(rows)}
+    rows = [_press_facts(press) for press in done.presses]
+    return done, {"presses": rows, **_fit_loop(rows)}
 
 
-def _row(press: rig.FeltPress) -> dict[str, Any]:
+def _press_facts(press: rig.FeltPress) -> dict[str, Any]:
     """Facts of a press of felt, with the coefficients fitted to its loading curve."""
     curve, fit = press.curve, model.calibration.fit_felt(model.calibration.read_curve(press.file))
     row: dict[str, Any] = {
@@ -269,8 +276,9 @@ def _row(press: rig.FeltPress) -> dict[str, Any]:
     return row
 
 
-def _loop_at_rest(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """What of the loop does not grow with the speed: eq. 2.7 has none of it."""
+def _fit_loop(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Fit the loop of presses over their speed: its part at no speed, which eq. 2.7 lacks, its slope, and
+    uncertainties; empty where speeds are too few."""
     import numpy as np  # start-up: 0.1 s that --help does not need
 
     known = [row for row in rows if "D" in row and row["u_D"] > 0]

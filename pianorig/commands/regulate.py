@@ -56,12 +56,12 @@ def command(
 
 def _measure(
     given: model.Action,
-    said: str,
+    title: str,
     targets: Sequence[model.regulation.RegulationTarget],
     figure: Path | None,
     as_json: bool,
 ) -> None:
-    """Print the seven targets as they are."""
+    """Measure the seven targets of an action; print them under ``title``, and draw them where a figure is named."""
     with working("measuring the action", quiet=as_json):
         seen = model.regulation.measure(given)
     rows: list[dict[str, Any]] = [
@@ -75,7 +75,7 @@ def _measure(
         for t in targets
     ]
     cells = [(row["words"], _millimetres(row["wanted_m"]), _millimetres(row["measured_m"])) for row in rows]
-    lines = table_lines((f"{said}, mm", "wanted", "measured"), cells)
+    lines = table_lines((f"{title}, mm", "wanted", "measured"), cells)
     for row in rows:
         lines += wrap_text(str(row["remark"]), f"{row['target']}: ") if row["remark"] else []
     if figure is not None:
@@ -85,9 +85,10 @@ def _measure(
 
 
 def _regulate(
-    given: model.Action, said: str, wanted_m: Mapping[str, float], files: tuple[Path, Path | None], as_json: bool
+    given: model.Action, title: str, wanted_m: Mapping[str, float], files: tuple[Path, Path | None], as_json: bool
 ) -> None:
-    """Turn the seven screws, write the action, print each target before and after; ``files``: action, figure."""
+    """Turn the seven screws, write the action, print each target before and after under ``title``; ``files``: action,
+    figure."""
     out, figure = files
     with working("turning seven screws until seven targets are met", quiet=as_json):
         done = model.regulation.regulate(given, wanted_m=wanted_m)
@@ -95,7 +96,7 @@ def _regulate(
         done.action,
         out,
         [
-            f"{done.action.name}: {said} regulated by `pianorig regulate` to the targets of Hirschkorn (2004), "
+            f"{done.action.name}: {title} regulated by `pianorig regulate` to the targets of Hirschkorn (2004), "
             f"Section 2.3{model.regulation.other_lengths(done.targets)}.",
             f"{_turned_words(done)} differ from the given set; their source begins with 'regulated'. Standard",
             "uncertainty of a screw: what changes its target by its tolerance of 0.02 mm (rectangular).",
@@ -119,7 +120,7 @@ def _regulate(
         (row["words"], *(_millimetres(row[key]) for key in lengths), row["screw"], f"{1e3 * row['turned_m']:+.3f}")
         for row in rows
     ]
-    lines = table_lines((f"{said}, mm", "wanted", "before", "after", "screw", "turned"), cells)
+    lines = table_lines((f"{title}, mm", "wanted", "before", "after", "screw", "turned"), cells)
     if done.rest_rail_m:
         rail = model.regulation.REST_RAIL
         lowered = f"lowered {-1e3 * done.rest_rail_m:.2f} mm"

@@ -61,7 +61,7 @@ def command(
     names = None if parameters is None else [name.strip() for name in parameters.split(",") if name.strip()]
     chosen = name_with_scene(load_changed(action, set_, scale, scene), scene)
     make_folder(out)
-    source = _trial_of(blow, trial)
+    source = _find_force_file(blow, trial)
     driving = workflows.read_driving_force(source, model.choice_of(chosen).input_column)
     local = _local_sensitivities(chosen, driving, names, as_json)
     if not as_json:
@@ -75,7 +75,7 @@ def command(
     tell(as_json, facts, file_lines(files))
 
 
-def _trial_of(blow: Path, trial: int | None) -> Path:
+def _find_force_file(blow: Path, trial: int | None) -> Path:
     """File of the force: of a session the trial wanted, by default its first that is not rejected."""
     if not blow.is_dir():
         if trial is not None:

@@ -131,7 +131,7 @@ def command(
                 method=method,
             )
             attributes = run_attributes(chosen, choice, named, tolerance, method) | {"key_motion": str(key_motion)}
-            write_columns(out, driven.columns(), attributes | _reading(driven))
+            write_columns(out, driven.columns(), attributes | _reading_facts(driven))
         lines = [f"{out}: {len(driven.time_s)} rows, {driven.counters['n_steps']} steps", *_motion_lines(driven)]
         tell(as_json, {"out": out, "tolerance_rad": tolerance} | _motion_facts(driven), lines)
         return
@@ -225,10 +225,8 @@ def command(
 def _judge_blow(
     action: model.Action, driving: workflows.DrivingForce, choice: model.SceneChoice, run: tuple[str, float, str]
 ) -> tuple[str, model.touch.CheckLoad | None]:
-    """Why the force cannot be a blow, empty where it can, and what the back check takes from the rising hammer.
-
-    ``run`` is what to call the table, tolerance and method.
-    """
+    """Why the force cannot be a blow, empty where it can, and what the back check takes from the rising hammer;
+    ``run``: title, tolerance, method."""
     where, tolerance, method = run
     if choice.input_column != "force_n":
         return "", None
@@ -252,8 +250,8 @@ def missed_request(solution: model.Solution) -> str:
     )
 
 
-def _reading(driven: model.MotionDriven) -> dict[str, float]:
-    """How well the key's motion was known."""
+def _reading_facts(driven: model.MotionDriven) -> dict[str, float]:
+    """Facts of how well the key's motion was known: coverage factor, resolution (rad), jitter (rad, s)."""
     return {
         "coverage_factor_95": driven.coverage_factor,
         "resolution_rad": driven.fit.resolution_rad,
@@ -272,7 +270,7 @@ def _motion_facts(driven: model.MotionDriven) -> dict[str, Any]:
         "u_largest_force_n": driven.u_force_n[largest],
         "half_width_share": driven.half_width_share(),
         "interval_useless": bool(driven.half_width_share() > USELESS_SHARE),
-        **_reading(driven),
+        **_reading_facts(driven),
         "key_would_lift": [{"start_s": lift.start_s, "end_s": lift.end_s} for lift in driven.key_tensions()],
         **driven.counters,
     }
@@ -306,7 +304,6 @@ def _motion_lines(driven: model.MotionDriven) -> list[str]:
 
 
 def _contact_descriptions(action: model.Action) -> dict[str, str]:
-    """What each contact is, in the words of the action's file."""
     ending = ".description"
     return {path[: -len(ending)]: words for path, words in action.structure.items() if path.endswith(ending)}
 

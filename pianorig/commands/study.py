@@ -83,16 +83,17 @@ def _report(
     action: model.Action,
     force: Path | None,
     built_in: str,
-    what: str,
+    activity: str,
     study: Callable[[model.Action, Any, Any], Found],
     output: tuple[Path | None, bool],
 ) -> None:
-    """Make a study under a force table of the user's, or a built-in one; write and print what it found."""
+    """Make a study under a force table of the user's, or a built-in one; print what it found, and write tables and
+    figures to a folder where one is named."""
     out, as_json = output
     make_folder(out)
     driving = None if force is None else workflows.read_driving_force(force, model.choice_of(action).input_column)
     blow = model.force_table(built_in) if driving is None else (driving.time_s, driving.force_n)
-    with working(what, as_json):
+    with working(activity, as_json):
         found = study(action, *blow)
     files: list[Path] = []
     if out is not None:
@@ -129,6 +130,7 @@ def _compare_as_thesis(action: model.Action, time_s: Any, force_n: Any) -> Found
 
 
 def _study_lines(study: model.study.Study) -> list[str]:
+    """Table of a study as lines: strike, hold and difference from the given action, a variant a row."""
     width = max(12, *(len(v.name) for v in study.variants))  # column
     lines = [
         f"{'variant':<{width}}  {'strike s':>9} {'m/s':>6} {'strikes':>7} {'held':>5} {'hold mm':>8} {'moved mm':>9}"

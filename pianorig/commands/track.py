@@ -169,7 +169,7 @@ def command(
     unfinished = target.with_name(f"{target.name}.unfinished.npz")
     if restart:
         unfinished.unlink(missing_ok=True)
-    with workflows.tracking_kept(unfinished), bar("tracking", quiet=as_json) as progress:
+    with workflows.report_tracking_interrupt(unfinished), bar("tracking", quiet=as_json) as progress:
         result = workflows.track_film_file(
             filmed,
             **fit,

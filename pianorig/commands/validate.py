@@ -101,7 +101,7 @@ def command(
         options["scene"] = scene
     if explain:
         options["explain"] = True
-    limits = _limits(relevant or [])
+    limits = _parse_limits(relevant or [])
     if limits:
         options["relevant"] = limits
     # a changed action depends on its file and on that of its scene, too
@@ -140,8 +140,8 @@ def command(
         raise typer.Exit(2)
 
 
-def _limits(given: list[str]) -> dict[str, float]:
-    """Limits of ``--relevant`` in SI and shares."""
+def _parse_limits(given: list[str]) -> dict[str, float]:
+    """Limits by name, SI or shares, from texts NAME=VALUE of ``--relevant``, in the unit of each."""
     out = {}
     for text in given:
         name, _, value = text.partition("=")

@@ -167,7 +167,7 @@ def follow_session(
 
 
 def draw_view(path: Path, view: LiveView) -> None:
-    """Force and angles over time as a PNG, whole or not at all."""
+    """Write force and angles over time to ``path`` as a PNG, whole or not at all."""
     # start-up: 0.5 s that text needs not
     import numpy as np
     from matplotlib.figure import Figure

@@ -27,7 +27,7 @@ def how_stopped(interrupt: BaseException) -> str:
 
 
 def tell_failure(problem: BaseException, as_json: bool) -> int:
-    """Print why a command ended and return its exit code."""
+    """Print why a command ended, in one line on standard error, and as JSON where wanted; return its exit code."""
     code = getattr(problem, "exit_code", None)
     if hasattr(problem, "format_message"):  # a usage error of typer's
         message = _usage(problem)
@@ -45,7 +45,6 @@ def tell_failure(problem: BaseException, as_json: bool) -> int:
 
 
 def _usage(problem: Any) -> str:
-    """Typer's complaint, and which help to read."""
     message = problem.format_message().strip()
     path = getattr(getattr(problem, "ctx", None), "command_path", "pianorig")
     return f"{message}{'' if message.endswith(('.', '?', '!')) else '.'} See  {path} --help"

@@ -90,7 +90,6 @@ def table_lines(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]
 
 
 def _shorten_text(text: str, n: int) -> str:
-    """A text cut to at most ``n`` characters, an ellipsis at its end."""
     return text if len(text) <= n else text[: max(n - 1, 0)] + "…"
 
 

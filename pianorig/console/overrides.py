@@ -61,7 +61,8 @@ def load_changed(
 def _change_action(
     action: str, laws: dict[str, str], values: dict[str, float], factors: dict[str, float], scene: str | None
 ) -> model.Action:
-    """Values that are set go before those of the scene; a value without its effect or law is refused at once."""
+    """Action with a scene, laws, values and factors; values precede those of the scene; a value without its effect or
+    law is refused."""
     loaded = model.load_action(action)
     if scene is not None:
         loaded = model.load_scene(scene).apply_to(loaded)

@@ -55,7 +55,7 @@ class _OnImport(MetaPathFinder):
 
 
 def _listener(events: Any) -> Any:
-    """Speaks at the first compilation that is not part of another one; an event's data name the compiled function."""
+    """Listener to numba's events that speaks at the first compilation that is not part of another one."""
     inside, said = threading.local(), threading.Event()
 
     class Listener(events.Listener):  # type: ignore[misc]
@@ -142,10 +142,8 @@ def bar(label: str, quiet: bool = False, what: str = "frames") -> Iterator[Calla
 
 @contextmanager
 def working(text: str, quiet: bool = False) -> Iterator[Callable[[str], None]]:
-    """Say what is being done while nothing else is reported: on a terminal with the seconds it has taken so far.
-
-    Yields a function that replaces the words.
-    """
+    """Say ``text`` while the block works and nothing else is reported, on a terminal with the seconds; yields a
+    function that replaces the text."""
     if quiet:
         yield lambda words: None
         return

@@ -42,18 +42,7 @@ class Access:
         return f"http://{LOOPBACK}:{self.port}/"
 
     def check(self, method: str, path: str, headers: Mapping[str, str]) -> None:
-        """Refuse what does not come from this page or from the address line of this computer's browser.
-
-        Parameters
-        ----------
-        method, path : of the request
-        headers : of the request, found without regard to upper and lower case
-
-        Raises
-        ------
-        Refused
-            Another host name, another origin, a request that another site's page began.
-        """
+        """Raise `Refused` for another host name, another origin, or a request that another site's page began."""
         hosts = {f"{name}:{self.port}" for name in NAMES}
         host = headers.get("Host", "")
         if host.lower() not in hosts:

@@ -136,7 +136,8 @@ def _name(path: str, action: model.Action) -> str:
 
 
 def reach(path: str, value: float, unit: str) -> tuple[float, float]:
-    """How far a slider goes: a few millimetres about a length, some times any other quantity."""
+    """Lowest and highest value of a parameter's slider: a few millimetres about a length, some times any other
+    quantity."""
     if path in COUNTS:
         return allowed_range(path)[:2]
     if path.endswith((".normal.x", ".normal.y")):
@@ -185,23 +186,15 @@ def _blow(
 
 
 def blow_curves(name: str, changes: Sequence[str], blow: str, scene: str = "whole") -> dict[str, Any]:
-    """What follows a slider at once: angles under a built-in blow, and nothing else.
-
-    Parameters
-    ----------
-    name, changes, scene : as for `changed_action`
-    blow : one of `BLOWS`
-    """
+    """Angles (degrees from rest) of the bodies under a built-in blow (`BLOWS`), packed for the page: what follows a
+    slider at once."""
     _, _, solution, rest_rad = _blow(name, tuple(changes), blow, scene)
     turned = solution.angle_rad[::DRAWN] - rest_rad
     return {"values": [pack(degrees(body, turned[:, i])) for i, body in enumerate(solution.bodies) if body in BODIES]}
 
 
 def live_blow(name: str, changes: Sequence[str], blow: str, scene: str = "whole") -> dict[str, Any]:
-    """Motion of an action under a built-in blow: curves, events, the moving action.
-
-    Parameters, errors: as `blow_curves`.
-    """
+    """Motion of an action under a built-in blow: curves, events, the moving action."""
     action, force_n, solution, rest_rad = _blow(name, tuple(changes), blow, scene)
     times = solution.time_s
     rows = slice(None, None, EVERY)
@@ -265,14 +258,8 @@ def touch(action: model.Action) -> dict[str, Any]:
 
 
 def technician_step(action: model.Action, target: str, turn_m: float) -> dict[str, Any]:
-    """The seven regulated lengths before and after one screw is turned, m; None where one cannot be measured.
-
-    Parameters
-    ----------
-    action : as it is set
-    target : whose screw is turned, one of ``model.regulation.TARGETS``
-    turn_m : how far, m
-    """
+    """The seven regulated lengths (m) before and after the screw of ``target`` is turned by ``turn_m``; None where one
+    cannot be measured."""
     screw = next((screw for screw in model.regulation.SCREWS if screw.target == target), None)
     if screw is None:
         names = ", ".join(one.name for one in model.regulation.TARGETS)

@@ -129,12 +129,8 @@ def _annotate(served: Served, name: str, asked: Asked) -> dict[str, Any]:
 
 
 def annotate(folder: Path, content: dict[str, Any]) -> None:
-    """Append one annotation to a session, as ``pianorig annotate`` does.
-
-    Parameters
-    ----------
-    content : trial (0: the session), kind, reason, author
-    """
+    """Append an annotation to a session, as ``pianorig annotate`` does; ``content``: trial (0: the session), kind,
+    reason, author."""
     trial, kind, reason, author = (content.get(key) for key in ("trial", "kind", "reason", "author"))
     if type(trial) is not int or trial < 0:
         raise CommandInputError(f"trial {trial!r}: allowed 0 for the session, or the number of a trial")
@@ -243,7 +239,8 @@ def _film(served: Served, name: str, number: str, asked: Asked) -> dict[str, Any
 
 
 def _frames(served: Served, name: str, number: str, first: str, count: str, asked: Asked) -> Sent:
-    """Grey values; the address names the film's version, so the browser may keep them."""
+    """Grey values of ``count`` frames from ``first`` of a trial's film (number 0: of the film ``name``), which the
+    browser may keep."""
     if not 1 <= int(count) <= MOST_FRAMES:
         raise CommandInputError(f"{count} frames: allowed 1 to {MOST_FRAMES}")
     try:

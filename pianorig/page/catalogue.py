@@ -183,7 +183,8 @@ def results_of(path: Path, trials: tuple[Trial, ...]) -> dict[str, Any]:
 
 
 def _results(content: dict[str, Any], trials: tuple[Trial, ...]) -> dict[str, Any]:
-    """The report is stale where trials were added, exchanged, rejected or accepted since it was made.
+    """Verdict and findings of a report's content, and ``stale``: whether trials were added, exchanged, rejected or
+    accepted since it was made.
 
     By what the report itself says of them: times of files do not survive a copy.
     """

@@ -58,15 +58,16 @@ class Jobs:
         busy = next((job for job in self._jobs.values() if job.code is None), None)
         return "" if busy is None else f"{busy.command} of {busy.subject}"
 
-    def begin(self, subject: str, words: list[str]) -> dict[str, Any]:
-        """Run ``pianorig`` with these words about a session."""
+    def begin(self, subject: str, arguments: list[str]) -> dict[str, Any]:
+        """Start ``pianorig`` with ``arguments`` about a session, in a process; return the job's state; refused while
+        another runs."""
         with self._lock:
             if busy := self.running:
                 raise CommandInputError(f"{busy} is running; wait, or stop it")
             process = begin_process(
-                ["pianorig", *words], {PROGRESS: "lines"}, stdin=subprocess.DEVNULL, stderr=subprocess.STDOUT
+                ["pianorig", *arguments], {PROGRESS: "lines"}, stdin=subprocess.DEVNULL, stderr=subprocess.STDOUT
             )
-            job = _Job(max(self._jobs, default=0) + 1, subject, words[0], process)
+            job = _Job(max(self._jobs, default=0) + 1, subject, arguments[0], process)
             self._jobs[job.number] = job
             for old in list(self._jobs)[:-KEPT_JOBS]:
                 del self._jobs[old]
@@ -88,7 +89,7 @@ class Jobs:
 
     @staticmethod
     def _state(job: _Job) -> dict[str, Any]:
-        """What the page shows of a job."""
+        """State of a job for the page: number, session, command, running, failed, lines printed."""
         return {
             "job": job.number,
             "session": job.subject,

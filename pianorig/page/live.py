@@ -43,7 +43,7 @@ class LiveStream:
         state's ``channels``.
         """
         samples = self._samples()
-        state = self._now()
+        state = self._recording_state()
         if state == self._state:
             return None, samples
         self._state = state
@@ -68,8 +68,9 @@ class LiveStream:
         self._sent = new[-1].first_sample + new[-1].force_n.size
         return struct.pack("<d", new[0].first_sample) + _live_rows(part, follower.first_count).tobytes()
 
-    def _now(self) -> dict[str, Any]:
-        """What *Live* shows at this moment; peaks of newly sealed trials are read once and kept."""
+    def _recording_state(self) -> dict[str, Any]:
+        """State of the recording for the page: trial, plan, channels, disk; peaks of newly sealed trials are read once
+        and kept."""
         head = None if self._journal is None else self._journal.head
         sealed = self.session.trials
         for trial in sealed[-MOST_FIGURES:]:

@@ -95,15 +95,11 @@ def _plain_body(body: vision.Body) -> dict[str, Any]:
 
 
 def save(subject: FilmSubject, rows: Any) -> dict[str, Any]:
-    """Check outlines against the film and write them; a file that was there is kept as ``….previous.toml``.
-
-    Parameters
-    ----------
-    rows : list of name, parent (empty for none), layer, points [[x, y], …] in film pixels
-    """
+    """Check outlines (rows of name, parent, layer, points in px) against the film and write them; a file that was there
+    is kept as ``….previous.toml``."""
     if not isinstance(rows, list) or not 1 <= len(rows) <= MOST_BODIES:
         raise CommandInputError(f"outlines: allowed a list of 1 to {MOST_BODIES}")
-    bodies = [_body(row) for row in rows]
+    bodies = [_parse_body(row) for row in rows]
     with vision.open_film(subject.path, allow_truncated=True) as film:
         vision.build_masks(bodies, film.height, film.width)  # raises where too few pixels are left to fit
     if subject.bodies.is_file():
@@ -112,7 +108,7 @@ def save(subject: FilmSubject, rows: Any) -> dict[str, Any]:
     return {"file": subject.bodies.name, "bodies": [body.name for body in bodies]}
 
 
-def _body(row: Any) -> vision.Body:
+def _parse_body(row: Any) -> vision.Body:
     """Parse an outline that the page sent."""
     if not isinstance(row, dict):
         raise CommandInputError(f"outline {str(row)[:60]!r}: allowed a table of name, parent, layer, points")
@@ -151,13 +147,8 @@ def worst_frames(subject: FilmSubject) -> list[dict[str, Any]]:
 
 
 def track_again(subject: FilmSubject, frame: Any, places: Any) -> dict[str, Any]:
-    """Fit one frame again, the named bodies from where they were placed, and put it into the table and session.
-
-    Parameters
-    ----------
-    frame : number in the film
-    places : body → [angle rad counter-clockwise, x px, y px]
-    """
+    """Fit one frame again, bodies from ``places`` (name -> angle rad, x px, y px) where given, and put it into the
+    table and session."""
     if type(frame) is not int or not isinstance(places, dict):
         raise CommandInputError("allowed a frame number, and the places of bodies")
     read = {}

@@ -93,13 +93,8 @@ def film_view(session: Session, trial: Trial) -> dict[str, Any] | None:
 
 
 def outlined_film(film: SessionFilm, found: tuple[pd.DataFrame, dict[str, Any]] | None) -> dict[str, Any]:
-    """Size, frame times and tracked outlines of a film.
-
-    Parameters
-    ----------
-    film : with the file of its outlines
-    found : table of tracked angles and its attributes; None before tracking
-    """
+    """Size, frame times and tracked outlines of a film; ``found``: table of tracked angles and its attributes, None
+    before tracking."""
     with vision.open_film(film.path, allow_truncated=True) as source:
         note = ""
         try:
@@ -127,23 +122,24 @@ def outlined_film(film: SessionFilm, found: tuple[pd.DataFrame, dict[str, Any]] 
 
 
 def _outlines(
-    file: Path, source: vision.Film, table: pd.DataFrame, attributes: dict[str, Any]
+    outlines_file: Path, source: vision.Film, table: pd.DataFrame, attributes: dict[str, Any]
 ) -> tuple[list[dict[str, Any]], str]:
-    """Outlines of an outlines file about their centres with their poses by tracked frame; a text of what to doubt."""
-    if not file.is_file():
-        return [], f"{file.name} is missing; the tracked outlines cannot be drawn"
+    """Outlines of each body about its centre, with its pose by tracked frame, from its outlines file and the table;
+    then what to doubt, as text, or empty."""
+    if not outlines_file.is_file():
+        return [], f"{outlines_file.name} is missing; the tracked outlines cannot be drawn"
     if "frame" in table:
         table = table[table["frame"] >= 0]  # others are missing in the film
     try:
-        bodies = vision.load_bodies(file)
+        bodies = vision.load_bodies(outlines_file)
         masks = vision.build_masks(bodies, source.height, source.width)
     except vision.VisionError as error:
         return [], f"the tracked outlines cannot be drawn: {error}"
     seals = attributes.get("parents_sha256", {})  # a table on its own has none
-    seal = seals.get(file.name)
+    seal = seals.get(outlines_file.name)
     doubt = ""
-    if seals and seal != sha256_of_file(file):
-        doubt = f"{file.name} has changed since the film was tracked: track again"
+    if seals and seal != sha256_of_file(outlines_file):
+        doubt = f"{outlines_file.name} has changed since the film was tracked: track again"
     views = []
     for i, (body, mask) in enumerate(zip(bodies, masks, strict=True)):
         columns = [f"{body.name}_{name}" for name in ("rad", "x_px", "y_px", "flag")]
@@ -174,13 +170,8 @@ _Predicted = tuple[ModelUnderTest, PredictedAngles]
 
 
 def trial_view(session: Session, number: int, actions: Sequence[str]) -> dict[str, Any]:
-    """Everything about a trial but its film, as plain data.
-
-    Parameters
-    ----------
-    number : of the trial
-    actions : built-in actions, at most two; each is drawn, beside the measured action
-    """
+    """Everything about a trial but its film, measured and predicted by built-in ``actions`` (at most two), as plain
+    data."""
     trial = session.trial(number)
     data = trial.read()
     tested = [ModelUnderTest(model.load_action(name), DEFAULT_TOLERANCE) for name in actions[:MOST_MODELS]]
@@ -205,7 +196,7 @@ def trial_view(session: Session, number: int, actions: Sequence[str]) -> dict[st
         )
     except (ValidationError, RigError) as error:
         view["notes"].append(f"shown as recorded: {error}")
-        return {**view, **_as_recorded(data)}
+        return {**view, **_recorded_curves(data)}
     predicted = []
     for one in tested:
         try:
@@ -224,7 +215,7 @@ def _force(measured: MeasuredTrial) -> dict[str, Any]:
     return {"time_s": pack(measured.force.time_s), "value": pack(measured.force.force_n), "unit": "N"}
 
 
-def _as_recorded(data: TrialData) -> dict[str, Any]:
+def _recorded_curves(data: TrialData) -> dict[str, Any]:
     """Force and encoders as they stand in the file, where a trial cannot be compared."""
     angle = data.angle_rad
     curve: dict[str, Any] = {
@@ -282,7 +273,7 @@ def _events(measured: MeasuredTrial, predicted: list[_Predicted]) -> list[dict[s
     for tested, angles in predicted[:1]:
         motion = make_predicted_motion(angles, tested.geometry_at(measured.force.preload_n), tested.tolerance)
         sources.append(("model", find_events(motion, measured.quiet.stop)))
-    rows = [_row(source, event) for source, events in sources for event in events.values() if _is_moment(event)]
+    rows = [_event_row(source, event) for source, events in sources for event in events.values() if _is_moment(event)]
     return sorted(rows, key=lambda row: row["time_s"])
 
 
@@ -290,7 +281,7 @@ def _is_moment(event: Event) -> bool:
     return EVENTS[event.name].unit == "s" and event.status != "absent" and math.isfinite(event.value)
 
 
-def _row(source: str, event: Event) -> dict[str, Any]:
+def _event_row(source: str, event: Event) -> dict[str, Any]:
     """A row of the page's table of events."""
     kind = EVENTS[event.name]
     return {

@@ -86,17 +86,8 @@ def _silent(handler: Any) -> None:
 
 
 def serve_until_interrupted(options: BenchOptions, announce: Callable[[Access], None]) -> None:
-    """Serve the page until Ctrl-C.
-
-    Parameters
-    ----------
-    options : what to show and where
-    announce : called once it listens
-
-    Raises
-    ------
-    CommandInputError : the folder or the port cannot be used
-    """
+    """Serve the page until Ctrl-C; ``announce`` is called once it listens; `CommandInputError` where folder or port
+    cannot be used."""
 
     async def serve() -> None:
         ended = asyncio.Event()

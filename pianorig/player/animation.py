@@ -83,27 +83,22 @@ def player_script() -> str:
 
 
 def motion_start_s(time_s: NDArray[Any], pose: NDArray[Any]) -> float:
-    """A moment before a body first turns visibly, s; the first time where none does.
-
-    Parameters
-    ----------
-    time_s : (m,)
-    pose : (m, n, 3) pivot x, y (m) and orientation (rad) of each body
-    """
+    """A moment before a body of ``pose`` (m, n, 3) first turns visibly, s; the first time where none does."""
     away = np.abs(pose[:, :, 2] - pose[0, :, 2]).max(axis=1) > VISIBLE_RAD
     return max(float(time_s[int(np.argmax(away))]) - BEFORE_S, float(time_s[0]))
 
 
-def thin_motion(motion: SeenMotion, rows: NDArray[np.int64]) -> SeenMotion:
-    """Some rows of a motion; each shows the largest force since the row before, so that no short peak is lost."""
-    starts = np.concatenate([[rows[0]], rows[:-1] + 1])
+def thin_motion(motion: SeenMotion, row_indices: NDArray[np.int64]) -> SeenMotion:
+    """The rows of a motion at ``row_indices``; each shows the largest force since the one before, so that no short peak
+    is lost."""
+    starts = np.concatenate([[row_indices[0]], row_indices[:-1] + 1])
     peak = np.maximum.reduceat(motion.normal_n, np.minimum(starts, len(motion.normal_n) - 1), axis=0)
     return replace(
         motion,
-        time_s=motion.time_s[rows],
-        pose=motion.pose[rows],
-        point_m=motion.point_m[rows],
-        penetration_m=motion.penetration_m[rows],
+        time_s=motion.time_s[row_indices],
+        pose=motion.pose[row_indices],
+        point_m=motion.point_m[row_indices],
+        penetration_m=motion.penetration_m[row_indices],
         normal_n=peak,
     )
 
@@ -112,12 +107,7 @@ View = dict[str, Any]
 
 
 def trial_animation(view: View) -> Animation | None:
-    """A trial as `pianorig.page.review` gives it: measured beside model; None where nothing is drawn.
-
-    Parameters
-    ----------
-    view : with ``session``, ``trial``, ``models``, ``drawings``, ``force``, ``channels``, ``events``
-    """
+    """A trial as `pianorig.page.review` gives it: measured beside model; None where nothing is drawn."""
     if not view["drawings"]:
         return None
     curves = [{"title": "Force on the key", "color": "", **view["force"]}]
@@ -152,14 +142,8 @@ BLOW_RATE_HZ = 2_000.0  # poses a second: choice; a blow of half a second has a 
 def write_blow_animation(
     action: model.Action, solution: model.Solution, force_n: NDArray[np.float64], path: Path
 ) -> None:
-    """Write a blow as an HTML file.
-
-    Parameters
-    ----------
-    action, solution : the simulated action and its solution, with an inside view
-    force_n : (m,) what drives it, at the solution's times
-    path : file to write
-    """
+    """Write a simulated blow, whose solution has an inside view, as an HTML file; ``force_n`` (m,) is its input at the
+    same times."""
     inside = solution.inside
     if inside is None:
         raise model.InputError("animation: the solution has no inside view; simulate with inside=True")

@@ -41,20 +41,8 @@ def drawing_times(start_s: float, end_s: float) -> Array:
 def moving_action(
     motion: SeenMotion, measured: Array | None = None, labels: Sequence[str] | None = None
 ) -> dict[str, Any]:
-    """Shapes and poses for the page.
-
-    Parameters
-    ----------
-    seen : the model's motion (m rows)
-    measured : (m, n, 3) poses to draw beside it, NaN where a body was not measured
-    labels : names of the contacts for people; by default their own
-
-    Returns
-    -------
-    dict
-        ``time_s`` (m,), ``bodies`` with name, colour, surfaces and sticks in the body's frame, ``pose`` (m, n, 3) of
-        the model, ``measured`` of the same shape or None, ``ground``, ``contacts``, ``point_m``, ``normal_n``.
-    """
+    """Drawing of a motion for the page: shapes, poses, contacts, packed; ``measured`` (m, n, 3) are poses beside it,
+    NaN where a body was not measured."""
     view = side_view(motion)
     bodies = [
         {
@@ -79,14 +67,8 @@ def moving_action(
 
 
 def measured_poses(scene: model.Scene, angle_rad: Array, instead_rad: Array) -> Array:
-    """Pivot x, y (m) and orientation (rad) of every body at measured angles: (m, n, 3), NaN where not measured.
-
-    Parameters
-    ----------
-    scene : of the model that gives the geometry
-    angle_rad : (m, n) absolute angles, NaN where a body was not measured
-    instead_rad : (m, n) angles of those bodies, as others may be carried by them
-    """
+    """Pivot x, y (m) and orientation (rad) of every body at measured angles: (m, n, 3), NaN where not measured; those
+    bodies carry others at ``instead_rad``."""
     known = np.isfinite(angle_rad)
     still = np.zeros_like(angle_rad)
     found = model.inside.Observer(scene).evaluate(np.where(known, angle_rad, instead_rad), still, still[:, 0])

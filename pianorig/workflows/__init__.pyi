@@ -21,13 +21,13 @@ from .force_input import DrivingForce as DrivingForce
 from .force_input import read_driving_force as read_driving_force
 from .foreign_file import is_recording as is_recording
 from .foreign_file import recording_facts as recording_facts
-from .judge_trials import judging as judging
+from .judge_trials import judge_during_recording as judge_during_recording
 from .predict_blow import predictor as predictor
 from .recording import BenchAccess as BenchAccess
-from .recording import interrupts_told as interrupts_told
 from .recording import record as record
 from .recording import rehearsal_lines as rehearsal_lines
 from .recording import rehearse as rehearse
+from .recording import report_interrupt as report_interrupt
 from .recording import resume as resume
 from .recording import room_conditions as room_conditions
 from .session_film import SessionFilm as SessionFilm
@@ -40,8 +40,8 @@ from .track import draw_frames_of as draw_frames_of
 from .track import draw_track as draw_track
 from .track import preview_track as preview_track
 from .track import read_places as read_places
+from .track import report_tracking_interrupt as report_tracking_interrupt
 from .track import retrack as retrack
 from .track import rows_per_second as rows_per_second
 from .track import track_film_file as track_film_file
-from .track import tracking_kept as tracking_kept
 from .track import tracking_summary as tracking_summary

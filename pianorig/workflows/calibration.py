@@ -83,12 +83,8 @@ def weight_moment(action: model.Action, body: str) -> tuple[float, float]:
 
 
 def read_swings(rig: Rig, address: str, body: str, swings: int, ask: Callable[[str], object], *, how: str) -> Swings:
-    """Let a body swing several times, each asked for with ``how`` where there is an operator.
-
-    Raises
-    ------
-    rig.RigError : nothing swung, too few half swings, or a fault of the bench
-    """
+    """Let a body swing several times, each asked for with ``how`` where there is an operator; mean friction with its
+    uncertainty."""
     each = []
     with closing(open_backend(address, rig.config)) as bench:
         hardware, device = bench.capabilities.hardware, bench.capabilities.description

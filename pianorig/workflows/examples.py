@@ -114,15 +114,8 @@ SUBPIXELS = 4  # a side of a pixel's mean: edges are right to a sixteenth of the
 
 
 def write_blow_film(path: Path, bodies: Path, blow: model.Solution, frames: int = FRAMES) -> None:
-    """Film the blow with the virtual camera, from its trigger on, and write the outlines of its bodies.
-
-    Parameters
-    ----------
-    path : ``.mraw``; the header goes beside it
-    bodies : ``.toml``
-    blow : of the built-in action
-    frames : how many
-    """
+    """Film the blow with the virtual camera, from its trigger on (``path`` and its header), and write the outlines of
+    its bodies."""
     column = [model.BODIES.index(name) for name in ("whippen", "jack", "repetition")]
     relative = blow.angle_rad[:, column]  # jack and lever from the whippen, as the camera wants them
 
@@ -231,21 +224,8 @@ repeats = 2
 
 
 def write_examples(folder: Path, working: Callable[[str], None] = lambda words: None) -> dict[str, Path]:
-    """Write the example files.
-
-    Parameters
-    ----------
-    folder : made if it does not exist
-    working : told what is being made
-
-    Returns
-    -------
-    dict : name of each file and its path
-
-    Raises
-    ------
-    CommandInputError : a file is there already, or the folder cannot be written; nothing was written
-    """
+    """Write the example files into ``folder``, and return their paths by name; `CommandInputError`, before anything is
+    written, where one is there."""
     paths = {name: folder / name for name in EXAMPLES}
     sessions = {name: paths.pop(name) for name in EXAMPLES if name.startswith("sessions/")}
     there = [path for path in (*paths.values(), folder / "film.cihx", folder / "target.cihx") if path.exists()]
@@ -278,15 +258,15 @@ def write_examples(folder: Path, working: Callable[[str], None] = lambda words: 
     return paths | sessions
 
 
-def _copy_session(name: str, place: Path) -> None:
+def _copy_session(name: str, target: Path) -> None:
     """Copy a session that comes with the package, without what can be made from it again."""
     package = Path(__file__).parents[1]
     source = next(path for path in (package / name, package.parent / name) if path.is_dir())  # a wheel's, a checkout's
     for file in sorted(source.rglob("*")):
         at = file.relative_to(source)
         if file.is_file() and (len(at.parts) == 1 or at.parts[:2] == ("derived", "angles")) and file.suffix in KEPT:
-            (place / at).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(file, place / at)
+            (target / at).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(file, target / at)
 
 
 def _encoder(body: str) -> str:

@@ -38,14 +38,9 @@ CHECK = "  # CHECK: "
 
 
 def recording_facts(path: Path, out: Path | None = None) -> dict[str, Any]:
-    """Return channels, units, rates and lengths of a foreign file, and a mapping for it, which is written to ``out``.
-
-    Raises
-    ------
-    CommandInputError : the file ``out`` exists, or there is nothing to write
-    rig.RigInputError : the file cannot be read
-    """
-    tables, text_format = _read(path)
+    """Channels, units, rates and lengths of a foreign file, and a mapping for it, which is written to ``out`` if named
+    (no file may be there)."""
+    tables, text_format = _read_tables(path)
     rows = [
         {
             "channel": name,
@@ -66,7 +61,7 @@ def recording_facts(path: Path, out: Path | None = None) -> dict[str, Any]:
     )
     cut_off = [table.cut_off for table in tables if table.cut_off]
     facts |= {"not_whole": cut_off[0]} if cut_off else {}
-    proposal = _proposal(tables, text_format)
+    proposal = _propose_mapping(tables, text_format)
     if out is not None:
         if out.exists() or "\n" not in proposal["mapping"]:
             reason = "exists already; choose another name" if out.exists() else f"not written, {proposal['mapping']}"
@@ -80,7 +75,7 @@ def is_recording(path: Path) -> bool:
     return path.is_file() or (not path.exists() and path.name.lower().endswith(SUFFIXES))
 
 
-def _read(path: Path) -> tuple[tuple[ChannelTable, ...], dict[str, Any]]:
+def _read_tables(path: Path) -> tuple[tuple[ChannelTable, ...], dict[str, Any]]:
     """Return the tables of a file, and how its text is written where it is CSV."""
     if not path.name.lower().removesuffix(".gz").endswith(TEXT):
         return read_segments(path), {}
@@ -140,31 +135,32 @@ def _time_column(table: ChannelTable, beside: str) -> str | None:
     return next(iter([*of_name, *of_unit]), None)
 
 
-def _channel(table: ChannelTable, what: str, taken: list[str], group: str = "") -> str | None:
-    """Return the channel that is a force or the angle of a body, by its unit first, then by its name.
+def _find_channel(table: ChannelTable, sought: str, excluded: list[str], group: str = "") -> str | None:
+    """Channel that is ``sought``, 'force' or a body's angle, by its unit first, then by its name, not among
+    ``excluded``; None if there is none.
 
     One that cannot be read is found as well, so that what is wrong with it is said. Those of ``group`` come first.
     """
     names = sorted((*table.channels, *table.unreadable), key=lambda name: name.rpartition("/")[0] != group)
-    units = {name: known_unit(table.units.get(name, "")) for name in names if name not in taken}
-    if what == "force":
+    units = {name: known_unit(table.units.get(name, "")) for name in names if name not in excluded}
+    if sought == "force":
         found = [name for name, unit in units.items() if unit in NEWTONS]
         if found:
             return found[0]
         units = {name: unit for name, unit in units.items() if unit is None or unit in FORCE_UNITS}
     else:
         units = {name: unit for name, unit in units.items() if unit in (None, "counts", "rad", "deg")}
-    return next((name for name in units if NAMES[what].fullmatch(name)), None)
+    return next((name for name in units if NAMES[sought].fullmatch(name)), None)
 
 
-def _proposal(tables: tuple[ChannelTable, ...], text_format: dict[str, Any]) -> dict[str, Any]:
+def _propose_mapping(tables: tuple[ChannelTable, ...], text_format: dict[str, Any]) -> dict[str, Any]:
     """Return the text of a mapping for the first table, and why it does not import where it does not."""
     table = tables[0]
-    force = _channel(table, "force", [*table.computed])
+    force = _find_channel(table, "force", [*table.computed])
     time = None if force is None or table.clocks else _time_column(table, force)
     if force is None:
         return {"mapping": "none: no channel has a unit of force or a name like force, load, Kraft"}
-    encoders = _encoders(table, [time or "", force, *table.computed], force.rpartition("/")[0])
+    encoders = _find_encoders(table, [time or "", force, *table.computed], force.rpartition("/")[0])
     absent = [body for body in COUNTS_PER_REVOLUTION if body not in encoders]
     settings = {**text_format, **({"segments": "trials"} if len(tables) > 1 else {})}
     settings |= {"absent_encoders": absent} if absent else {}
@@ -187,22 +183,22 @@ def _proposal(tables: tuple[ChannelTable, ...], text_format: dict[str, Any]) -> 
             else _resolution_line(table.channels.get(channel, np.zeros(1)), unit),
             f"sign = 1{CHECK}-1 where the value rises as the body turns clockwise (thesis Fig. 2.3)",
         ]  # fmt: skip
-    problem = _problem(tables, "\n".join([*head, *body]))
+    problem = _import_problem(tables, "\n".join([*head, *body]))
     if "blow_start_s" in problem:
         head.append(f"blow_start_s = 0.0{CHECK}no rest before the push was found; when does the blow start?")
-        problem = _problem(tables, "\n".join([*head, *body]))
+        problem = _import_problem(tables, "\n".join([*head, *body]))
     text = "\n".join([*head, *body]) + "\n"
     return {"mapping": text} | ({"does_not_import_yet": problem} if problem else {})
 
 
-def _encoders(table: ChannelTable, taken: list[str], group: str) -> dict[str, tuple[str, str]]:
-    """Return channel and unit of each body's encoder that a name tells."""
+def _find_encoders(table: ChannelTable, excluded: list[str], group: str) -> dict[str, tuple[str, str]]:
+    """Channel and unit of the encoder of each body that a name tells, by body; none of the channels ``excluded``."""
     found: dict[str, tuple[str, str]] = {}
     for body in COUNTS_PER_REVOLUTION:
-        name = _channel(table, body, taken, group)
+        name = _find_channel(table, body, excluded, group)
         if name is None:
             continue
-        taken = [*taken, name]
+        excluded = [*excluded, name]
         values = table.channels.get(name, np.zeros(1))
         unit = known_unit(table.units.get(name, "")) or ("counts" if np.all(values == np.round(values)) else "rad")
         found[body] = name, unit
@@ -262,7 +258,7 @@ def _force_lines(table: ChannelTable, force: str) -> list[str]:
     return lines
 
 
-def _problem(tables: tuple[ChannelTable, ...], text: str) -> str:
+def _import_problem(tables: tuple[ChannelTable, ...], text: str) -> str:
     """Return why a mapping does not import the tables; empty where it does."""
     try:
         config = parse_mapping(text).config

@@ -1,8 +1,8 @@
 """Trials judged while a session is recorded, in a process of its own: what it does cannot slow the recorder.
 
-`judging` starts ``python -m pianorig.workflows.judge_trials FOLDER MODEL``, which looks for sealed trials in the
-folder, prints what it finds of each and writes it to ``derived/judged/trial_NNNN.json`` (`page.live` reads these). It
-runs at lower priority, on one thread, and ends when its standard input ends, that is with the recorder at the latest.
+`judge_during_recording` starts ``python -m pianorig.workflows.judge_trials FOLDER MODEL``, which looks for sealed
+trials in the folder, prints what it finds of each and writes it to ``derived/judged/trial_NNNN.json`` (`page.live`
+reads these). It runs at lower priority, on one thread, and ends with its standard input, at the latest the recorder.
 The recorder only passes its lines on, from a thread. Killed, it takes no sample and no trial with it.
 """
 
@@ -42,13 +42,9 @@ def is_model(action: str) -> bool:
 
 
 @contextmanager
-def judging(folder: Path, action: str, quiet: bool = False) -> Iterator[None]:
-    """Have every trial that is sealed in ``folder`` judged, where ``action`` names a model, and say what was found.
-
-    Raises
-    ------
-    CommandInputError, model.ModelError : the model cannot be used
-    """
+def judge_during_recording(folder: Path, action: str, quiet: bool = False) -> Iterator[None]:
+    """Have every trial that is sealed in ``folder`` while the block runs judged by a process, where ``action`` names a
+    model, and say what was found."""
     if not is_model(action):
         yield
         return
@@ -95,7 +91,8 @@ def judging(folder: Path, action: str, quiet: bool = False) -> Iterator[None]:
 
 
 def judge_trials(folder: Path, action: str, has_ended: threading.Event, tell: Callable[[str], None]) -> None:
-    """Judge every trial that appears in ``folder``, until the recording has ended and all are judged."""
+    """Judge every trial that appears in ``folder``, write each judgement as JSON and tell its lines, until the
+    recording has ended and all are judged."""
     # start-up: two seconds that the recorder does not spend
     from rig.atomic_write import write_text
     from rig.errors import RigError
@@ -126,7 +123,7 @@ def judge_trials(folder: Path, action: str, has_ended: threading.Event, tell: Ca
 
 
 def main(folder: str, action: str) -> None:
-    """The process of `judging`."""
+    """Judge trials, as a process of its own, until its standard input ends."""
     if hasattr(os, "nice"):
         os.nice(LOWER_PRIORITY)
     has_ended = threading.Event()

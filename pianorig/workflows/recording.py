@@ -78,7 +78,7 @@ class BenchAccess:
 
 
 @contextmanager
-def interrupts_told(folder: Path, *, resumed: bool = False) -> Iterator[None]:
+def report_interrupt(folder: Path, *, resumed: bool = False) -> Iterator[None]:
     """Turn Ctrl-C during a recording into ``folder`` into a message that says what it did."""
     others = folder.is_dir() and any(folder.iterdir()) and not resumed  # the recorder would have refused it
     try:
@@ -127,7 +127,8 @@ def action_geometry(truth: PlantTruth) -> ActionGeometry:
 def film_virtual_trial(
     session: Session, trial: Trial, bench: SimulatedBackend, progress: Callable[[int, int], None] | None = None
 ) -> FilmTruth:
-    """Render the film of the trial just recorded from the plant's truth and put it beside the trial.
+    """Render the film of the trial just recorded from the plant's truth, put it beside the trial, and write the
+    session's outlines where it has none.
 
     Frames start `STILL_BEFORE_S` before the blow; the trial's number is the seed of the camera's noise. A camera that
     runs by itself exposes when the bench says, not when the trial believes.

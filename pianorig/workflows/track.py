@@ -37,21 +37,8 @@ COLUMNS = 3  # of frames in the preview
 
 
 def preview_track(film: SessionFilm, picture: Path, count: int, **options: Unpack[FitOptions]) -> dict[str, Any]:
-    """Fit ``count`` frames of a film and draw them.
-
-    Parameters
-    ----------
-    picture : where the frames are drawn (.png)
-    options : method, n_still, camera, see `vision.preview`
-
-    Returns
-    -------
-    dict : ``picture``, ``frames``, ``lost`` (per body) and ``lines`` to print, one per frame
-
-    Raises
-    ------
-    CommandInputError : as for tracking
-    """
+    """Fit ``count`` frames of a film and draw them into ``picture`` (.png); return its name, frames, lost ones by body,
+    and lines to print."""
     bodies = vision.load_bodies(film.outlines)
     with film.open() as source:
         times, options["u_time_s"] = film.frame_times(source)
@@ -72,7 +59,7 @@ def preview_track(film: SessionFilm, picture: Path, count: int, **options: Unpac
 
 
 @contextmanager
-def tracking_kept(unfinished: Path) -> Iterator[None]:
+def report_tracking_interrupt(unfinished: Path) -> Iterator[None]:
     """Turn Ctrl-C during a tracking into a message that says what is kept in the file ``unfinished``."""
     try:
         yield
@@ -126,13 +113,8 @@ def draw_track(
     contact_sheet: Path | None = None,
     plot: Path | None = None,
 ) -> None:
-    """Draw what was tracked, each where a file is named for it.
-
-    Parameters
-    ----------
-    contact_sheet : picture of the worst frames (.png)
-    plot : angles and residuals over time (.png)
-    """
+    """Write a picture of the worst frames (``contact_sheet``) and one of angles and residuals over time (``plot``),
+    each where it is named (.png)."""
     if plot is not None:
         vision.write_plot(plot, result)
     if contact_sheet is not None:
@@ -141,17 +123,8 @@ def draw_track(
 
 
 def track_film_file(film: SessionFilm, **options: Unpack[TrackOptions]) -> vision.TrackResult:
-    """Track the bodies of one film; frame times from the trial's frame clock when it has one.
-
-    Parameters
-    ----------
-    options : every, method, confirm, camera, checkpoint, expected, progress and more, see `vision.track`
-
-    Raises
-    ------
-    CommandInputError : no outlines are known for the film, or it needs no frame rate
-    rig.errors.InputError : its frame clock does not fit
-    """
+    """Track the bodies of one film and store the angles in its session, if it has one; frame times are from the trial's
+    frame clock."""
     bodies = vision.load_bodies(film.outlines)
     with film.open() as source:
         times, options["u_time_s"] = film.frame_times(source)
@@ -160,7 +133,7 @@ def track_film_file(film: SessionFilm, **options: Unpack[TrackOptions]) -> visio
         result.info["clock_offset"] = clock_offsets(film.owner[1], result)
         part = {"first_frame": film.first_frame} if film.is_part else {}
         part |= {"last_frame": film.last_frame} if film.last_frame is not None else {}
-        film.store_angles(result.to_frame(), _attributes(result, options.get("every", 1)) | part)
+        film.store_angles(result.to_frame(), _table_attributes(result, options.get("every", 1)) | part)
     return result
 
 
@@ -168,7 +141,7 @@ def numbered_in_film(film: SessionFilm, result: vision.TrackResult) -> vision.Tr
     return replace(result, frame=result.frame + film.first_frame)
 
 
-def _attributes(result: vision.TrackResult, every: int) -> dict[str, Any]:
+def _table_attributes(result: vision.TrackResult, every: int) -> dict[str, Any]:
     """How the angles were found and what makes up their uncertainty, as attributes of the stored table."""
     attributes: dict[str, Any] = {"every": every, "n_still": result.n_still}
     attributes |= {f"{b}_u_common_rad": float(u) for b, u in zip(result.bodies, result.u_common_rad, strict=True)}
@@ -244,23 +217,8 @@ def retrack(
     places: dict[str, Place],
     **options: Unpack[FitOptions],
 ) -> pd.DataFrame:
-    """Fit single frames again and put them into the film's table, and into its session.
-
-    Parameters
-    ----------
-    table_file : CSV that tracking wrote; rewritten whole
-    frames : frame numbers that stand in the table
-    places : body to (angle rad, x px, y px); bodies not named start between their good neighbours
-    options : as for `vision.track`; method and n_still by default as the session has them stored
-
-    Returns
-    -------
-    pandas.DataFrame : the new rows; times in the table stay
-
-    Raises
-    ------
-    CommandInputError : no such frame or body, or options other than the film was tracked with
-    """
+    """Fit single frames (numbers) again, bodies from ``places`` or from between good neighbours; rewrite their rows in
+    the table and the session; return them."""
     from scipy.interpolate import make_interp_spline  # start-up: only a frame that is fitted again needs it
 
     bodies = vision.load_bodies(film.outlines)
@@ -302,7 +260,7 @@ def retrack(
             times,
             **options,
         )
-    now = _attributes(result, 1)
+    now = _table_attributes(result, 1)
     for name in ("n_still", "camera", "shutter"):
         if attributes.get(name, now[name]) != now[name]:
             raise CommandInputError(
@@ -322,7 +280,8 @@ def retrack(
 
 
 def _tracked_field(film: SessionFilm, source: vision.Film, attributes: dict[str, Any]) -> str:
-    """Rows of interlaced frames that the table is of, which single frames do not show."""
+    """Name of the field, 'even' or 'odd' rows, of interlaced frames that the table is of; `CommandInputError` where
+    nothing says it."""
     known = attributes.get("first_field", source.first_field)
     if known is None:
         raise CommandInputError(
@@ -336,7 +295,8 @@ def _number_or_none(value: Any) -> int | None:
 
 
 def _interpolate_places(table: pd.DataFrame, row: int, bodies: Sequence[vision.Body]) -> dict[str, Place]:
-    """Places between the nearest rows before and after in which the bodies are known."""
+    """Place of each body in a row of the table (index), angle rad, x px, y px, between the nearest rows in which it is
+    known."""
     places = {}
     frame = table["frame"].to_numpy(dtype=float)
     for body in bodies:

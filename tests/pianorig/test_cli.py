@@ -49,7 +49,7 @@ def test_matrices_are_multiplied_by_one_thread_unless_asked(asked: str) -> None:
 
 def test_a_warning_is_shown_once_and_in_the_words_of_the_command(capsys: pytest.CaptureFixture[str]) -> None:
     """A film is opened for its preview, its tracking and its picture, and warns each time."""
-    show = cli._show_each_once()
+    show = cli._make_warning_printer()
     for text in ("film.avi: give the rate\n(`frame_rate_hz`)", "another", "film.avi: give the rate (`frame_rate_hz`)"):
         show(text)
     assert capsys.readouterr().err == "warning: film.avi: give the rate (--frame-rate)\nwarning: another\n"

@@ -10,7 +10,7 @@ import pytest
 import rig
 from pianorig import workflows
 from pianorig.console.failures import Interrupted
-from pianorig.workflows.recording import interrupts_told
+from pianorig.workflows.recording import report_interrupt
 from rig.safety.interrupts import Terminated
 from rig.simulated import SimulatedBackend
 from tests.command_line import run
@@ -25,7 +25,7 @@ def interrupting(at_trial: int, after_s: float = 0.3, what: type[BaseException] 
 
 
 def record(folder: Path, **keywords: Any) -> str:
-    with pytest.raises(Interrupted) as caught, interrupts_told(folder):
+    with pytest.raises(Interrupted) as caught, report_interrupt(folder):
         workflows.record(folder, trials=3, **keywords)
     assert caught.value.exit_code == 130
     return str(caught.value)
@@ -81,7 +81,10 @@ def test_an_interrupted_tracking_says_what_is_kept(tmp_path: Path) -> None:
     for there, words in ((False, "no frame was kept"), (True, f"kept in {unfinished}, the same command goes on there")):
         if there:
             unfinished.touch()
-        with pytest.raises(Interrupted, match="stopped by Ctrl-C") as caught, workflows.tracking_kept(unfinished):
+        with (
+            pytest.raises(Interrupted, match="stopped by Ctrl-C") as caught,
+            workflows.report_tracking_interrupt(unfinished),
+        ):
             raise KeyboardInterrupt
         assert words in str(caught.value) and "no table was written" in str(caught.value)
 

@@ -76,10 +76,7 @@ def fill_remaining_outputs(nth, until, wanted, tangent, channels):
 @inlined_uncounted
 def linearise_at(t, m, place, motion, drive, linear, linearise):
     """Fill row ``m`` of ``linear`` with the linearised equations at ``t``; return the indices (motion's step, input
-    interval) of ``t``, searched from ``place``.
-
-    The searches for these start from ``place``, which holds those returned before.
-    """
+    interval) of ``t``, searched from ``place``."""
     k = interpolate_state(t, place[0], motion, linear.space.point)
     u, _, k_in = interpolate_own_input(t, place[1], drive)
     changes = linear.input_slope

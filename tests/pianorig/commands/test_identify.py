@@ -163,7 +163,7 @@ def test_the_budget_reaches_the_fit(found: Found, monkeypatch: pytest.MonkeyPatc
 def test_nothing_can_be_ranked_without_a_stroke_that_a_force_drives(found: Found) -> None:
     with pytest.raises(CommandInputError, match="no session with forces"):
         command.next_strokes(found)  # type: ignore[arg-type]
-    ranked, refused, why = command.ranked_next(found)  # type: ignore[arg-type]
+    ranked, refused, why = command.next_strokes_or_reason(found)  # type: ignore[arg-type]
     assert not ranked and not refused and why.startswith("no session with forces was fitted")
 
 
