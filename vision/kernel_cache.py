@@ -41,7 +41,7 @@ def digest_of_sources() -> str:
 
 
 def read_entry(path: Path) -> bytes | None:
-    """Content of an entry; None where there is none, or where it is not as `write_entry` wrote it."""
+    """Content of an entry; None where there is none, or, with a warning, where it is not as `write_entry` wrote it."""
     try:
         data = path.read_bytes()
     except FileNotFoundError:

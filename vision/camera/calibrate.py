@@ -128,7 +128,8 @@ def find_points(picture: NDArray[Any], target: Target) -> NDArray[np.float64] | 
 
 
 def calibrate(film: FrameSource, target: Target, every: int = 1) -> Calibration:
-    """Calibrate from a film (or a folder of pictures) of the target in the plane of motion.
+    """Calibrate the camera from one frame in ``every`` of a film (or a folder of pictures) of the target in the plane
+    of motion.
 
     Parameters
     ----------

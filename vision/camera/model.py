@@ -115,7 +115,7 @@ def project_posed_points(
 
 
 def tilt_homography(tilt_rad: float, direction_rad: float, distance_px: float) -> NDArray[np.float64]:
-    """Homography of a camera whose axis leans by ``tilt_rad`` from the normal of the plane.
+    """Homography (3, 3) of a camera whose axis leans by ``tilt_rad`` from the normal of the plane of motion.
 
     The plane recedes towards ``direction_rad`` (from x to y, picture axes); ``distance_px`` is the distance of
     the lens over the size of a pixel on the plane. Points along the direction at u and across it at v appear
@@ -219,7 +219,7 @@ class AssumedCamera:
         return None
 
     def variants(self, width: int, height: int) -> list[Variant]:
-        """The tilt in eight directions, and the distortion.
+        """Projections for the budget, each with its weight and term: tilted in eight directions, and distorted.
 
         Part of the error grows with the square of the tilt; the mean over a normal distribution of the tilt is
         that of the points 0 and sqrt(3) standard uncertainties, with the weights 2/3 and 1/3 (Gauss-Hermite).
@@ -308,7 +308,7 @@ def build_projection(parameters: NDArray[np.float64], width: int, height: int) -
 
 
 def save_calibration(path: str | os.PathLike[str], camera: CalibratedCamera, notes: Mapping[str, Any]) -> None:
-    """Write a camera file, whole or not at all.
+    """Write a camera file, with ``notes`` on how it was made, whole or not at all.
 
     Parameters
     ----------

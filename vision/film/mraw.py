@@ -518,7 +518,7 @@ def write_mraw(
 
 
 def pack12(values: NDArray[np.uint16]) -> bytes:
-    """Pack an even number of 12-bit values, two in three bytes, the first in the upper bits."""
+    """Bytes of an even number of 12-bit values (n,), two in three bytes, the first in the upper bits."""
     first, second = values[0::2], values[1::2]
     out = np.empty((first.size, 3), dtype=np.uint8)
     out[:, 0] = first >> 4

@@ -146,7 +146,8 @@ def _pace_ratio(intervals: F64) -> float:
 
 
 def frame_times_at_rate(film: FrameSource, frame_rate_hz: float) -> F64:
-    """Times of a film's frames for the rate at which it was taken.
+    """Times (n_frames,), s, of a film's frames for the rate at which it was taken; uneven stamps keep their pattern,
+    with a warning.
 
     Parameters
     ----------

@@ -156,7 +156,7 @@ def index_video(path: Path, allow_truncated: bool) -> VideoIndex:
 
 @lru_cache(maxsize=HELD)
 def _build_index(_resolved: Path, path: Path, _changed_ns: int, _size: int) -> VideoIndex:
-    """Read a video's index; the arguments from the path on make it be read anew when the file changes."""
+    """Read a video's index; it is kept while path, time of change and size of the file are the same."""
     with open_container(path) as container:
         stream = choose_video(container)
         packets = _demux(path, container, stream)

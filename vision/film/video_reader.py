@@ -149,7 +149,7 @@ class VideoFilm(Film):
         warnings.warn(f"{self.path}: its file wants the picture {words}, which is done", VisionWarning, stacklevel=4)
 
     def _set_compression(self, index: VideoIndex) -> None:
-        """Set what the codec loses, ``compression``; warn where its loss cannot be stated."""
+        """Set ``compression`` by what the codec loses; warn where its loss cannot be stated."""
         if index.codec == "mjpeg":
             self.compression = jpeg_compression(self.path, index.first_packet, stacklevel=4)
         if index.is_lossless or self.compression is not None:

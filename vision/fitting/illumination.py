@@ -356,7 +356,7 @@ class IlluminationField:
         return self._factor
 
     def _add_change(self, light: Illumination, more: F64) -> Illumination:
-        """Illumination with more of it: added where the light glows, else multiplied and limited."""
+        """The light with ``more`` (rows, columns) of it: added where it glows, else multiplied and limited."""
         if light.glows:
             return Illumination(light.shade, light.glow + more, True)
         return Illumination(
@@ -374,7 +374,8 @@ class IlluminationField:
     def correct_coefficients(
         self, coefficient: NDArray[np.float32], corner: tuple[int, int], pose: F64, light: Illumination
     ) -> NDArray[np.float32]:
-        """Spline coefficients of a region, whose first pixel is at (y, x), brought back to even light."""
+        """Spline coefficients of a region, whose first pixel is at ``corner`` (y, x), brought back to even light for
+        the body at ``pose``."""
         template = self._template
         height, width = coefficient.shape
         cosine, sine = math.cos(pose[0]), math.sin(pose[0])

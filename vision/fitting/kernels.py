@@ -291,13 +291,7 @@ def robust_scale(residual: F32, visible: F32, top: float, bin_of: I32) -> float:
 @inner_njit()
 def linear_residuals(columns: F32, value: F32, q: F64, residual: F32) -> None:
     at, ax, ay, ref = columns[0], columns[1], columns[2], columns[3]
-    q0, q1, q2, q3, q4 = (
-        np.float32(q[0]),
-        np.float32(q[1]),
-        np.float32(q[2]),
-        np.float32(q[3]),
-        np.float32(q[4]),
-    )
+    q0, q1, q2, q3, q4 = np.float32(q[0]), np.float32(q[1]), np.float32(q[2]), np.float32(q[3]), np.float32(q[4])
     for i in range(at.size):
         residual[i] = value[i] - (q0 * at[i] + q1 * ax[i] + q2 * ay[i] + q3 * ref[i] + q4)
 

@@ -55,7 +55,7 @@ class Standards(NamedTuple):
 
     @classmethod
     def from_templates(cls, templates: Sequence[Template]) -> Standards:
-        """Of bodies before their first fit."""
+        """Standards of bodies before their first fit."""
         rows = []
         for template in templates:
             variance = float(np.var(template.columns[3]))

@@ -45,7 +45,8 @@ class OutlineDrawer:
         self._found = [np.flatnonzero(np.isfinite(result.angle_rad[:, i])) for i in range(len(bodies))]
 
     def picture(self, row: int) -> NDArray[Any]:
-        """Frame of a row of the result in colour, shape (height, width, 3)."""
+        """Frame of a row of the result with the tracked outlines drawn, in colour (blue, green, red), (height, width,
+        3)."""
         result, film = self._result, self._film
         colour = cv2.cvtColor(grey_picture(film.read(int(result.frame[row])), film.bit_depth), cv2.COLOR_GRAY2BGR)
         for i, shape in enumerate(self._shapes):
@@ -81,7 +82,8 @@ def write_contact_sheet(
     count: int = 12,
     columns: int = 3,
 ) -> list[int]:
-    """Write one picture (PNG) with the worst frames: lost ones first, then those of the lowest correlation.
+    """Write one picture (PNG) with the worst frames, lost ones first, then those of the lowest correlation; returns
+    their numbers.
 
     Parameters
     ----------
@@ -166,12 +168,12 @@ def flag_texts(flag: int) -> str:
     return ", ".join(bit.name.lower().replace("_", " ") for bit in FrameFlag if bit and flag & bit and bit.name)
 
 
-def _tile(picture: Picture, words: tuple[str, str]) -> Picture:
+def _tile(picture: Picture, lines: tuple[str, str]) -> Picture:
     """A frame (height, width, 3), enlarged to a readable width, below two lines of text."""
     factor = max(1, -(-TILE_WIDTH_PX // picture.shape[1]))
     large = cv2.resize(picture, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)
     strip = np.zeros((2 * LINE_PX + 4, large.shape[1], 3), dtype=np.uint8)
-    for line, (text, colour) in enumerate(zip(words, (WHITE, GREY), strict=True)):
+    for line, (text, colour) in enumerate(zip(lines, (WHITE, GREY), strict=True)):
         _write_label(strip, text, (6, (line + 1) * LINE_PX - 4), colour, 0.45)
     return np.vstack([strip, large])
 

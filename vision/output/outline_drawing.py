@@ -43,7 +43,8 @@ def grey_picture(picture: ArrayLike, bit_depth: int) -> NDArray[np.uint8]:
 
 
 def _draw_scales(picture: NDArray[Any], shape: tuple[int, ...], factor: int) -> None:
-    """Draw scales of film pixels, as outlines are written in, along the picture's upper and left side."""
+    """Draw scales of film pixels along the upper and left side of ``picture``, and a grid into it; it shows a frame of
+    ``shape`` enlarged by ``factor``."""
     step = next(step for step in (10, 20, 50, 100, 200, 500, 1000) if step * factor >= SCALE_STEP_PX or step == 1000)
     for along, size in enumerate((shape[1], shape[0])):
         for value in range(0, size, step):
@@ -120,7 +121,7 @@ TITLE_PX = 26
 
 
 def draw_frames(film: FrameSource, count: int = 4) -> NDArray[np.uint8]:
-    """Frames spread over a film, from which to read the outlines of its bodies.
+    """One picture of frames spread over a film, with scales and a grid, from which to read the outlines of its bodies.
 
     Parameters
     ----------

@@ -116,7 +116,8 @@ def sample_spline(  # type: ignore[no-untyped-def]
     top,
     out,
 ):
-    """Fill ``out`` with the cubic B-spline's values at points; ``top`` outside the picture and at saturated pixels."""
+    """Fill ``out`` (h, w) with the values of the cubic B-spline ``coefficient`` at points (``at_x``, ``at_y``), each
+    (h, w), and with ``top`` outside the picture and where the pixel of ``grey`` reaches it."""
     rows, columns = coefficient.shape
     weight_x, weight_y = np.empty(4), np.empty(4)
     for i in range(out.shape[0]):

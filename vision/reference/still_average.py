@@ -93,10 +93,11 @@ def average_still_frames(
 
 
 def _estimate_background_noise(film: FrameSource, grey: NDArray[np.float64]) -> float:
-    """Noise of a film whose bodies never rest, from what does not move in it.
+    """Noise, grey, of a film whose bodies, of grey values ``grey`` (n,), never rest, from what does not move in it;
+    infinite where frames do not differ.
 
-    Neighbouring frames are compared where the picture is as bright as the bodies are, whose grey values are ``grey``;
-    what moves there is left out as outlying. Infinite where frames do not differ: then they do not show their noise.
+    Neighbouring frames are compared where the picture is as bright as the bodies; what moves there is left out as
+    outlying.
     """
     low, high = np.percentile(grey, [EXTREME_PERCENT, 100.0 - EXTREME_PERCENT])
     before = film.read(0).astype(np.float32)

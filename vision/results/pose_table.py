@@ -38,7 +38,7 @@ class PoseTable:
 
     @classmethod
     def empty(cls, frame: NDArray[np.int64], n_bodies: int) -> PoseTable:
-        """All rows lost."""
+        """Table of the frames numbered ``frame`` (n,), in which every body is lost."""
         n = frame.size
         zncc, inlier, noise, gain = (np.full((n, n_bodies), np.nan) for _ in range(4))
         flag = np.full((n, n_bodies), int(FrameFlag.NOT_CONVERGED), dtype=np.uint16)

@@ -47,7 +47,8 @@ class PlanarPose(NamedTuple):
 
 @cached_njit(nogil=True, fastmath=FAST)
 def composite(picture: NDArray[np.float32], table: TextureTable, shown: PlanePoints, pose: PlanarPose) -> None:
-    """Draw a textured body over a picture: its table is sampled by cubic splines, its edge blended by ``alpha``."""
+    """Draw a textured body over ``picture``, in place: its table is sampled by cubic splines, its edge blended by
+    ``alpha``."""
     coefficient, alpha, oversampling = table.coefficient, table.alpha, table.oversampling
     table_x, table_y = table.x, table.y
     pivot_x, pivot_y, phi = pose.x, pose.y, pose.phi

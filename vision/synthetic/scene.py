@@ -134,7 +134,8 @@ class Scene:
         return PlanePoints(np.ascontiguousarray(point[..., 0]), np.ascontiguousarray(point[..., 1]), bend)
 
     def light(self, poses: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Noise-free picture averaged over the instants of one exposure.
+        """Noise-free picture (height, width), averaged over the instants of one exposure, for the poses (instants,
+        bodies, 3) of all bodies.
 
         Parameters
         ----------
@@ -189,7 +190,7 @@ class Sensor:
         self._rng = np.random.default_rng(seed)
 
     def expose(self, light: NDArray[np.float32], gain: float = 1.0) -> NDArray[Any]:
-        """Stored frame of a noise-free picture."""
+        """Stored frame (height, width) of a noise-free picture times ``gain``: with noise, rounded and clipped."""
         frame = self._rng.standard_normal(light.shape, dtype=np.float32)
         frame *= self._noise
         frame += light * np.float32(gain)

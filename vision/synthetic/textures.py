@@ -70,7 +70,7 @@ def speckle(
     contrast_grey: float = 38.0,  # choice: not saturated
     mean_grey: float = 128.0,  # the middle of 8 bit
 ) -> BlobTexture:
-    """Sprayed dots of both signs.
+    """Texture of sprayed dots of both signs that fills ``extent`` (x0, y0, x1, y1), px.
 
     Parameters
     ----------
@@ -102,7 +102,8 @@ def wood_grain(
     contrast_grey: float = 16.0,  # choice: bare wood
     mean_grey: float = 140.0,  # as above
 ) -> BlobTexture:
-    """Bare wood: long thin fibres and broader growth rings along one direction, with little texture along the grain.
+    """Texture of bare wood that fills ``extent`` (x0, y0, x1, y1), px: thin fibres and broader rings along one
+    direction, with little texture along the grain.
 
     Parameters
     ----------

@@ -273,7 +273,8 @@ class BodyTracker:
     def _fit_anew(
         self, film: FrameSource, index: int, start: NDArray[np.float64], covered: NDArray[np.uint8] | None
     ) -> tuple[Fit, FrameFlag]:
-        """Fit without the weights of the frame before: from equal ones, then in case much of the body is hidden."""
+        """Fit from the pose ``start``, and its flag, without the weights of the frame before: from equal ones, then, if
+        that fails, in case much of the body is hidden."""
         for cautious in (False, True):
             self.fitter.reset(cautious)
             fit = self.fitter.fit(film, index, start, covered)

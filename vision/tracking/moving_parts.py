@@ -70,7 +70,7 @@ class MovingParts:
 
 
 def find_moving_parts(ready: PreparedFilm, table: PoseTable) -> dict[str, MovingParts]:
-    """Bodies of which parts move against the rest, by name."""
+    """Parts that move against the rest of their outline, by the name of the body; bodies without any are left out."""
     found = {}
     for i, template in enumerate(ready.templates):
         if not _needs_test(table, i):

@@ -131,7 +131,8 @@ class _ProgressRecorder:
 
 
 def confirm_backward(ready: PreparedFilm, table: PoseTable, confirm: str, threads: int = 1) -> int:
-    """Track backward through the doubtful rows and correct the table; returns the number of rows tracked again."""
+    """Track backward through the rows that ``confirm`` names (`CONFIRM`) and correct the table; returns the number of
+    rows tracked again."""
     n = table.frame.size
     stretches = [(0, n)] if confirm == "all" else doubtful_segments(table) if confirm == "doubtful" else []
     with workers(threads if len(stretches) > 1 and is_thread_safe(ready.film) else 1) as crew:
