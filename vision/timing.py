@@ -11,7 +11,6 @@ from vision.arrays import as_numbers
 from vision.errors import VisionInputError
 
 MAX_OFFSET_FRAMES = 20.0  # between a film's clock and an encoder's that is looked for
-STEPS = 161  # offsets that are tried first: a quarter of a frame apart
 MOST_LAGS = 12  # of the residuals' correlation, that count in the uncertainty: frames
 LEAST_SAMPLES = 8  # of film and encoder: three unknowns and a scatter
 MIN_MOVED_U = 20.0  # the angle must change by this many of its own standard uncertainties
@@ -121,7 +120,7 @@ def estimate_offset(
         solution = np.linalg.lstsq(rest, target, rcond=None)[0]
         return float(np.sum((target - rest @ solution) ** 2))
 
-    steps = np.linspace(-reach, reach, STEPS)
+    steps = np.arange(-reach, reach, 0.25 * frame_s)
     offset = float(steps[int(np.argmin([misfit(step) for step in steps]))])
     scale = 1.0
     for _ in range(20):

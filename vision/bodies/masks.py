@@ -12,8 +12,9 @@ from vision.errors import BodyError
 from vision.film.source import SATURATED_SHARE
 from vision.item_map import ItemMap, serial_map
 
-EROSION_PX = 4.0  # width of the rim that is not used: edge pixels mix the body with what lies behind it
-CLEARANCE_PX = 4.0  # distance kept from the outline of a body that lies in front
+CLEARANCE_PX = (
+    4.0  # from an outline that is not used, inside and of bodies in front: edge pixels mix what lies beside it
+)
 SATURATED_REACH_PX = 2  # around a saturated area: choice: its light spills over
 MIN_PIXELS = 100  # below this a five-parameter fit is not worth starting
 
@@ -62,7 +63,7 @@ def masks_from_distances(bodies: Sequence[Body], distances: Sequence[NDArray[np.
     height, width = distances[0].shape
     masks = []
     for i, body in enumerate(bodies):
-        mask = distances[i] > EROSION_PX
+        mask = distances[i] > CLEARANCE_PX
         for j, other in enumerate(bodies):
             if j != i and other.layer >= body.layer:
                 mask &= distances[j] < -CLEARANCE_PX
@@ -70,7 +71,7 @@ def masks_from_distances(bodies: Sequence[Body], distances: Sequence[NDArray[np.
         if found < MIN_PIXELS:
             raise BodyError(
                 f"body {body.name}: {found} usable pixels in the {width} x {height} picture, at least {MIN_PIXELS} "
-                f"needed after {EROSION_PX:g} px of rim and the bodies in front; draw it larger or set its layer"
+                f"needed after {CLEARANCE_PX:g} px of rim and the bodies in front; draw it larger or set its layer"
             )
         masks.append(mask)
     return masks

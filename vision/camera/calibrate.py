@@ -23,6 +23,7 @@ from vision.angles import turn_matrix
 from vision.camera.model import EXPECTED_TURN_RAD, MAX_DISTORTION, CalibratedCamera, build_projection
 from vision.errors import VisionInputError
 from vision.film.source import FrameSource
+from vision.fitting.template import MOST_CONDITION
 
 TARGETS = ("checkerboard", "dots")
 CORNER_SHARE = 0.3  # of the distance of corners, that the window of one reaches to each side: to no other edge
@@ -33,8 +34,7 @@ LEAST_DISTANCE_PX = 3.0  # of two dots: neighbours touch below
 PAPER = 0.9  # quantile of the grey values around a dot, that is paper
 BRIGHTEST = 0.999  # quantile of the grey values, that is white: glints and defect pixels lie above
 LEAST_FREEDOM = 8  # degrees, with which the residual is known to a quarter
-MOST_CONDITION = 1e9  # of the scaled Jacobian: beyond it the target does not fix the view
-BLOCK_POINTS = (13, 5)  # of the block along x and y: choice, every ten pixels
+GRID_PX = 10.0  # from point to point of the block: choice
 EDGE = 0.15  # of the spanned part, that the block's middle keeps from its edge: choice
 AT_REST_PX = 0.3  # frames whose points moved less than this since the last view are averaged with it
 MAX_VIEWS = 40  # of the target that are used, spread over the film
@@ -193,7 +193,7 @@ def angle_errors(
 ) -> tuple[float, float]:
     """Largest angle error without correction, and largest standard uncertainty with it, rad, of a block that turns by
     ``turn_rad`` anywhere between the corners ``low_px`` and ``high_px`` (x, y) of a part of the picture."""
-    x, y = np.meshgrid(*(np.linspace(-0.5, 0.5, n) * side for n, side in zip(BLOCK_POINTS, BLOCK_PX, strict=True)))
+    x, y = np.meshgrid(*(np.linspace(-0.5, 0.5, round(side / GRID_PX) + 1) * side for side in BLOCK_PX))
     block = np.stack([x.ravel(), y.ravel()], axis=-1)
     size = camera.width, camera.height
     seen_by = [build_projection(camera.parameters, *size), *(one.projection for one in camera.variants(*size))]

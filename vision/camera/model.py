@@ -31,6 +31,7 @@ CONVERGED = 1e-11  # of half a diagonal, the last step of an inverse: some nanop
 MAX_TILT_RAD = math.radians(30.0)  # of an assumed camera: more is seen by eye
 EXPECTED_TURN_RAD = math.radians(15.0)  # of a body in a blow, for which errors are stated before it is filmed
 PLAIN = np.eye(2, 3)
+N_PARAMETERS = 5  # stretch, shear, perspective (2), radial distortion
 
 
 @dataclass(frozen=True)
@@ -267,7 +268,7 @@ class CalibratedCamera:
     def __post_init__(self) -> None:
         parameters = as_numbers(self.parameters, "camera calibration: parameters")
         covariance = as_numbers(self.covariance, "camera calibration: covariance")
-        good = parameters.shape == (5,) and covariance.shape == (5, 5)  # stretch, shear, perspective, radial
+        good = parameters.shape == (N_PARAMETERS,) and covariance.shape == (N_PARAMETERS, N_PARAMETERS)
         good = good and bool(np.all(np.isfinite(parameters)) and np.all(np.isfinite(covariance)))
         if not good or np.linalg.eigvalsh(0.5 * (covariance + covariance.T)).min() < -1e-9 * np.abs(covariance).max():
             raise VisionInputError("camera calibration: needs 5 finite parameters and their 5 x 5 covariance")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from vision.errors import FilmError
 
-WINDOW_BYTES = 32 * 1024 * 1024  # mapped at a time, unless one request needs more
+WINDOW_BYTES = 1 << 25  # mapped at a time, unless one request needs more
 
 
 class FileWindow:

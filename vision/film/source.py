@@ -53,9 +53,9 @@ def jpeg_quantisation_table(data: bytes) -> NDArray[np.float64] | None:
     """Luminance quantisation table of a JPEG, shape (8, 8); None where it has none."""
     at = next((at for kind, at in jpeg_segments(data) if kind == 0xDB), len(data))
     number = np.dtype(">u2") if data[at : at + 1] > b"\x0f" else np.dtype(np.uint8)
-    if len(data) < at + 1 + 64 * number.itemsize:  # a table of 8 x 8
+    if len(data) < at + 1 + len(ZIGZAG) * number.itemsize:
         return None
-    values = np.frombuffer(data, dtype=number, count=64, offset=at + 1)  # as above
+    values = np.frombuffer(data, dtype=number, count=len(ZIGZAG), offset=at + 1)
     steps = np.empty((8, 8))
     steps[tuple(np.transpose(ZIGZAG))] = values
     return steps
@@ -143,6 +143,9 @@ def saturated_areas(picture: NDArray[Any], top: int) -> NDArray[np.bool_] | None
 
     inside = cv2.erode((picture >= top).astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))) > 0
     return inside if inside.any() else None
+
+
+FIRST_FRAMES = 9  # that are looked at to judge how a film begins: choice
 
 
 class FrameSource(Protocol):

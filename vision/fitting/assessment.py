@@ -19,12 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.fitting.kernels import F32, F64, I32, I64, RigidFit
-from vision.fitting.template import TILE_PX, Template
+from vision.fitting.template import MOST_CONDITION, TILE_PX, Template
 from vision.kernel_cache import cached_njit, inner_njit
 
 FAST = {"reassoc", "contract", "arcp", "nsz"}
 N_PARAMETERS = 5  # turn, two shifts, gain, offset
-MOST = 1e9  # largest element of the inverse of a normal matrix whose columns are scaled to length one
 COHERENT = 2.0  # ratio over the largest blocks, from which residuals are not noise: 1.12 on average is
 HIDDEN_SHARE = 0.05  # of the visible pixels that disagree, from which something hides the body; noise alone makes 0.003
 SUSPECTED, SINGULAR, TOO_FEW = 1, 2, 3
@@ -87,7 +86,7 @@ def inverse_and_covariance(
     # Gauss-Jordan without exchange of rows: the matrix is positive where this succeeds
     for i in range(5):
         pivot = work[i, i]
-        if not pivot > 1.0 / MOST:
+        if not pivot > 1.0 / MOST_CONDITION:
             return False
         for k in range(10):  # whole rows at once would compile a message about their shapes, for 1.5 s
             work[i, k] /= pivot
@@ -98,7 +97,7 @@ def inverse_and_covariance(
                     work[row, k] -= share_of_row * work[i, k]
     for i in range(5):
         for j in range(5):
-            if not abs(work[i, 5 + j]) < MOST:
+            if not abs(work[i, 5 + j]) < MOST_CONDITION:
                 return False
             inverse[i, j] = work[i, 5 + j] * scale[i] * scale[j]
     for i in range(3):

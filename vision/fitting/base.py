@@ -18,9 +18,11 @@ from vision.kernel_cache import cached_njit
 
 MARGIN_PX = 14  # read around the body: 8 px for the spline filter, the rest for motion beyond the prediction
 LEAST_PX = 16  # side of a region
+LEAST_NOISE_GREY = 0.5  # that fits assume: below it there is only the rounding to whole grey values
 NO_REGION = -1
-MEDIAN_U = 1.25  # standard error of a median of normal noise over a mean's: sqrt(pi / 2)
-ROUNDING_GREY = 0.3  # standard deviation of rounding to whole grey values, 1 / sqrt 12
+SURE_U = 5.0  # standard uncertainties beyond which a difference is not chance: one in a million of normal noise
+MEDIAN_U = math.sqrt(0.5 * math.pi)  # standard error of a median of normal noise over a mean's
+ROUNDING_GREY = 1.0 / math.sqrt(12.0)  # standard deviation of rounding to whole grey values
 
 
 @dataclass(frozen=True)

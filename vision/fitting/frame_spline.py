@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.film.source import FrameSource, saturated_areas, saturated_grey
+from vision.fitting.base import LEAST_PX
 from vision.fitting.bspline import HALF_TAPS, POLE, prefilter_taps
 from vision.kernel_cache import cached_njit, inner_njit
 
@@ -20,7 +21,6 @@ TAPS = tuple(np.float32(6.0 * tap) for tap in prefilter_taps()[HALF_TAPS:])
 """From the middle outwards, times the gain of the recursion; frozen into the compiled code."""
 Z = np.float32(POLE)
 END = np.float32(POLE / (POLE**2 - 1.0))
-START = 16  # rows that begin the recursion; the next would count 1e-9
 F32 = NDArray[np.float32]
 
 
@@ -67,7 +67,7 @@ def prefilter(picture: NDArray[Any], out: F32) -> int:
         filter_line(line, out[y])
     # the picture is mirrored at its edges
     factor = Z
-    for k in range(1, START):
+    for k in range(1, LEAST_PX):  # as many rows as every region has: the next would count 1e-9
         add_scaled(factor, out[k], out[0])
         factor *= Z
     for y in range(1, rows):

@@ -29,8 +29,8 @@ from vision.fitting.assessment import (
     coherence_ratios,
     template_blocks,
 )
-from vision.fitting.base import FAILED, MARGIN_PX, Fit, region_of
-from vision.fitting.bspline import noise_gain
+from vision.fitting.base import FAILED, LEAST_NOISE_GREY, MARGIN_PX, Fit, region_of
+from vision.fitting.bspline import HALF_TAPS, noise_gain
 from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.illumination import LocalIllumination
 from vision.fitting.kernels import (
@@ -93,16 +93,15 @@ STOP_U = 0.1
 of 0.002 px is a small part of that, and asking for it loses frames."""
 MAX_ITERATIONS = 80
 """Most fits take two; where noise in the template holds a body of weak texture back, the steps shrink slowly."""
-FAR_PX = MARGIN_PX - 9  # a fit that ends further than this from where it began is repeated from there
+FAR_PX = MARGIN_PX - HALF_TAPS - 2  # a fit that ends further than this from where it began is repeated from there
 CHANGE_ROUNDS = 5  # fits of a frame, each under the light and scale of the one before
 LIGHT_ROUNDS = 4  # of them at most, that look at local light: choice
 QUIET = 0.7
 """The residuals of a body may be quieter than the still frames by this factor, since darker parts of a picture are."""
-SCALE_FLOOR_GREY = 0.5  # smallest noise the weights assume: below it there is only the rounding to whole grey values
 
 
 def fit_settings() -> Settings:
-    return Settings(noise_gain(), SCALE_FLOOR_GREY, TOLERANCE_PX, STOP_U, MAX_ITERATIONS)
+    return Settings(noise_gain(), LEAST_NOISE_GREY, TOLERANCE_PX, STOP_U, MAX_ITERATIONS)
 
 
 class IcgnFitter:
@@ -236,7 +235,7 @@ class IcgnFitter:
             self._followed = True
             more = self._slow_changes().update(weight, residual, fit.gain, self._changes)
         elif suspected:
-            noise_variance = max(fit.noise_grey, SCALE_FLOOR_GREY) ** 2
+            noise_variance = max(fit.noise_grey, LEAST_NOISE_GREY) ** 2
             # where light is known from place to place, or grey values are cut off
             left_out: tuple[str, ...] = LIGHT if self._light.light is not None else TILT if self._clipped else ()
             left_out += FOCUS if self._coded else ()  # a codec blurs, too, and the budget has a term for it
@@ -299,7 +298,7 @@ class IcgnFitter:
         if seen.any():
             difference = value - subset.columns[3]
             difference -= np.median(difference[seen])
-            self._scale[0] = max(1.4826 * float(np.median(np.abs(difference[seen]))), SCALE_FLOOR_GREY)
+            self._scale[0] = max(1.4826 * float(np.median(np.abs(difference[seen]))), LEAST_NOISE_GREY)
             tukey_weights(difference, float(self._scale[0]), self._weight)
 
     def _count_marked(self, marked: NDArray[np.bool_], pose: NDArray[np.float64], y0: int, x0: int) -> int:

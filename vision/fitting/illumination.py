@@ -1,7 +1,7 @@
 """Illumination that varies over a body: detection, estimation and correction in a fit.
 
 It may change in any way: the edge of a shadow, a reflection that stays while the body moves. Gradients
-(`vision.fitting.slow_changes`) do not follow an edge. Method: the body is cut into squares of `CELL_PX`; in each the
+(`vision.fitting.slow_changes`) do not follow an edge. Method: the body is cut into squares of `TILE_PX`; in each the
 median of the residuals over the grey value (a shade, which multiplies), or of the residuals themselves (a glow, which
 adds), is what the light has changed by. Between the middles of the squares it is interpolated, and the frame is brought
 back to even light. A square whose residuals scatter by much more than noise once that is taken out shows something else
@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.fitting.assessment import COHERENT, HIDDEN_SHARE
-from vision.fitting.base import MEDIAN_U, Fit
+from vision.fitting.base import LEAST_NOISE_GREY, MEDIAN_U, Fit
 from vision.fitting.bspline import noise_gain
 from vision.fitting.kernels import F32, F64, I32, I64
 from vision.fitting.slow_changes import MOST_LIGHT, Changes, illumination_factor
-from vision.fitting.template import Template
+from vision.fitting.template import TILE_PX, Template
 from vision.kernel_cache import cached_njit, inner_njit
 
 
@@ -64,13 +64,11 @@ def fill_unknown_squares(change: F64) -> F64:
     return values
 
 
-CELL_PX = 8  # side of a square
 LEAST_PIXELS = 20  # of a square that is looked at
-SAME_BODY = 2.5  # scatter inside a square over the noise up to which it shows the same texture
-EDGE = 0.3  # and by how much more, over what the light has changed by, since an edge may run through the square
 SAME_TEXTURE = 2.5
-"""Difference of neighbouring residuals over that of noise up to which a square shows the same texture: an edge of the
-light lies between few of them, another surface between all."""
+"""Scatter of the residuals in a square, and difference of neighbouring ones, over those of noise, up to which it shows
+the same texture: an edge of the light lies between few of them, another surface between all."""
+EDGE = 0.3  # scatter that is allowed besides, over what the light has changed by: an edge may run through the square
 USABLE = 8.0  # residuals over the noise up to which they tell whether light is added or multiplied
 SIGNIFICANT_U = 6.0  # a square's change over its standard uncertainty from which it counts
 LEAST_CELLS = 4  # of significant squares: fewer may be a glint
@@ -172,7 +170,7 @@ def can_show_illumination(squares: Squares, visible: F32, residual: F32, gain: f
                 or size > (1.0 + ROUNDING) * MOST_LIGHT * middle
             ):
                 continue
-            most, near = (1.0 + ROUNDING) * (SAME_BODY * noise + EDGE * size) / 1.4826, 0
+            most, near = (1.0 + ROUNDING) * (SAME_TEXTURE * noise + EDGE * size) / 1.4826, 0
             for j in range(start, end):
                 i = squares.pixel[j]
                 off = residual[i] - change * (1.0 if glows else gain * squares.grey[j] / middle)
@@ -191,7 +189,7 @@ class IlluminationField:
         self._template = template
         left, right, top, bottom = template.box_px
         self._origin = np.array([left, top])
-        self.shape = (max(1, round((bottom - top) / CELL_PX)), max(1, round((right - left) / CELL_PX)))
+        self.shape = (max(1, round((bottom - top) / TILE_PX)), max(1, round((right - left) / TILE_PX)))
         self._size = np.array([(right - left + 1.0) / self.shape[1], (bottom - top + 1.0) / self.shape[0]])
         place = (template.offset_px.astype(float) - self._origin[:, None]) / self._size[:, None]
         column, row = (
@@ -297,7 +295,7 @@ class IlluminationField:
         off -= change[:, None] * (1.0 if glows else grey / middle[:, None])
         scatter = 1.4826 * row_median(np.abs(off))
         whole = np.full(self.shape[0] * self.shape[1], np.nan)
-        believed = (scatter < SAME_BODY * noise + EDGE * np.abs(change)) & (np.abs(change) < MOST_LIGHT * middle)
+        believed = (scatter < SAME_TEXTURE * noise + EDGE * np.abs(change)) & (np.abs(change) < MOST_LIGHT * middle)
         left = np.full(residual.size + 1, np.nan)
         left[self._members[enough]] = off
         believed &= self._square_noise(left[:-1])[enough] < SAME_TEXTURE * noise
@@ -438,7 +436,6 @@ def _clipped_chi_square(residual: F64, noise: float) -> float:
 
 
 ALIKE = 0.7  # correlation of the changes that two fits show, from which they are the same light
-LEAST_NOISE_GREY = 0.5  # as `SCALE_FLOOR_GREY` of the fit
 MEAN_NOISE_GAIN = float(noise_gain().mean())
 """Frozen into compiled code."""
 

@@ -19,6 +19,7 @@ from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from vision.fitting.template import MOST_CONDITION, TUKEY
 from vision.kernel_cache import cached_njit, inner_njit
 
 F64 = NDArray[np.float64]
@@ -101,7 +102,6 @@ class RigidFit(NamedTuple):
     noise_gain: float
 
 
-TUKEY = 4.685  # Tukey's constant: 95 % efficiency on normal noise
 TOP_SIGMA, INSIDE = 8.0, 0.175  # end of the histogram over the scale before, and of it the largest scale it tells
 SCALE_BINS = 512  # of the residuals' histogram: a median within 0.2 % of its end
 FAST = {"reassoc", "contract", "arcp", "nsz"}
@@ -127,7 +127,7 @@ def solve5(matrix: F64, rhs: F64, solution: F64) -> bool:
             for k in range(j):
                 total -= factor[i, k] * factor[j, k]
             if i == j:
-                if not total > 1e-10:  # of columns of length one: singular below
+                if not total > 1.0 / MOST_CONDITION:
                     return False
                 factor[i, i] = math.sqrt(total)
             else:

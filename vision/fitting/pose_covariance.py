@@ -16,11 +16,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from vision.arrays import as_numbers
 from vision.errors import BodyError
-from vision.fitting.template import Template, design_columns, invert_normal
+from vision.fitting.template import TUKEY, Template, design_columns, invert_normal
 
 PATTERN_EXCESS = 1.5  # residual variance over that of the still frames from which a fixed pattern is suspected
 MOST_PATTERN = 0.75  # largest share of the normal matrix, in any direction, that is taken for noise
-TUKEY = 4.685  # as in `vision.fitting.kernels`, whose import would cost 0.5 s of numba here
 
 
 def _tukey_factor() -> float:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.fitting.template import MOST_CONDITION
+
 F64 = NDArray[np.float64]
 
 PIXELS = 6000  # of a body that are fitted, those that tell most: choice, of time
 ROUNDS = 2  # of fits: one to find what lies far off, one without it
 OUTLYING = 3.5  # standard deviations by the median, beyond which a residual is left out: 1 in 2000 of normal noise
 PIXELS_PER_COLUMN = 10  # least, that agree: fewer leave the scatter unknown
-MOST_CONDITION = 1e10  # of the normal matrix of columns of one length: beyond it they are not told apart
 LEAST_SPREAD_GREY = 1e-3
 """Standard deviation of residuals that is taken at least, grey: a drawn picture without noise leaves none."""
 

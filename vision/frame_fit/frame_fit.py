@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.bodies.occlusion import Occlusion
+from vision.film.mmap_window import WINDOW_BYTES
 from vision.film.source import FrameSource, Repeats
 from vision.fitting.assessment import N_LEVELS, Assessed, Ratios, template_blocks
 from vision.fitting.base import NO_REGION, Fit
@@ -214,7 +215,6 @@ def _empty_found(m: int) -> FitOutputs:
 
 
 MOST_ROWS = 16  # tracked by one compiled call, so that it is heard soon when a run is to end
-MOST_BYTES = 32 * 1024 * 1024  # of frames at once: as much as is mapped at a time
 NEVER = 2**62
 Watch = tuple[int, int, tuple[int, int, int]]
 """Which frames compiled code must not take for new ones, ``(n_still, first, (y, x0, x1))``: from frame ``first`` on
@@ -232,7 +232,7 @@ def read_frames_around(film: FrameSource, index: NDArray[np.int64]) -> tuple[int
     if "frames" not in type(film).__dict__ or not index.size:
         return None
     frame_bytes, first = film.width * film.height * (2 if film.bit_depth > 8 else 1), max(int(index[0]) - 1, 0)
-    within = int(np.searchsorted(index, first + max(MOST_BYTES // frame_bytes, 2)))
+    within = int(np.searchsorted(index, first + max(WINDOW_BYTES // frame_bytes, 2)))
     n = min(within, MOST_ROWS, index.size)
     found = film.frames(first, int(index[n - 1]) + 1) if n else None  # type: ignore[attr-defined]
     return None if found is None else (first, found, n)

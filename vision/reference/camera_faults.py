@@ -30,15 +30,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.film.source import Corrected, FrameSource, saturated_grey
-from vision.fitting.base import MEDIAN_U, ROUNDING_GREY
+from vision.film.source import FIRST_FRAMES, Corrected, FrameSource, saturated_grey
+from vision.fitting.base import MEDIAN_U, ROUNDING_GREY, SURE_U
 from vision.fitting.template import Template
 from vision.reference.rectified_film import RectifiedFilm
 
 USUAL_PERCENT = 98.0  # of pixels: defects are fewer than the rest
 FAR = 2.5  # difference from the median of three by three, over that which 98 of 100 pixels do not reach
 LEAST_GREY = 12.0  # smallest such difference, of 255
-FIRST_FRAMES, FRAMES = 6, 48  # that are looked at: of a film decoded in order, and spread over others
+FRAMES = 48  # that are looked at, spread over a film that need not be decoded in order
 CHANGED = 4  # of them, those in which a pixel's neighbours have changed most
 OUT = 0.3  # of its difference from them in the first frame, by which a defect still differs in most of these
 MOST_SHARE = 0.01  # of all pixels; more are a texture, not defects
@@ -109,8 +109,6 @@ def _classify_outliers(frame: NDArray[Any], bit_depth: int) -> NDArray[np.int8]:
     return bright.astype(np.int8) - dark.astype(np.int8)
 
 
-FIRST = 8  # frames at the start that are looked at, and rows of a body at least: a scatter needs some
-SURE = 5.0  # scatter of the amplitude over its standard uncertainty from which it is believed
 LEAST = 0.002  # smallest scatter that matters: a quarter of a grey level in a hundred
 
 
@@ -141,13 +139,13 @@ class FlickerCorrectedFilm(Corrected):
 def correct_row_flicker(film: FrameSource, box: tuple[int, int, int, int]) -> FrameSource:
     """The film itself, or one with even light in its rows where that flickers inside a rectangle (y0, y1, x0, x1) of
     the first frames."""
-    if film.n_frames < 3 or box[1] - box[0] < FIRST:
+    if film.n_frames < 3 or box[1] - box[0] < FIRST_FRAMES:
         return film
     top = saturated_grey(film)
-    frames = range(min(FIRST, film.n_frames))
+    frames = range(min(FIRST_FRAMES, film.n_frames))
     amplitude, u = np.array([row_flicker_share(film.read_region(k, *box), box[0], top) for k in frames]).T
     changing = float(np.std(amplitude))
-    return FlickerCorrectedFilm(film, box) if changing > max(LEAST, SURE * float(u.max())) else film
+    return FlickerCorrectedFilm(film, box) if changing > max(LEAST, SURE_U * float(u.max())) else film
 
 
 def row_parity(y0: int, y1: int) -> NDArray[np.float64]:
@@ -179,17 +177,16 @@ def row_flicker_share(grey: NDArray[Any], first_row: int, top: int) -> tuple[flo
 
 OF_TEXTURE = 0.25  # step over the texture's standard deviation from which it is coarse
 OF_NOISE = 2.0  # step over the noise from which it is not blurred
-LEAST_VALUES = 3  # fewer grey values are no texture
 
 
 def find_grey_step(film: FrameSource, box: tuple[int, int, int, int]) -> float:
-    """Smallest step between grey values in a rectangle (y0, y1, x0, x1) of the first frame; inf where few occur."""
+    """Smallest step between grey values in a rectangle (y0, y1, x0, x1) of the first frame; inf where one occurs."""
     while hasattr(film, "film"):  # what was taken off a frame has no steps
         if isinstance(film, RectifiedFilm):
             box = (0, film.film.height, 0, film.film.width)
         film = film.film
     values = np.unique(film.read_region(0, *box))
-    return float(np.diff(values.astype(np.float64)).min()) if values.size >= LEAST_VALUES else np.inf
+    return float(np.diff(values.astype(np.float64)).min()) if values.size > 1 else np.inf
 
 
 def is_coarsely_quantised(template: Template, step: float) -> bool:
@@ -202,7 +199,6 @@ PAIRS = 8  # of neighbouring frames that are compared, spread over the film
 TEXTURE_GREY = 3.0  # least standard deviation in a square that is looked at: flat ones may repeat
 LEAST_SKIPPED = 0.015
 """Share of repeated squares from which a codec is believed: MPEG-4 gave 0.02 to 0.2, JPEG of quality 50 and more 0."""
-FIRST_PAIRS = 5  # frames at rest of which none may then repeat as a whole
 
 
 def skips_blocks(film: FrameSource, box: tuple[int, int, int, int], noise_grey: float) -> bool:
@@ -218,7 +214,7 @@ def skips_blocks(film: FrameSource, box: tuple[int, int, int, int], noise_grey: 
         return False
     if noise_grey < ROUNDING_GREY:  # pictures may repeat by themselves
         # a codec may leave most pixels at rest unchanged, but never all of them for long
-        first = [film.read_region(k, y0, y1, x0, x1) for k in range(min(FIRST_PAIRS, film.n_frames))]
+        first = [film.read_region(k, y0, y1, x0, x1) for k in range(min(FIRST_FRAMES, film.n_frames))]
         if any(np.array_equal(one, other) for one, other in zip(first, first[1:], strict=False)):
             return False
     shares = []

@@ -1,8 +1,8 @@
 """Detect first frames whose exposure differs from the following ones: a lamp or shutter that starts, a flash.
 
 The template is the mean of the first frames, so that one without light, or with so much that it is clipped, spoils
-every angle. Method: each of the first frames is regressed on the median picture of the first `LOOKED_AT`, inside the
-outlines; the slope is its gain. The tracker follows gains within `GAINS`; beyond them a frame is of another light.
+every angle. Method: each of the first frames is regressed on the median picture of the first `FIRST_FRAMES`, inside the
+outlines; the slope is its gain. The tracker follows gains up to `MOST_GAIN`; beyond them a frame is of another light.
 """
 
 from __future__ import annotations
@@ -11,18 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import TrackingError
-from vision.film.source import FrameSource, saturated_grey
+from vision.film.source import FIRST_FRAMES, SATURATED_SHARE, FrameSource, saturated_grey
 from vision.reference.still_average import MOST_PIXELS
 
-LOOKED_AT = 9  # first frames, whose median is the light they are held to
-GAINS = (0.5, 2.0)
-"""Of a frame against the others: what is left to flicker. One so dim has four times the variance."""
-CLIPPED = 0.1  # share of a frame's pixels that may be clipped beyond those of the median picture
+MOST_GAIN = 2.0
+"""Of a frame against the others, and its inverse: what is left to flicker. One so dim has four times the variance."""
 
 
 def check_first_light(film: FrameSource, region: NDArray[np.bool_]) -> None:
     """Refuse a film whose first frames are darker or brighter than those after (`TrackingError`), by their numbers."""
-    n = min(LOOKED_AT, film.n_frames)
+    n = min(FIRST_FRAMES, film.n_frames)
     if n < 3:
         return
     pixels = np.flatnonzero(region.reshape(-1))
@@ -35,7 +33,7 @@ def check_first_light(film: FrameSource, region: NDArray[np.bool_]) -> None:
         return
     gain = grey @ centred / power
     clipped = np.mean(grey >= saturated_grey(film), axis=1) - np.mean(usual >= saturated_grey(film))
-    is_dark, is_bright = gain < GAINS[0], (gain > GAINS[1]) | (clipped > CLIPPED)
+    is_dark, is_bright = gain < 1.0 / MOST_GAIN, (gain > MOST_GAIN) | (clipped > SATURATED_SHARE)
     bad = is_dark | is_bright
     first = int(np.argmin(bad)) if not bad.all() else n
     if not first or first > n // 2:

@@ -27,7 +27,8 @@ from vision.fitting.bspline import HALF_TAPS, coefficients
 
 MARGIN_PX = HALF_TAPS + 3
 """Around the region that is sampled: what the prefilter and the four coefficients of a point reach."""
-ASPECTS = (0.2, 5.0)  # pixel aspects that are accepted, width over height; video standards use 0.75 to 1.5
+MOST_ASPECT = 5.0  # width over height of a pixel, or its inverse; video standards use 0.75 to 1.5
+ASPECTS = (1.0 / MOST_ASPECT, MOST_ASPECT)
 
 
 class RectifiedFilm(Corrected):

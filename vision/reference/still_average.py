@@ -7,12 +7,13 @@ poses of the bodies themselves.
 
 Method of `count_still_frames`: each pose coordinate of each body, over its standard uncertainty, is compared with the
 mean of the frames before, alone and as the mean of the last 2, 4, 8 and 16 frames. The first window that differs by
-more than `LIMIT` standard deviations ends the still run, one window's length and `GUARD` frames before that window: a
+more than `SURE_U` standard deviations ends the still run, one window's length and `GUARD` frames before that window: a
 motion that starts gently is seen only some time after its start.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import TrackingError
-from vision.film.source import FrameSource, saturated_areas, saturated_grey
+from vision.film.source import FIRST_FRAMES, FrameSource, saturated_areas, saturated_grey
+from vision.fitting.base import ROUNDING_GREY, SURE_U
 
 MAX_STILL = 64  # frames averaged: noise of the mean is an eighth of a frame's
 MOST_PIXELS = 5000  # compared per frame: enough to know the noise to one per cent
@@ -28,9 +30,8 @@ GROWTH = 1.25  # a still frame may differ this much more than the quietest pair 
 FIRST_GROWTH = 3.0  # the second frame may differ from the first by this much more than the first's roughness
 TEXTURE_SHARE = 0.4
 """A still frame may also differ by this share of the texture's contrast; finer motion is left to the poses."""
-COMPARED = 9  # frames compared of a film without still ones
 EXTREME_PERCENT = 5.0  # of the darkest and brightest pixels, that no body is told by
-GREY_FLOOR = 0.4  # allowance for rounding to whole grey values, grey of the stored depth
+GREY_FLOOR = math.sqrt(2.0) * ROUNDING_GREY  # of a difference of two whole grey values, of the stored depth
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,7 @@ def _estimate_background_noise(film: FrameSource, grey: NDArray[np.float64]) -> 
     before = film.read(0).astype(np.float32)
     bright = (before >= low) & (before <= high)
     found = []
-    for k in range(1, min(COMPARED, film.n_frames)):
+    for k in range(1, min(FIRST_FRAMES, film.n_frames)):
         frame = film.read(k).astype(np.float32)
         off = (frame - before)[bright]
         off, before = np.abs(off - np.mean(off)), frame
@@ -140,8 +141,7 @@ def _matched_difference(
     return frame - design @ solution, float(solution[0])
 
 
-WINDOWS = (1, 2, 4, 8, 16)  # frames whose mean is compared: slow motion shows in long ones
-LIMIT = 5.0  # standard deviations of a pose at which motion begins
+LONGEST = 16  # frames of the windows whose means are compared, from 1 on in powers of two: slow motion shows in them
 GUARD = 2  # frames left out before a motion that is seen
 SCATTER_FRAMES = 12  # least static frames whose own scatter of poses is used
 FIRST, FIRST_LIMIT = 4, 8.0  # with fewer frames before it, only gross motion ends the run
@@ -164,14 +164,14 @@ def count_still_frames(pose: NDArray[np.float64], u_pose: NDArray[np.float64]) -
         if np.any(np.isnan(pose[end - 1])):
             # a body that cannot be found is not known to be still
             return end - 1
-        for window in WINDOWS:
+        window = 1
+        while window <= min(LONGEST, end - 1):
             start = end - window
-            if start < 1:
-                break
             late = (total[end] - total[start]) / window
             early = total[start] / start
             spread = typical * np.sqrt(1.0 / window + 1.0 / start)
-            limit = LIMIT if start >= FIRST else FIRST_LIMIT
+            limit = SURE_U if start >= FIRST else FIRST_LIMIT
             if np.any(np.abs(late - early) > limit * spread):
                 return max(1, start - window - GUARD)
+            window *= 2
     return n

@@ -20,6 +20,7 @@ from vision.results.pose_table import PoseTable, rotate_covariance
 from vision.results.track_result import TrackResult
 from vision.tracking.film_tracker import FilmTracker, track_first_frames
 from vision.tracking.options import FitSettings
+from vision.tracking.passes import SAME_PX
 from vision.uncertainty.budget_terms import UNDECLARED_FACTOR, PoseResponse, TrackedAngles, compute_budget
 from vision.uncertainty.coherence import expected_ratio, inflate_covariance, variance_factor
 
@@ -31,7 +32,6 @@ MOST_PRECISE_U_RAD = WANTED_RAD / 2.0
 USUAL_SHARE = 2.0
 """A u up to this many times what texture and noise allow, or what the body's best quarter of rows has, is the film's,
 not the row's."""
-LINEAR_PX = 0.5  # beyond this u at the rim of a body neighbouring places of a texture fit alike, and u tells too little
 
 
 def widened_threshold(predicted_u_rad: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -49,7 +49,7 @@ def _width_flags(
     # what the best quarter of a body's rows have at most; 0 where it is lost in all of them
     best = [np.quantile(u[np.isfinite(u)], 0.25) if np.isfinite(u).any() else 0.0 for u in u_rad.T]
     usual = USUAL_SHARE * np.array(best)
-    linear = LINEAR_PX / np.array([template.radius_px for template in ready.templates])
+    linear = SAME_PX / np.array([template.radius_px for template in ready.templates])
     limit = widened_threshold(predicted_u_rad)
     wide = u_rad > np.where(film_tells, np.maximum(limit, np.minimum(usual, linear)), limit)
     usable = film_tells & (u_rad <= MOST_PRECISE_U_RAD)

@@ -20,7 +20,14 @@ from vision.film.source import FrameSource
 from vision.fitting.base import FAILED, LEAST_PX, Fit
 from vision.fitting.icgn import IcgnFitter
 from vision.fitting.template import Template
-from vision.frame_fit.judgement import Figures, Standards, judge_fit, update_usual_quality
+from vision.frame_fit.judgement import (
+    MAX_JUMP_PX,
+    MAX_JUMP_RAD,
+    Figures,
+    Standards,
+    judge_fit,
+    update_usual_quality,
+)
 from vision.frame_fit.motion import Motion, expect_pose, is_placed, place_body
 from vision.results.flags import FAILURE, FrameFlag
 
@@ -32,7 +39,6 @@ FAR_TURN_STEP_RAD = math.radians(6.0)
 """A texture of grain some pixels wide, a quarter as large, still looks like itself half a step away."""
 FAR_LEAST_PX = 6  # smallest side of a template at a quarter of the resolution
 FAR_PLACES = 2  # of the whole picture, from which a lost body is fitted
-FAR_APART_RAD, FAR_APART_PX = math.radians(10.0), 12.0  # by which two places differ: beyond the capture range of a fit
 
 
 def search_whole_picture(
@@ -50,7 +56,7 @@ def search_whole_picture(
     places: list[NDArray[np.float64]] = []
     for pose in _match_template(small, template, turns, 4, (1.5 - border, 1.5 - border), FAR_LEAST_PX):
         apart = [np.abs(pose - other) for other in places]
-        if all(one[0] > FAR_APART_RAD or max(one[1:]) > FAR_APART_PX for one in apart):
+        if all(one[0] > MAX_JUMP_RAD or max(one[1:]) > MAX_JUMP_PX for one in apart):
             places.append(pose)
         if len(places) == FAR_PLACES:
             break

@@ -18,17 +18,18 @@ from numpy.typing import NDArray
 
 from vision.angles import turn_matrix
 from vision.film.source import FrameSource, saturated_grey
+from vision.fitting.base import SURE_U
 from vision.fitting.bspline import coefficients
 from vision.fitting.robust_fit import PIXELS, fit_robustly
 from vision.fitting.template import Template, thin_template
 from vision.reference.prepared_film import PreparedFilm
 from vision.reference.rectified_film import MARGIN_PX, sample_spline
 from vision.results.pose_table import PoseTable
+from vision.tracking.moving_parts import ROWS
 
-MOST_MOVING, MOST_STILL = 24, 8  # rows of each body that are looked at
+MOST_STILL = 8  # rows at rest of each body that are looked at
 LEAST_ROWS = 3  # their scatter must be known
 BETWEEN = 0.25  # half way from rows of one time to fields half a frame apart
-SURE_U = BETWEEN / 5.0  # standard uncertainty of the lag, up to which the fields' order is sure
 LEAST_PX = 0.02  # motion per frame, at the rim of a body, of the rows that tell
 
 
@@ -44,7 +45,7 @@ class FieldLag:
     @property
     def first_field(self) -> str | None:
         """Rows that were exposed first: ``even``, ``odd``, ``none`` where all are of one time; None if not known."""
-        if self.u > SURE_U:
+        if SURE_U * self.u > BETWEEN:
             return None
         return "none" if abs(self.frames) < BETWEEN else "even" if self.frames > 0.0 else "odd"
 
@@ -87,7 +88,7 @@ def _field_differences(
     inner[1:-1] = known[1:-1] & known[2:] & known[:-2] & (apart < 1.5 * np.median(apart))
     size = np.hypot(motion[:, 0] * template.radius_px, np.hypot(motion[:, 1], motion[:, 2]))
     size = np.where(inner & (frame >= ready.reference.n_averaged), np.nan_to_num(size), 0.0)
-    moving = np.argsort(-size, kind="stable")[:MOST_MOVING]
+    moving = np.argsort(-size, kind="stable")[:ROWS]
     moving = moving[size[moving] > LEAST_PX]
     still = np.flatnonzero(known & (frame < ready.reference.n_averaged))[:MOST_STILL]
     if moving.size < LEAST_ROWS:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.bodies.outlines import sort_parents_first
-from vision.film.source import FrameSource, Repeats, saturated_grey
+from vision.film.source import FIRST_FRAMES, FrameSource, Repeats, saturated_grey
 from vision.fitting.base import Fit, region_of
 from vision.fitting.frame_spline import NO_PART, FrameSpline
 from vision.fitting.icgn import IcgnFitter
@@ -21,8 +21,6 @@ from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FAILURE, FrameFlag
 from vision.results.pose_table import PoseTable
 from vision.tracking.body_tracker import BodyTracker
-
-NOISE_SHOWN_BY = 5  # still frames compared to see whether the film has noise
 
 
 class FilmTracker:
@@ -178,7 +176,7 @@ def build_repeat_detector(film: FrameSource, templates: Sequence[Template], n_st
     low, high = known.min(axis=0), known.max(axis=0)
     repeats = Repeats(film, (int(low[0]), int(high[1]), int(low[2]), int(high[3])))
     # still frames that are equal show that the film has no noise by which exposures would differ
-    first = range(1, min(n_still, NOISE_SHOWN_BY))
+    first = range(1, min(n_still, FIRST_FRAMES))
     if any(repeats.is_repeat(index) for index in first) and all(repeats.is_repeat(index) for index in first):
         repeats.meaningful = False
     return repeats

@@ -30,6 +30,7 @@ from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.icgn import IcgnFitter
 from vision.fitting.kernels import Places, Region, Subset, place_pixels, sample_frame
 from vision.fitting.template import Template
+from vision.frame_fit.judgement import SAME_INLIER
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable, pose_difference
@@ -44,8 +45,6 @@ MOST_LEFT, LEFT_CONTRAST = 2.5, 0.03  # of the noise's variance and of the textu
 SEEN = 0.8  # share of a tile that lies in the picture
 MOST_GAIN = 2.5  # of the light: another surface has more, or less
 MOST_STEP_PX, MOST_TURN_RAD = 4.0, 0.15  # further from its last place a tile is not looked for
-AGREES = 0.9
-"""Median share of the pixels in agreement, over that of the quarter of the rows with most, below which it is."""
 LEAST_PX, LEAST_U = 0.5, 6.0  # a tile has moved, a body sags, by more, and by more standard uncertainties
 EXPLAINED = 0.5  # share of what is left, beyond noise or a rigid motion, that a shift or a sag must explain
 OFTEN = 0.25  # share of the rows in which it has
@@ -91,7 +90,9 @@ def _needs_test(table: PoseTable, i: int) -> bool:
     coherence = coherence[np.isfinite(coherence)]
     ratio = float(np.median(coherence)) if coherence.size else 0.0
     return bool(
-        ratio > COHERENT or np.median(inlier) < AGREES * np.quantile(inlier, 1.0 - OFTEN) or inlier.max() < AGREES
+        ratio > COHERENT
+        or np.median(inlier) < SAME_INLIER * np.quantile(inlier, 1.0 - OFTEN)
+        or inlier.max() < SAME_INLIER
     )
 
 

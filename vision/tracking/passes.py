@@ -30,6 +30,7 @@ from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.icgn import IcgnFitter
 from vision.fitting.pose_covariance import predicted_u_angle
 from vision.fitting.template import Template, build_template
+from vision.frame_fit.judgement import SAME_INLIER
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FAILURE, FrameFlag
 from vision.results.pose_table import PoseTable, pose_difference, rotate_covariance
@@ -229,7 +230,6 @@ def _reconcile(table: PoseTable, back: PoseTable, row: int, body: int, radius_px
 
 
 LEAST_ROWS = 3  # fewer lost rows are a flash or a passing hand, not a change of appearance
-WHOLE = 0.9  # share of the usual agreeing pixels that a frame needs to become a reference
 MOST = 12  # templates one after the other
 KEEPS = FrameFlag.IMPRECISE | FrameFlag.WIDENED | FrameFlag.REACQUIRED | FrameFlag.RENEWED
 """Flags that a frame may have to become a reference."""
@@ -267,7 +267,7 @@ def _lost_run_starts(table: PoseTable, i: int) -> list[int]:
 def _can_be_reference(table: PoseTable, row: int, i: int, usual: float) -> bool:
     """Whether a row shows the i-th body well enough; ``usual`` is the median share of its pixels that agree."""
     flag = FrameFlag(int(table.flag[row, i]))
-    return not flag & ~KEEPS and bool(table.inlier[row, i] >= WHOLE * usual)
+    return not flag & ~KEEPS and bool(table.inlier[row, i] >= SAME_INLIER * usual)
 
 
 def _track_with_new_reference(ready: PreparedFilm, table: PoseTable, i: int, start: int) -> int:

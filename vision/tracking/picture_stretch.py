@@ -25,8 +25,8 @@ from scipy.special import ndtri
 from vision.film.source import FrameSource, saturated_grey
 from vision.fitting.base import region_of
 from vision.fitting.bspline import HALF_TAPS, coefficients
-from vision.fitting.robust_fit import MOST_CONDITION, PIXELS, fit_robustly
-from vision.fitting.template import Template, thin_template
+from vision.fitting.robust_fit import PIXELS, fit_robustly
+from vision.fitting.template import MOST_CONDITION, Template, thin_template
 from vision.reference.prepared_film import PreparedFilm
 from vision.reference.rectified_film import sample_spline
 from vision.results.pose_table import PoseTable
@@ -42,10 +42,9 @@ LEAST_ROWS = 4  # of a body: its own strain and that of its speed are fitted too
 LEAST_INLIER = 0.97
 """Share of a row's pixels that agree with the fit; 0.997 of white noise do. In others something else changes it:
 a cover, a second body under the outline, one that bends."""
-REFINEMENTS = 4  # at most: choice
 LINEAR_STRETCH = 0.002  # up to this one a body of 60 px changes its shape by a tenth of a pixel
-STEPS = 4  # of Gauss and Newton from the tracked pose to that in the stretched picture
-COLUMNS = 10  # turn, two shifts, gain, offset, two gradients of the light, scale, stretch, shear
+ROUNDS = 4  # of a first-order correction at most: of the stretch, and of the pose in the stretched picture
+N_COLUMNS = 10  # turn, two shifts, gain, offset, two gradients of the light, scale, stretch, shear
 BLUR_PX = 0.5  # standard deviation: a little blur, to first order
 FIELD_FACTOR = 3.0
 """Of u where one field is tracked: interpolated rows bend a texture alike in neighbouring frames, which their scatter
@@ -84,7 +83,7 @@ def measure_stretch(ready: PreparedFilm, table: PoseTable, u_before: float) -> P
     """Stretch of the picture along x against y, by the strains of bodies that turn; ``u_before`` is its standard
     uncertainty without the measurement."""
     found = _measure_remaining_stretch(ready, table, u_before, 0.0)
-    for _ in range(REFINEMENTS):
+    for _ in range(ROUNDS):
         if not found.is_significant or abs(found.value) < LINEAR_STRETCH:
             break
         # a large one is followed to first order only
@@ -210,7 +209,7 @@ def _fit_strain(
     expected = template.columns[3].astype(float)
     turn, at = float(pose[0]), pose[1:3] + template.centre_px - np.array([box[2], box[0]], dtype=float)
     ratio = (1.0 + value) / (1.0 - value)
-    steps = STEPS if value else 1  # the turn of a body that does not turn is noise, like its shear
+    steps = ROUNDS if value else 1  # the turn of a body that does not turn is noise, like its shear
     for step in range(steps):
         c, s = math.cos(turn), math.sin(turn)
         # a turn of the body, seen in the stretched picture
@@ -221,7 +220,7 @@ def _fit_strain(
         if fitted is None:
             return None
         amplitude, covariance = fitted
-        back, along, across = amplitude[-COLUMNS : 3 - COLUMNS]
+        back, along, across = amplitude[-N_COLUMNS : 3 - N_COLUMNS]
         if step == steps - 1:
             break
         turn -= float(back)

@@ -91,7 +91,7 @@ class _ForwardPass:
 
 STRETCH_ROWS = 150  # a film of fewer than twice as many rows is one stretch
 SHARED_ROWS = 6  # rows that a stretch has in common with the one before; the weights have settled after the first few
-COMPARED_ROWS = 3  # of the shared ones, the last
+COMPARED_ROWS = SHARED_ROWS // 2  # the last of them
 AGREE_SIGMA = 2.0  # two trackings fit the same pixels, so they differ by how far each has converged, not by noise
 AGREE_PX = 0.02  # difference of two segments' poses that counts as the same place
 

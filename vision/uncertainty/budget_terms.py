@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 from vision.camera.model import EXPECTED_TURN_RAD, CameraModel, Projection, project_posed_points, transform_points
 from vision.film.source import Compression, FrameSource
 from vision.fitting.pose_covariance import predicted_u_angle
-from vision.fitting.template import Template
+from vision.fitting.template import TILE_PX, Template
 from vision.item_map import ItemMap, serial_map
 from vision.reference.prepared_film import PreparedFilm
 from vision.uncertainty.budget import ErrorBudget, rms, shutter_text
@@ -175,9 +175,7 @@ def compression_u_turn(
             block = weight[top : top + 8, left : left + 8]
             if not block.any():
                 continue
-            content = cv2.dct(
-                picture[top : top + 8, left : left + 8].astype(np.float32) - np.float32(128.0)
-            )  # JPEG's middle grey
+            content = cv2.dct(picture[top : top + 8, left : left + 8].astype(np.float32) - MIDDLE_GREY)
             error = np.minimum(compression.steps**2 / 12.0, content.astype(float) ** 2)
             variance += float(np.sum(cv2.dct(block).astype(float) ** 2 * error))
     # frame and reference are both rounded; averaging helps the reference only where noise dithers it
@@ -339,14 +337,11 @@ def _row_interpolation(ready: PreparedFilm) -> NDArray[np.float64]:
         columns = np.vstack([template.columns.astype(float), np.ones(template.n_pixels)])
         influence = np.linalg.solve(template.normal, columns)[0]
         x, y = np.rint(template.offset_px + np.array(template.centre_px)[:, None]).astype(int)
-        # blocks of one row distance are independent errors
-        block = (y // FIELD_BLOCK_PX) * (film.width // FIELD_BLOCK_PX + 1) + x // FIELD_BLOCK_PX
+        # an interpolation error keeps together over some grains of a texture
+        block = (y // TILE_PX) * (film.width // TILE_PX + 1) + x // TILE_PX
         part = np.bincount(block, influence * off[y, x])
         found[i] = math.sqrt(float(np.sum(part**2)))
     return found
-
-
-FIELD_BLOCK_PX = 8  # side of the squares over which an interpolation error keeps together: some grains of a texture
 
 
 def _newest_speed(speed: NDArray[np.float64], tracked: TrackedAngles, delay_frames: float) -> NDArray[np.float64]:
