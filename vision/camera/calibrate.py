@@ -23,7 +23,6 @@ from vision.angles import turn_matrix
 from vision.camera.model import EXPECTED_TURN_RAD, MAX_DISTORTION, CalibratedCamera, build_projection
 from vision.errors import VisionInputError
 from vision.film.source import FrameSource
-from vision.fitting.template import MOST_CONDITION
 
 TARGETS = ("checkerboard", "dots")
 CORNER_SHARE = 0.3  # of the distance of corners, that the window of one reaches to each side: to no other edge
@@ -34,6 +33,7 @@ LEAST_DISTANCE_PX = 3.0  # of two dots: neighbours touch below
 PAPER = 0.9  # quantile of the grey values around a dot, that is paper
 BRIGHTEST = 0.999  # quantile of the grey values, that is white: glints and defect pixels lie above
 LEAST_FREEDOM = 8  # degrees, with which the residual is known to a quarter
+MOST_CONDITION = 1e9  # of the scaled Jacobian: beyond it the target does not fix the view
 GRID_PX = 10.0  # from point to point of the block: choice
 EDGE = 0.15  # of the spanned part, that the block's middle keeps from its edge: choice
 AT_REST_PX = 0.3  # frames whose points moved less than this since the last view are averaged with it
