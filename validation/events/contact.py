@@ -45,14 +45,16 @@ def _fit_strike(motion: Motion, crossing_s: float) -> Strike:
     return Strike(contact_s, u_time, arrival, rebound, "found")
 
 
-def _find_near_misses(motion: Motion, known: list[float]) -> list[Strike]:
-    """Sharp reversals close below the string line but for times ``known``: a string lower than the geometry's."""
+def _find_near_misses(motion: Motion, contact_times_s: list[float]) -> list[Strike]:
+    """Ambiguous strikes: sharp reversals within 2 mm below the string line (a string lower than the geometry says),
+    away from the contacts at ``contact_times_s``.
+    """
     time, height = motion.time_s, motion.hammer_height_m
     out = []
     step = float(np.median(np.diff(time)))
     reach = max(int(round(WINDOW_S / step)), 2)
     for first in down_crossings(time, height, NEAR_MISS_M, AWAY_M):
-        if any(abs(first - t) < 2 * REVERSAL_S for t in known):
+        if any(abs(first - t) < 2 * REVERSAL_S for t in contact_times_s):
             continue
         begin = int(np.searchsorted(time, first))
         near = height[begin : begin + 5 * reach]

@@ -120,9 +120,9 @@ def find_hold(
 def _find_held(
     motion: Motion, after_s: float, until_s: float, length_s: float, ranges_m: tuple[float, ...]
 ) -> list[tuple[float, int, int, float] | None]:
-    """First stretch of given length in which the hammer stays within each range between string and rest.
-
-    Median height over the whole hold, the stretch, and the change of the height when the hold begins a sample later.
+    """For each range (m), the first hold of at least ``length_s``: its median height (m), first sample and end of its
+    first ``length_s``, and the change of the height (m) when it begins a sample later; None where the hammer is not
+    held.
     """
     time, height = motion.time_s, motion.hammer_height_m
     step = float(np.median(np.diff(time)))
@@ -154,7 +154,8 @@ def _find_held(
 def check(
     motion: Motion, hold: Hold | None, *, struck: bool = True, read: LevelReading = read_level_with_uncertainty
 ) -> tuple[Event, Event]:
-    """Time and height at which the hammer is caught.
+    """Events of the back check: time at which the hammer enters the band around its held height, and that height; both
+    absent, with the reason, where ``hold`` is None.
 
     Parameters
     ----------
@@ -278,7 +279,9 @@ def let_off(motion: Motion, strike: Strike | None, read: LevelReading = read_lev
 
 
 def count_bounces(motion: Motion, strike: Strike | None, caught: Event) -> Event:
-    """Number of times the hammer turns round by 0.3 mm or more between the impact and the check."""
+    """Event whose value is how often the hammer turns round by 0.3 mm or more between the impact and ``caught``, the
+    event at which the check begins.
+    """
     if strike is None:
         return make_absent_event("check_bounces", "no string impact")
     if not math.isfinite(caught.value):
@@ -312,7 +315,9 @@ def drop(
     release_s: float,
     read: LevelReading = read_level_with_uncertainty,
 ) -> Event:
-    """Hammer first is 0.5 mm further from the string than the height it was held at, after the key was let go."""
+    """Event at which the hammer, after ``check_s``, first is 0.5 mm further from the string than it was held; ambiguous
+    where that is long before the key's release at ``release_s``.
+    """
     if hold is None or not math.isfinite(check_s):
         return make_absent_event("drop", "hammer is never held")
     height = motion.hammer_height_m
@@ -345,8 +350,8 @@ def landing(motion: Motion, hold: Hold | None, drop_s: float) -> Event:
     near = height[max(turn - reach, 0) : turn + reach + 1]
     if near.size < 2 * reach + 1 or not np.isfinite(near).all():
         return Event("landing", float(time[turn]), float(time[1] - time[0]), "ambiguous", "lost samples near it")
-    wide, u = _vertex(time, height, turn, reach, motion.u_height_m)
-    narrow, u_narrow = _vertex(time, height, turn, 2 * reach // 3, motion.u_height_m)
+    wide, u = _fit_vertex(time, height, turn, reach, motion.u_height_m)
+    narrow, u_narrow = _fit_vertex(time, height, turn, 2 * reach // 3, motion.u_height_m)
     if math.isnan(wide) or math.isnan(narrow):
         return Event("landing", float(time[turn]), float(time[1] - time[0]), "ambiguous", "no clear turning point")
     # felt is no parabola: the change of the vertex with the width of the fit is part of its uncertainty
@@ -354,16 +359,18 @@ def landing(motion: Motion, hold: Hold | None, drop_s: float) -> Event:
     return Event("landing", narrow, u, "ambiguous" if hold.note else "found", hold.note)
 
 
-def _vertex(time: Array, height: Array, turn: int, reach: int, sigma: float) -> tuple[float, float]:
-    """Time of the vertex of a parabola through the samples about a turning point, and its standard uncertainty."""
-    part = slice(turn - reach, turn + reach + 1)
-    t = time[part] - time[turn]
+def _fit_vertex(time: Array, height: Array, turn_index: int, half_width: int, u_height_m: float) -> tuple[float, float]:
+    """Time (s) of the top of a parabola fitted to the heights within ``half_width`` samples of sample ``turn_index``,
+    and its standard uncertainty (s); NaN where it has no top.
+    """
+    part = slice(turn_index - half_width, turn_index + half_width + 1)
+    t = time[part] - time[turn_index]
     (level, slope, bend), covariance = fit_parabola(t, height[part], 1.0)
     if bend >= 0:
         return float("nan"), float("nan")
     residual = height[part] - level - slope * t - 0.5 * bend * t**2
-    noise = max(sigma, float(np.sqrt(residual @ residual / (t.size - 3))))
-    return float(time[turn] - slope / bend), noise * math.sqrt(covariance[1, 1]) / abs(bend)
+    noise = max(u_height_m, float(np.sqrt(residual @ residual / (t.size - 3))))
+    return float(time[turn_index] - slope / bend), noise * math.sqrt(covariance[1, 1]) / abs(bend)
 
 
 def _make_bent_crossing(name: str, value: float, u: float, time: Array, signal: Array) -> Event:
@@ -433,12 +440,12 @@ def _make_impact_event(name: str, strike: Strike | None, why_absent: str) -> Eve
     return Event(name, strike.time_s, strike.u_time_s, strike.status, strike.note if strike.status != "found" else "")
 
 
-def _make_speed_event(name: str, motion: Motion, strike: Strike | None, speed: Flight | None) -> Event:
+def _make_speed_event(name: str, motion: Motion, strike: Strike | None, flight: Flight | None) -> Event:
     """Event of a speed before or after the strike (m/s); absent, with the reason, where there is none."""
-    if strike is None or speed is None:
+    if strike is None or flight is None:
         return make_absent_event(name, "no string impact")
-    if math.isnan(speed.speed):
-        return make_absent_event(name, speed.note)
-    elsewhere = speed.slowing * motion.u_height_zero_m / speed.speed  # a string that stands higher is met later
-    u = math.hypot(speed.u_speed, motion.u_speed_relative * speed.speed, elsewhere)
-    return Event(name, speed.speed, u, strike.status, speed.note)
+    if math.isnan(flight.speed):
+        return make_absent_event(name, flight.note)
+    elsewhere = flight.slowing * motion.u_height_zero_m / flight.speed  # a string that stands higher is met later
+    u = math.hypot(flight.u_speed, motion.u_speed_relative * flight.speed, elsewhere)
+    return Event(name, flight.speed, u, strike.status, flight.note)

@@ -67,7 +67,8 @@ def measure_step_excess(
 
 
 def measure_step_from_rest(m: MeasuredTrial, expected: Array, i: int) -> tuple[Array, float]:
-    """Steps of the i-th encoder that begin or end a standstill, rad, 0 else, (n − 1,), and the largest of a body.
+    """Steps (n − 1,), rad, of the i-th encoder that begin or end a standstill, 0 elsewhere, and the limit (rad) above
+    which no body makes one; ``expected``: the model's change of its angle (n,), rad.
 
     A motion that goes on beyond such a step, as of a key that is thrown off its rail, counts where the model moves by
     as much during the standstill.
@@ -97,7 +98,7 @@ def _find_standstills(change: Array, time_s: Array) -> list[tuple[int, int]]:
 
 
 def find_reading_faults(m: MeasuredTrial, p: PredictedAngles) -> list[ReadingFault]:
-    """Jumps and standstills of all encoders of a trial, the first of each encoder in time."""
+    """First jump or standstill of each encoder of a trial that has one, found beside the predicted angles."""
     leaps = [_find_leaps(m, p.change_rad(name), i) for i, name in enumerate(ENCODER_CHANNELS)]
     found: list[ReadingFault] = []
     for i, name in enumerate(ENCODER_CHANNELS):
@@ -130,13 +131,14 @@ def _find_leaps(m: MeasuredTrial, expected: Array, i: int) -> tuple[Array, Array
     return np.where(excess != 0.0, excess, step), np.where(excess != 0.0, limit, limit_from_rest)
 
 
-def _describe_leap(m: MeasuredTrial, expected: Array, i: int, size: Array, limit: float) -> ReadingFault:
-    """The first leap of the i-th encoder, or the standstill that it begins or ends.
+def _describe_leap(m: MeasuredTrial, expected: Array, i: int, leaps_rad: Array, limit: float) -> ReadingFault:
+    """The first leap of the i-th encoder, or the standstill that it begins or ends; ``leaps_rad`` (n − 1,) is 0 where
+    there is none, ``expected`` the model's change of angle (n,).
 
     It begins one where the encoder moves as fast before it, and ends one where the body moved by so much meanwhile.
     """
     name, time_s, change = ENCODER_CHANNELS[i], m.time_s, m.change_rad[:, i]
-    steps, at = np.diff(change), np.flatnonzero(size)
+    steps, at = np.diff(change), np.flatnonzero(leaps_rad)
     leap = int(at[0])
     for first, last in _find_standstills(change, time_s):
         if leap not in (first - 1, last):
@@ -144,14 +146,14 @@ def _describe_leap(m: MeasuredTrial, expected: Array, i: int, size: Array, limit
         until = min(last + 1, change.size - 1)
         moved, by = float(expected[until] - expected[first]), float(change[until] - change[first])
         stop = float(steps[leap]) if leap == first - 1 and _is_continued(steps, leap, -1) else 0.0
-        leaves = last < steps.size and bool(size[last])
+        leaves = last < steps.size and bool(leaps_rad[last])
         caught_up = leaves and (abs(moved - by) < MATCHES * abs(by) or _is_continued(steps, last, 1))
         if stop or (leap == last and caught_up):
             still_s, ends = float(time_s[last] - time_s[first]), float(steps[last]) if leaves else 0.0
             return ReadingFault(name, float(time_s[first]), float(time_s[until]), ends, still_s, limit, stop)
-    back = [k for k in at[1:] if size[k] * size[leap] < 0 and time_s[k] - time_s[leap] < APART_S]
+    back = [k for k in at[1:] if leaps_rad[k] * leaps_rad[leap] < 0 and time_s[k] - time_s[leap] < APART_S]
     until_s = float(time_s[back[0] + 1]) if back else float("nan")
-    return ReadingFault(name, float(time_s[leap + 1]), until_s, float(size[leap]), 0.0, limit)
+    return ReadingFault(name, float(time_s[leap + 1]), until_s, float(leaps_rad[leap]), 0.0, limit)
 
 
 def _is_continued(steps: Array, at: int, side: int) -> bool:
@@ -161,7 +163,9 @@ def _is_continued(steps: Array, at: int, side: int) -> bool:
 
 
 def _find_standstill(m: MeasuredTrial, p: PredictedAngles, i: int) -> ReadingFault | None:
-    """First standstill of the i-th encoder without leaps while its body moves, in the model and by another one."""
+    """First standstill of the i-th encoder, without a leap, while the model moves and so does the other of key and
+    whippen, or the hammer stops or starts abruptly; None if there is none.
+    """
     change, time_s = m.change_rad[:, i], m.time_s
     name, expected = ENCODER_CHANNELS[i], p.change_rad(ENCODER_CHANNELS[i])
     reach = max(round(EDGE_S / float(np.median(np.diff(time_s)))), 1)

@@ -77,7 +77,9 @@ class _Path:
 
 
 def fit_parabola(age: Array, position: Array, sigma: float, slowing: float | None = None) -> tuple[Array, Array]:
-    """Way, speed and second derivative at age 0 by weighted least squares, (3,), and their covariance, (3, 3)."""
+    """Way, speed and second derivative at age 0 by weighted least squares, (3,), and their covariance, (3, 3);
+    ``slowing`` (m/s²) is a prior of the last one.
+    """
     design = np.stack([np.ones(age.size), age, 0.5 * age**2])
     normal, target = design @ design.T / sigma**2, design @ position / sigma**2
     if slowing is not None:
@@ -88,7 +90,7 @@ def fit_parabola(age: Array, position: Array, sigma: float, slowing: float | Non
     return covariance @ target, covariance
 
 
-def _path(age: Array, position: Array, sigma: float, slowing: float | None = None) -> _Path:
+def _fit_path(age: Array, position: Array, sigma: float, slowing: float | None = None) -> _Path:
     """Parabola through samples (n,); the expected deceleration ``slowing`` of a free hammer is a prior."""
     value, covariance = fit_parabola(age, position, sigma, slowing)
     left = (position - value[0] - value[1] * age - 0.5 * value[2] * age**2) / sigma
@@ -127,19 +129,19 @@ def fit_flight(time_s: Array, way_m: Array, contact_s: float, side: int, sigma_m
         return Flight(nan, nan, contact_s, nan, f"only {samples} samples within 2 ms of contact; 4 are needed")
     expected = DECELERATION_M_PER_S2 if side < 0 else FALL_M_PER_S2
     length, clean = _find_undisturbed(stretch, sigma, expected)
-    path = _path(*stretch(0.0, length), sigma, expected)
+    path = _fit_path(*stretch(0.0, length), sigma, expected)
     if side < 0 and not clean and path.value[1] > 0:  # a string lower than the geometry says brakes the last samples
         touch = NEAR_MISS_M / float(path.value[1])
         length, clean = _find_undisturbed(lambda begin, end: stretch(touch + begin, touch + end), sigma, expected)
         if clean:
-            path = _path(*stretch(touch, touch + length), sigma, expected)
+            path = _fit_path(*stretch(touch, touch + length), sigma, expected)
     speed, u_speed, note = float(path.value[1]), path.u(1), f"free flight over {1e3 * length:.0f} ms"
     gap, u_gap, slowing = float(path.value[0]), path.u(0), float(path.value[2])
     if not clean:
         shaken = _fit_shaken_flight(stretch, sigma, expected, side)
-        curve = _path(*stretch(0.0, WINDOW_S), sigma)
+        curve = _fit_path(*stretch(0.0, WINDOW_S), sigma)
         earlier = stretch(WINDOW_S, 2 * WINDOW_S)
-        before = _path(*earlier, sigma) if earlier[0].size >= MINIMUM_SAMPLES else curve
+        before = _fit_path(*earlier, sigma) if earlier[0].size >= MINIMUM_SAMPLES else curve
         if shaken is not None:  # the head, which touches, keeps to the rigid path
             speed, u_speed, gap, u_gap, slowing, note = shaken
         else:
@@ -167,7 +169,8 @@ def _measure_swing(age: Array, position: Array) -> float:
 
 
 def _find_undisturbed(stretch: Stretch, sigma: float, slowing: float) -> tuple[float, bool]:
-    """Length of free flight to use, and whether at least 3 ms are one.
+    """Length (s) of free flight to fit, and whether at least 3 ms are undisturbed; ``stretch`` returns ages (s) and
+    ways (m) between two ages, ``slowing`` is the expected deceleration, m/s².
 
     The last millisecond of the longest stretch that passes is left out: a disturbance may have begun in it unseen.
     """
@@ -176,7 +179,7 @@ def _find_undisturbed(stretch: Stretch, sigma: float, slowing: float) -> tuple[f
         age, way = stretch(0.0, length)
         if age.size < MINIMUM_SAMPLES:
             break
-        path = _path(age, way, sigma, slowing)
+        path = _fit_path(age, way, sigma, slowing)
         if not path.good:
             break
         longest, last = k, (age, path.residuals(age, way))
@@ -187,7 +190,7 @@ def _find_undisturbed(stretch: Stretch, sigma: float, slowing: float) -> tuple[f
 
 
 def _has_vibration(age: Array, residual: Array, sigma: float) -> bool:
-    """Whether what a rigid flight leaves holds a vibration that a chi-square of all samples overlooks."""
+    """Whether the residuals (n,) of a rigid flight hold a vibration that a chi-square test of all samples overlooks."""
     hz = np.arange(LOWEST_HZ, HIGHEST_HZ, 0.5 / float(age.max()))  # nearer ones are hardly told apart
     turn = np.exp(2j * np.pi * hz[:, None] * age)
     power = 2 * np.abs(turn @ (residual / sigma)) ** 2 / age.size
@@ -197,9 +200,9 @@ def _has_vibration(age: Array, residual: Array, sigma: float) -> bool:
 def _fit_shaken_flight(
     stretch: Stretch, sigma: float, slowing: float, side: int
 ) -> tuple[float, float, float, float, float, str] | None:
-    """Speed, m/s, its u, way, m, its u, deceleration, m/s², of rigid flight at age 0, and what was fitted.
-
-    Of the longest stretch that rigid flight and one vibration describe; None when there is none of 3 to 6 ms.
+    """Speed (m/s), its u, way (m), its u, deceleration (m/s²) at age 0, and a note on the fit: rigid flight with one
+    vibration over the longest of 3 to 6 ms that it describes; None if none. ``stretch`` returns ages (s) and ways (m)
+    between two ages.
 
     Parameters
     ----------
@@ -236,7 +239,9 @@ def _vibration(age: Array, frequency: Array, damping: Array, side: int) -> Array
 def _fit_vibration(
     age: Array, position: Array, sigma: float, slowing: float, side: int
 ) -> tuple[float, float, float, float, float, str] | None:
-    """Fit of a flight with a vibration to samples (n,); None where their residuals have another form."""
+    """Speed (m/s), its u, way (m), its u, deceleration (m/s²) at age 0, and a note, of rigid flight with a damped
+    vibration fitted to samples (n,); None where a chi-square test rejects it.
+    """
     rigid = np.column_stack([np.ones(age.size), age, age**2 / 2])
     weight = np.zeros(len(PARAMETERS))  # of what is known beforehand, and what that is
     weight[[2, 6]] = U_DECELERATION_M_PER_S2**-2, U_DAMPING**-2

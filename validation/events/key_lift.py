@@ -31,7 +31,7 @@ from validation.conventions import KEY, WHIPPEN, Array
 from validation.events.definitions import Event
 from validation.events.encoder_readings import find_reading_faults
 from validation.events.miswired_encoders import find_miswired_channels
-from validation.measurement.measure_session import representative
+from validation.measurement.measure_session import select_representative
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession
@@ -151,7 +151,9 @@ def _select_near(pulls: list[RailPull] | None, start_s: float, end_s: float) -> 
 
 
 def _widen_gap(time: Array, gap: Array, impact_s: float, release_s: float) -> Array:
-    """Largest gap the model shows at any time near enough."""
+    """Model's largest capstan gap (n,), m, 0 or more, within the time by which the model may be early or late: 1.5 ms
+    before the impact, 3 ms until the release, 10 ms after it.
+    """
     known = np.where(np.isfinite(gap), gap, -np.inf)
     step = float(np.median(np.diff(time)))
     reach = [maximum_filter1d(known, 2 * round(near / step) + 1, mode="nearest") for near in NEAR_S]
@@ -170,12 +172,14 @@ def _is_carried(whippen_rad: Array, step: float, free_fall: float) -> NDArray[np
     return np.asarray(acceleration > FREE_SHARE * free_fall)
 
 
-def _find_edges(excess: Array, run: NDArray[np.intp], longest: int) -> tuple[int, int]:
-    """Ends of an interval: out to where the encoders agree again, within a limit."""
-    first, last = int(run[0]), int(run[-1])
-    while first > 0 and run[0] - first < longest and excess[first - 1] > EDGE_M:
+def _find_edges(excess: Array, samples: NDArray[np.intp], longest: int) -> tuple[int, int]:
+    """First and last sample of an interval, given by its ``samples``, widened by up to ``longest`` samples at each end
+    while the excess (m) is above `EDGE_M`.
+    """
+    first, last = int(samples[0]), int(samples[-1])
+    while first > 0 and samples[0] - first < longest and excess[first - 1] > EDGE_M:
         first -= 1
-    while last + 1 < excess.size and last - run[-1] < longest and excess[last + 1] > EDGE_M:
+    while last + 1 < excess.size and last - samples[-1] < longest and excess[last + 1] > EDGE_M:
         last += 1
     return first, last
 
@@ -216,12 +220,12 @@ def _join_lifts(lifts: list[KeyLift]) -> list[KeyLift]:
 def find_key_lifts(
     predicted: PredictedSession, tested: ModelUnderTest, events: dict[int, dict[str, Event]]
 ) -> dict[int, list[KeyLift]]:
-    """Lifts of the key in every trial; none in trials whose encoders are wired wrong, leap or stand still.
+    """Lifts of the key by trial number; none in trials whose encoders are wired wrong, leap or stand still.
 
     The rail's pull is computed for the trial of median peak force, and moved to each trial's own impact.
     """
     capstan = make_capstan(tested.action)
-    middle = representative(predicted.trials)
+    middle = select_representative(predicted.trials)
 
     @cache
     def pulls() -> tuple[RailPull, ...]:

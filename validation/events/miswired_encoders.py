@@ -34,7 +34,8 @@ class Rewired:
 
 
 def find_best_wiring(measured: Array, expected: Array) -> list[Rewired]:
-    """Columns that are wired wrong; none where nothing can be predicted to move.
+    """Columns of ``measured`` (n, k) that are swapped or reversed, by the best match with ``expected`` (n, k); none
+    where nothing is predicted to move.
 
     Parameters
     ----------
@@ -83,7 +84,7 @@ def _is_moving(expected: Array) -> NDArray[np.bool_]:
 
 
 def _find_cycles(order: tuple[int, ...]) -> list[list[int]]:
-    """Places that exchange their columns, each group once."""
+    """Cycles of a permutation, each as a list of its indices; a fixed point is a cycle of one."""
     left, out = set(range(len(order))), []
     while left:
         at = min(left)

@@ -18,19 +18,20 @@ AGAIN = 0.15
 """A key that turns back by this share of its travel has been let go, or is pressed again."""
 
 
-def find_key_phases(key: Array, step: float) -> NDArray[np.int64]:
-    """Phase of each sample (n,), an index of `PHASES`, of a key pressed by (n,) in any unit, ``step`` s apart.
+def find_key_phases(key_dip: Array, step_s: float) -> NDArray[np.int64]:
+    """Phase of each sample (n,), an index of `PHASES`, from the dip of a key (n,) in any unit, sampled every ``step_s``
+    s.
 
     A strike begins when the key leaves its rest. It becomes a hold when the key has stayed down for a while, a release
     when the key has turned back by `AGAIN`, held or not; a key that turns round again by as much before it is up begins
     a new strike. So each note of a repetition is a strike of its own, though the key returns only part-way and is never
     held.
     """
-    share = key / max(float(key.max()), 1e-9)
+    share = key_dip / max(float(key_dip.max()), 1e-9)
     out = np.zeros(share.size, dtype=np.int64)
     now, since, highest, lowest = REST, 0.0, 0.0, 1.0
     for k, x in enumerate(share):
-        since += step
+        since += step_s
         if now == REST and x > STARTED:
             now, since, highest = STRIKE, 0.0, x
         elif now == STRIKE:
@@ -57,6 +58,8 @@ STRUCK = 0.5
 """A strike brings the key down by more than this share of the stroke's deepest."""
 
 
-def find_key_strikes(key: Array, at: NDArray[np.int64]) -> list[tuple[int, int]]:
+def find_key_strikes(key_dip: Array, phases: NDArray[np.int64]) -> list[tuple[int, int]]:
     """First sample and end of every strike of a key (n,) with these phases (n,)."""
-    return [(a, b) for a, b in find_runs(at == STRIKE).tolist() if key[a:b].max() > STRUCK * float(key.max())]
+    return [
+        (a, b) for a, b in find_runs(phases == STRIKE).tolist() if key_dip[a:b].max() > STRUCK * float(key_dip.max())
+    ]

@@ -110,7 +110,9 @@ class Travel:
 def measure_travel(
     m: MeasuredTrial, p: PredictedAngles, model: Mapping[str, Event], geometry: ActionGeometry
 ) -> Travel:
-    """Travel of one trial; the sign belongs to the wiring."""
+    """Largest turns of key, whippen and hammer over the predicted ones, and lever ratios, of one trial; ``model``: the
+    prediction's events by name. The sign belongs to the wiring.
+    """
     out = np.full(3, np.nan)
     expected = np.column_stack([p.change_rad(name) for name in ENCODER_CHANNELS])
     known = np.isfinite(expected).all(axis=1)
@@ -141,7 +143,9 @@ RISES = (0.1, 0.5)  # choice, of the hammer's largest angle: from there to there
 
 
 def _fit_lever_before_flight(change_rad: Array) -> float:
-    """Slope of the hammer's angle over the whippen's while the hammer first rises; NaN where it does not."""
+    """Slope of the hammer's angle over the whippen's, of changes (n, 3), while the hammer first rises; NaN where it
+    does not.
+    """
     hammer = np.abs(change_rad[:, 2])
     first, last = (int(np.argmax(hammer > share * hammer.max(initial=0.0))) for share in RISES)
     if last - first < FEWEST_RISING or not np.ptp(change_rad[first:last, 1]) > MOVES_RAD:
@@ -164,9 +168,9 @@ def _has_sharp_turn(time: Array, height: Array, step: float) -> bool:
        spoils=CHANNEL)  # fmt: skip
 @register_kinds({"travel difference": "Measure key dip and blow distance, and check the scale of the encoder."})
 def find_travel_differences(
-    travels: Mapping[int, Travel], without: Collection[tuple[int, str]] = ()
+    travels: Mapping[int, Travel], excluded: Collection[tuple[int, str]] = ()
 ) -> list[SessionFinding]:
-    """Encoders whose travel is not the model's, and in which trials.
+    """Findings of encoders whose travel is not the model's, with their trials; ``travels`` by trial number.
 
     Conventions: ratios of largest angles, trial over prediction, which share stops and levers and not their timing.
     *Lever*: whippen over key, in every stroke. *Stops*: key and whippen where the predicted key meets its felt; hammer
@@ -177,10 +181,10 @@ def find_travel_differences(
     Parameters
     ----------
     travels : Trial → `measure_travel`
-    without : (trial, channel) that something else is said of
+    excluded : (trial, channel) that something else is said of
     """
-    hammer = {n: float(t.ratio[2]) for n, t in travels.items() if (n, "hammer") not in without}
-    lower = {n: t for n, t in travels.items() if not {(n, "key"), (n, "whippen")} & set(without)}
+    hammer = {n: float(t.ratio[2]) for n, t in travels.items() if (n, "hammer") not in excluded}
+    lower = {n: t for n, t in travels.items() if not {(n, "key"), (n, "whippen")} & set(excluded)}
     ratios: dict[str, dict[int, float]] = {"key": {}, "whippen": {}, "key and whippen": {}, "hammer": hammer}
     levers: dict[int, float] = {}
     stopped = [n for n, t in lower.items() if _has_another_key_stop(t)]
@@ -228,17 +232,15 @@ def _name_wrong_encoder(t: Travel) -> str:
 
 
 def _describe_travel(
-    name: str, ratios: Mapping[int, float], among: Collection[int], by_scale: Collection[int]
+    name: str, ratios: Mapping[int, float], trials: Collection[int], scale_trials: Collection[int]
 ) -> list[SessionFinding]:
-    """Findings on the travel of one channel, over the model's, by trial number: at most one gross and one small.
-
-    ``among`` are the numbers of all trials, for the sentence. ``by_scale`` are those in which a wrong scale explains
-    the difference: only these can be gross.
+    """Findings on one channel's travel over the model's (``ratios``, by trial number): at most one gross, only of
+    ``scale_trials``, which a wrong scale explains, and one small.
     """
     both = " and " in name
     head, verb = (f"encoders {name}", "they travel") if both else (f"encoder {name}", "it travels")
     away = {n: r for n, r in ratios.items() if abs(r - 1) > SCALES_MAY}
-    gross = {n: r for n, r in away.items() if abs(r - 1) > GROSS and not both and n in by_scale}
+    gross = {n: r for n, r in away.items() if abs(r - 1) > GROSS and not both and n in scale_trials}
     out = []
     for kind, part, limit in (
         ("gross travel difference", gross, GROSS),
@@ -246,7 +248,7 @@ def _describe_travel(
     ):
         if part:
             text = (
-                f"{head}: {name_trials(part, among)} {verb} {_format_mean(part)} times as far as in "
+                f"{head}: {name_trials(part, trials)} {verb} {_format_mean(part)} times as far as in "
                 f"the model (limit {100 * limit:g} %)"
             )
             out.append(make_finding(kind, "key" if both else name, part, limit, text))

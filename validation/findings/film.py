@@ -26,7 +26,9 @@ MOVES = 0.02  # of the largest speed: a frame in which the whippen moves tells t
     spoils=CURVES,
 )
 def check_camera_clock(m: MeasuredTrial) -> list[SessionFinding]:
-    """Film times against the DAQ clock, by the whippen that both film and encoder see."""
+    """Finding that the film's times drift against the DAQ clock or are off it, by the whippen that film and encoder
+    both see; empty if none.
+    """
     film = m.film
     if film is None or film.whippen_rad is None:
         return []
@@ -34,7 +36,9 @@ def check_camera_clock(m: MeasuredTrial) -> list[SessionFinding]:
 
 
 def find_clock_offset(m: MeasuredTrial, film: FilmAngles, whippen_rad: Array) -> list[SessionFinding]:
-    """Frame times that are early or late all along."""
+    """Finding that frame times are early or late all along; ``whippen_rad``: (frames,) as the film shows it. Empty
+    within the limit.
+    """
     offset, u = estimate_clock_offset(film.time_s, whippen_rad, m.time_s, m.change_rad[:, WHIPPEN])
     limit = max(CLOCK_S, 3 * float(np.hypot(u, film.u_time_s)))
     if not abs(offset) > limit:
@@ -48,7 +52,8 @@ def find_clock_offset(m: MeasuredTrial, film: FilmAngles, whippen_rad: Array) ->
 
 
 def find_clock_drift(m: MeasuredTrial, film: FilmAngles, whippen_rad: Array) -> list[SessionFinding]:
-    """Frame times that lose or gain against the DAQ clock while the whippen moves.
+    """Finding that frame times lose or gain against the DAQ clock while the whippen moves; ``whippen_rad``: (frames,)
+    as the film shows it. Empty within the limit.
 
     Between two motions nothing tells a wrong rate from lost frames: both are named. Detectable from 0.3 ms.
     """

@@ -168,7 +168,9 @@ def _select_several(groups: Sequence[tuple[int, ...]]) -> tuple[tuple[int, ...],
 def _check_single_trials(
     predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest
 ) -> list[SessionFinding]:
-    """Checks of one trial alone; a wrong force makes the prediction useless for the others."""
+    """Findings of the checks that need one trial and its prediction, and of the lag of the force; a force of a wrong
+    factor makes the prediction useless for the others.
+    """
     found: list[SessionFinding] = []
     lags = {}
     bottom_s = {number: named["key_bottom"].value for number, named in events.trial.items()}

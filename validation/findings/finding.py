@@ -69,8 +69,8 @@ OF_TRIALS: list[Callable[[Sequence[MeasuredTrial]], list[SessionFinding]]] = []
 def register_kinds(
     kinds: Mapping[str, str], spoils: str = "", among: list[Callable[[Any], list[SessionFinding]]] | None = None
 ) -> Callable[[Check], Check]:
-    """Enter the kinds that a check finds, with what is to be done about each and what all of them spoil, and the check
-    ``among`` those of one sort.
+    """Decorator that enters the kinds of finding of a check in `KINDS`, with what to do about each and what all of them
+    spoil, and appends the check to the list ``among``, if given.
 
     What is to be done names no trial and no channel: `validation.findings.unusable` names them all.
     """
@@ -132,7 +132,9 @@ def select_counted(trials: Mapping[int, T], channel: str, without: LeftOut) -> d
 
 
 def select_counted_events(events: Mapping[int, dict[str, Event]], without: LeftOut) -> dict[int, dict[str, Event]]:
-    """The events of each trial that count: those of which every encoder they are read from is sound."""
+    """Events by trial number and name, but for those read from an encoder in ``without``, pairs of trial number and
+    channel.
+    """
     return {
         number: {
             name: event
@@ -144,7 +146,9 @@ def select_counted_events(events: Mapping[int, dict[str, Event]], without: LeftO
 
 
 def describe_left_out(numbers: Collection[int], channel: str, without: LeftOut) -> str:
-    """How many trials of a channel count and which do not; empty when all do."""
+    """How many trials of a channel count and which do not, ``without`` being pairs of trial number and channel; empty
+    when all do.
+    """
     missing = sorted(number for number in numbers if (number, channel) in without)
     if not missing:
         return ""

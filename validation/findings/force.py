@@ -56,7 +56,7 @@ FEWEST_FLAT, FEWEST_EQUAL = 5, 3  # readings in a row: choice
     among=OF_TRIAL,
 )
 def find_force_saturation(m: MeasuredTrial) -> list[SessionFinding]:
-    """A plateau at the largest or the smallest reading.
+    """Finding of a plateau at the largest or the smallest force reading; empty if there is none.
 
     Conventions: raw readings, N. A plateau is three equal readings in a row at the largest or smallest value, or five
     within a fifth of the channel's noise. Not judged are a channel without noise and, for equal readings, one whose
@@ -160,7 +160,9 @@ def _find_furthest(change: Array) -> Array:
 def _search_factors(
     tested: ModelUnderTest, m: MeasuredTrial, expected: Array, inside: NDArray[np.bool_]
 ) -> list[SessionFinding]:
-    """Finding where the force, multiplied by one of `FACTORS`, predicts the trial much better; else an empty list."""
+    """Finding where the force, multiplied by one of `FACTORS`, predicts the trial much better, else an empty list;
+    ``expected`` (k, 3): the model's changes in the k samples ``inside``.
+    """
     force, trial = m.force, m.change_rad[inside]
     size = np.sqrt(np.mean(trial**2, axis=0))
     errors = _compute_errors(expected, trial, size)
@@ -223,8 +225,8 @@ def estimate_force_lag(m: MeasuredTrial, p: PredictedAngles) -> tuple[float, flo
     known = np.isfinite(p.angle_rad[:, KEY])
     if 1 / step < 3 * BAND_HZ[1] or known.sum() < round(0.1 / step):
         return float("nan"), float("nan")
-    lag, clear = _lag_by_correlation(force[known], m.change_rad[known, 0], step)
-    lag_model, clear_model = _lag_by_correlation(force[known], expected[known], step)
+    lag, clear = _correlate_lag(force[known], m.change_rad[known, 0], step)
+    lag_model, clear_model = _correlate_lag(force[known], expected[known], step)
     if min(clear, clear_model) < VISIBLE:
         return float("nan"), float("nan")
     limit = CLEAR_S if clear > CLEAR else VISIBLE_S
@@ -234,7 +236,7 @@ def estimate_force_lag(m: MeasuredTrial, p: PredictedAngles) -> tuple[float, flo
     return float(safe), limit
 
 
-def _lag_by_correlation(force: Array, key_rad: Array, step: float) -> tuple[float, float]:
+def _correlate_lag(force: Array, key_rad: Array, step: float) -> tuple[float, float]:
     """Lag (s, positive: force late) of force behind key acceleration, and their correlation there; ``step`` in s."""
     a, f = filter_band(second_derivative(key_rad, step), step), filter_band(force, step)
     reach = round(LONGEST_S / step)
@@ -321,7 +323,8 @@ def _format_ms(lag: float) -> str:
     spoils=PREDICTION,
 )
 def find_force_drift(m: MeasuredTrial) -> list[SessionFinding]:
-    """Force at rest after the stroke against the force at rest before it.
+    """Finding that the force at rest after the stroke is not that at rest before it; empty if it is, or the action does
+    not rest.
 
     Conventions: N; the reading after is the mean over the last 50 ms, in which two encoders must stand where they
     began. Detectable from 0.1 N, or five standard uncertainties of the two means. The force is not corrected.

@@ -123,7 +123,9 @@ def subtract_model(m: MeasuredTrial, p: PredictedAngles) -> Array:
 def align_like_trials(
     m: MeasuredTrial, others: Sequence[tuple[MeasuredTrial, PredictedAngles]], bottom_s: Mapping[int, float]
 ) -> LikeTrials | None:
-    """Other trials on the times of one; None where they are fewer than `FEWEST_LIKE`, or a key reaches no bed."""
+    """Up to 15 other trials of the stroke, shifted so that the keys reach their beds at one time (``bottom_s``, by
+    trial number); None where fewer than 3 are left or this key reaches no bed.
+    """
     there = [one for one in others if one[0].number != m.number and np.isfinite(bottom_s[one[0].number])]
     if len(there) < FEWEST_LIKE or not np.isfinite(bottom_s[m.number]):
         return None
@@ -149,13 +151,15 @@ class _Suspect:
     by: str  # what ``missed`` is, in words
 
 
-def _list_suspects(m: MeasuredTrial, off: Array, like: LikeTrials | None) -> Iterator[_Suspect]:
-    """Force spikes that may be faulty readings: by the record alone, then compared with trials ``like`` it."""
+def _list_suspects(m: MeasuredTrial, miss_counts: Array, like: LikeTrials | None) -> Iterator[_Suspect]:
+    """Yield force spikes that may be faulty readings: by the record alone, then compared with trials ``like`` it;
+    ``miss_counts`` (n, 2): key and whippen less the model, counts.
+    """
     for spike in find_candidate_spikes(m):
         before = _select_window(m, spike, -MISSED_S, 0.0)
-        missed = rms(_subtract_line(m.time_s[before], off[before])) if before.size > 2 else 0.0
+        missed = rms(_subtract_line(m.time_s[before], miss_counts[before])) if before.size > 2 else 0.0
         part = _select_window(m, spike, -BEFORE_S, AFTER_S)
-        yield _Suspect(spike, part, off[part], max(missed, ROUNDING), FEWEST_MISSES, "else miss the model by")
+        yield _Suspect(spike, part, miss_counts[part], max(missed, ROUNDING), FEWEST_MISSES, "else miss the model by")
     if like is None:
         return
     usual_n, usual = np.median(like.force_n, axis=0), np.median(like.off, axis=0)
@@ -167,7 +171,7 @@ def _list_suspects(m: MeasuredTrial, off: Array, like: LikeTrials | None) -> Ite
             scatter = rms([_subtract_line(m.time_s[part], one) for one in (like.off - usual)[:, part]])
             missed = max(scatter * float(np.sqrt(len(like.off) / (len(like.off) - 1))), ROUNDING)
             yield _Suspect(
-                spike, part, (off - usual)[part], missed, FEWEST_SCATTERS, "else differ from other trials by"
+                spike, part, (miss_counts - usual)[part], missed, FEWEST_SCATTERS, "else differ from other trials by"
             )
 
 
@@ -201,7 +205,7 @@ def find_unanswered_spikes(
     by_isolation = sorted(asked, key=lambda row: row[1], reverse=True)[:MOST_RUN]
     found = []
     for *_, one in {id(row[2]): row for row in (*by_answer, *by_isolation)}.values():
-        without = _simulate_without(tested, m, one.spike, one.part)
+        without = _simulate_without_spike(tested, m, one.spike, one.part)
         if without is None:
             continue
         answers, lacks = (_subtract_line(m.time_s[one.part], x) for x in (predicted[one.part] - without, -one.off))
@@ -227,7 +231,9 @@ def _step_s(m: MeasuredTrial) -> float:
 
 
 def _select_window(m: MeasuredTrial, spike: Spike, after_s: float, until_s: float) -> NDArray[np.intp]:
-    """Samples of the encoders from a time after the begin of a spike to one after its begin, or after its end."""
+    """Indices of the encoder samples from ``after_s`` after a spike's begin until ``until_s`` after its end, or after
+    its begin where ``until_s`` is not positive.
+    """
     time = m.force.time_s
     last = spike.last if until_s > 0.0 else spike.first
     ends = [max(time[spike.first] + after_s, time[0]), min(time[last] + until_s, time[-1])]
@@ -241,8 +247,12 @@ def _measure_isolation(force_n: Array, spike: Spike) -> float:
     return abs(spike.size_n) / max(float(np.sqrt(np.mean(np.concatenate(beside) ** 2))), 1e-12)
 
 
-def _simulate_without(tested: ModelUnderTest, m: MeasuredTrial, spike: Spike, part: NDArray[np.intp]) -> Array | None:
-    """The model's change of key and whippen, counts, (n, 2), when the spike is taken out; None where it cannot run."""
+def _simulate_without_spike(
+    tested: ModelUnderTest, m: MeasuredTrial, spike: Spike, part: NDArray[np.intp]
+) -> Array | None:
+    """The model's change of key and whippen since rest at the samples ``part``, counts, (n, 2), with the spike taken
+    out of the force; None where the model cannot run.
+    """
     until = int(np.searchsorted(m.force.time_s, m.time_s[part[-1]])) + 2
     time_s, force_n = m.force.time_s[:until], m.force.force_n[:until].copy()
     force_n[spike.first : spike.last + 1] -= spike.change_n

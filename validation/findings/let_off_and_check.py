@@ -88,7 +88,9 @@ def _has_fast_event(events: Mapping[str, Event], model: Mapping[str, Event], spe
 def find_let_off_and_check(
     let_off_m: Mapping[int, tuple[float, float]], check_m: Mapping[int, tuple[float, float]]
 ) -> list[SessionFinding]:
-    """Differences of let-off and check from the model; arguments by trial, of the two functions above."""
+    """Findings on let-off and check that are not the model's; either argument: trial number → trial less model, m, and
+    its standard uncertainty.
+    """
     out = []
     for kind, channel, differences, limit, what in (
         ("let-off", "let_off", let_off_m, LET_OFF_M, "let-off: the hammer's free flight begins"),

@@ -41,7 +41,8 @@ class Residuals:
 
 
 def make_residuals(predicted: PredictedSession, events: SessionEvents, trials: Sequence[MeasuredTrial]) -> Residuals:
-    """Residuals of some of the trials.
+    """Model less trial over the channel's range, of key, whippen and hammer, from the window's start to the first
+    release, for the given trials.
 
     After the release differences grow of themselves; before it a trial's residual is its own force and the model's
     error, and the latter is common to all trials.
@@ -71,7 +72,8 @@ BETWEEN = 2.0  # a stroke that may go either way goes further than two predictio
 
 
 def estimate_force_effect(tested: ModelUnderTest, m: MeasuredTrial, start_s: float, end_s: float) -> float:
-    """Largest change of any encoder's prediction over its range, root mean square from start to end.
+    """How far what is not known of its force moves a trial's prediction: largest root mean square change of any encoder
+    over its range, from ``start_s`` to ``end_s``.
 
     One number for all bodies, which move each other: where one may go either way, none is told apart.
 
@@ -123,7 +125,7 @@ def find_outlying_trials(
     measured: Sequence[MeasuredTrial],
     events: dict[int, dict[str, Event]],
     explained: set[tuple[int, str]],
-    reach: Callable[[int], float],
+    force_effect: Callable[[int], float],
     until_s: float,
 ) -> list[SessionFinding]:
     """One finding per trial that is an outlier in channels without another fault.
@@ -139,7 +141,7 @@ def find_outlying_trials(
     base : (n,), common time base
     traces, measured, events : of all trials
     explained : (trial, channel) of faults that are named already
-    reach : how far a trial may lie off because of its force alone, over the range; asked where no reason is found
+    force_effect : how far a trial may lie off by its force alone, over the range; asked where no reason is found
     until_s : where no reason is found, only what differs until then counts: after the release differences grow of
         themselves
     """
@@ -162,7 +164,7 @@ def find_outlying_trials(
         worst = max(by_channel, key=lambda name: by_channel[name])
         reasons = _find_reasons(number, measured, scales[number, worst])
         if not reasons:
-            reachable = reach(number)
+            reachable = force_effect(number)
             by_channel = {c: r for c, r in by_channel.items() if distances[number, c] > max(FAR, reachable)}
             if not by_channel:  # a stroke that amplifies what is not known of its force
                 continue
@@ -178,7 +180,9 @@ def find_outlying_trials(
 
 
 def _measure_distances(curves: Array) -> Array:
-    """Root mean square distance of each trial from the median of all, over the median's range."""
+    """Root mean square distance (trials,) of each column of ``curves`` (n, trials) from the median column, over the
+    median's range.
+    """
     known = curves[np.isfinite(curves).all(axis=1)]
     if known.size == 0:
         return np.full(curves.shape[1], np.nan)
@@ -211,7 +215,9 @@ def _find_unusual_events(number: int, events: dict[int, dict[str, Event]]) -> li
 
 
 def _find_reasons(number: int, measured: Sequence[MeasuredTrial], scale: float) -> list[str]:
-    """Texts on what is unusual about a trial's readings or its blow."""
+    """Texts on what is unusual about a trial's readings or its blow; ``scale``: its readings over the others', NaN
+    where no factor explains them.
+    """
     reasons = []
     if np.isfinite(scale):
         reasons.append(f"its readings are {scale:.3f} times the usual ones all the way")

@@ -22,7 +22,7 @@ from validation.prediction.predict_session import PredictedAngles
     spoils=CURVES,
 )
 def find_encoder_faults(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
-    """Leaps and standstills of the encoders (`validation.events.encoder_readings`)."""
+    """Findings of leaps and standstills of the encoders, or of one gap where several leap at one sample."""
     faults = find_reading_faults(m, p)
     if are_simultaneous(faults, m.time_s):
         names = " and ".join(fault.channel for fault in faults)
@@ -64,7 +64,7 @@ def is_followed_by_jump(m: MeasuredTrial, last: int) -> bool:
 
 
 def find_force_standstill(m: MeasuredTrial) -> list[SessionFinding]:
-    """Equal readings of a force with noise, where it does not saturate.
+    """Finding of equal readings of a force with noise, where it does not saturate; empty if there are none.
 
     Conventions: raw readings. Five equal readings in a row have no chance where fewer than one in twenty pairs of
     neighbours at rest are equal. Readings at either end of the range are a saturation's, unless the force jumps from
@@ -100,7 +100,8 @@ RISES_M, FALLS_N = 1e-3, 0.5  # of key front and force: choice, a tenth of the d
 @register_kinds({NO_REST: "Start the record before the stroke, with the key at rest, and record again."},
        spoils=BLOW)  # fmt: skip
 def find_missing_rest(m: MeasuredTrial, geometry: ActionGeometry) -> list[SessionFinding]:
-    """A record that ends with the key higher and the force lower than it began: it did not begin at rest.
+    """Finding that a record did not begin at rest: it ends with the key higher and the force lower than it began. Empty
+    if it did.
 
     Conventions: the last 50 ms against the first samples; from 1 mm of key dip and 0.5 N, both.
     """

@@ -44,7 +44,7 @@ STEP_S = 1e-3  # of the averaged curves
 
 
 def group_strokes(trials: Sequence[MeasuredTrial]) -> tuple[tuple[int, ...], ...]:
-    """Numbers of the trials of each kind of stroke, lowest first; one kind where all are alike.
+    """Trial numbers of each kind of stroke, kinds in the order of their first trials; one kind where all are alike.
 
     Conventions: distance of two strokes is the root mean square difference of their forces, since their onsets and
     averaged over 20 ms, over the root mean square of the larger one, as far as both were recorded. Strokes are joined
@@ -85,7 +85,7 @@ def _force_distance(one: Array, other: Array) -> float:
 
 @register_kinds({"mixed strokes": "Validate the kinds of stroke apart (conditions of the plan, or pianorig annotate)."})
 def find_mixed_strokes(trials: Sequence[MeasuredTrial], kinds: Sequence[Sequence[int]]) -> list[SessionFinding]:
-    """Finding that a session holds several kinds of stroke; empty for one kind."""
+    """Finding that a session holds several kinds of stroke, each a list of trial numbers; empty for one kind."""
     named = [kind for kind in kinds if len(kind) > 1] or list(kinds)
     if len(named) < 2:
         return []

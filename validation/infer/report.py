@@ -24,7 +24,7 @@ from validation.report.overview import Forest, make_forest
 from validation.report.shell import fill_page, flatten_provenance
 from validation.report.view import as_sentence
 from validation.tables.catalogue import every_table
-from validation.tables.table import SECTIONS, PageTable, made_table, shown_rows
+from validation.tables.table import SECTIONS, PageTable, make_page_table, shown_rows
 
 PRIOR_REACH = 1.96
 
@@ -129,7 +129,7 @@ def _tables(found: Identification, name: str, of: object) -> list[PageTable]:
     """A table as the page shows it; pages without rows are left out."""
     table = every_table()[name]
     made = table.make(of)
-    shown = (made_table(table, page, [("", row) for row in shown_rows(page, made)]) for page in table.pages)
+    shown = (make_page_table(table, page, [("", row) for row in shown_rows(page, made)]) for page in table.pages)
     return [one for one in shown if one is not None]
 
 

@@ -60,7 +60,9 @@ def conditions_of(session: Session) -> list[str]:
 def usable_trials(
     session: Session, read: Callable[[Trial, TrialData], MeasuredTrial], only: int | None = None
 ) -> tuple[list[MeasuredTrial], dict[int, str]]:
-    """Trials that can be read (``only`` one of them if given), and the reason by number for the others."""
+    """Trials for which ``read`` succeeds (of all, or of the one numbered ``only``), and by number why each other one is
+    not used; warns of files that cannot be read.
+    """
     found, refused = [], {}
     for trial in session.trials if only is None else (session.trial(only),):
         if trial.rejected is not None:
@@ -120,7 +122,7 @@ def measure_session(
     every, refused = usable_trials(session, read, only)
     measured: list[MeasuredTrial] = []
     for one in every:
-        measured.append(_sharing_times(one, measured[-1]) if measured else one)
+        measured.append(_share_times(one, measured[-1]) if measured else one)
     usable = Counter(name for number, name in conditions.items() if condition is not None or number not in refused)
     found = ", ".join(f"{name!r} ({n} trials)" for name, n in sorted(usable.items()))
     if condition is None and len(usable) > 1:
@@ -133,7 +135,9 @@ def measure_session(
     return MeasuredSession(session, tuple(measured), refused)
 
 
-def _sharing_times(m: MeasuredTrial, other: MeasuredTrial) -> MeasuredTrial:
+def _share_times(m: MeasuredTrial, other: MeasuredTrial) -> MeasuredTrial:
+    """Copy of a trial that holds the time arrays of ``other`` where they are equal, which saves memory."""
+
     def pick_shared(mine: Array, theirs: Array) -> Array:
         return theirs if np.array_equal(mine, theirs) else mine
 
@@ -142,17 +146,19 @@ def _sharing_times(m: MeasuredTrial, other: MeasuredTrial) -> MeasuredTrial:
     return replace(m, time_s=time, force=force)
 
 
-def representative(trials: tuple[MeasuredTrial, ...] | list[MeasuredTrial]) -> MeasuredTrial:
+def select_representative(trials: tuple[MeasuredTrial, ...] | list[MeasuredTrial]) -> MeasuredTrial:
     """The trial of median peak force, which stands for all where many runs of the model are needed.
 
     Of median speed of the key where one has no force.
     """
     by_force = all(m.has_force for m in trials)
-    order = sorted(trials, key=lambda m: (float(m.force.force_n.max()) if by_force else _speed(m), m.number))
+    order = sorted(
+        trials, key=lambda m: (float(m.force.force_n.max()) if by_force else _largest_key_turn_rad(m), m.number)
+    )
     return order[(len(order) - 1) // 2]
 
 
-def _speed(m: MeasuredTrial) -> float:
+def _largest_key_turn_rad(m: MeasuredTrial) -> float:
     """Largest change of the key's angle within 5 ms, rad."""
     key, reach = m.change_rad[:, 0], max(round(5e-3 / float(np.median(np.diff(m.time_s)))), 1)
     return float(np.abs(key[reach:] - key[:-reach]).max()) if key.size > reach else 0.0

@@ -72,7 +72,7 @@ def measure_positions(data: TrialData, calibration: SensorCalibration, seal: str
         names = [c.name for c in data.channels if c.ruler is not None and c.ruler.body == body]
         if len(names) != 1:
             raise TrialError(f"{len(names)} position sensors of the {body}, allowed 1; found {data.position_names}")
-        found[body] = _measure(data, names[0], body)
+        found[body] = _measure_displacement(data, names[0], body)
     key, hammer = found["key"], found["hammer"]
     travel = key.position.travel_m, hammer.position.travel_m
     sensors = PositionSensors(data.time_s, key.value_m, *travel, calibration, _places(found))
@@ -136,13 +136,16 @@ def _cut_short(data: TrialData) -> list[str]:
     return [] if data.status == "complete" else [f"recorded {data.status}: {data.reason or 'no reason given'}"]
 
 
-def _measure(data: TrialData, name: str, body: str) -> DisplacementReading:
+def _measure_displacement(data: TrialData, name: str, body: str) -> DisplacementReading:
     """Displacement (m) of a body by the position channel ``name``: hum and offset at rest removed, smoothed."""
     k = [channel.name for channel in data.channels].index(name)
     info, reading = data.channels[k], data.channel_values
     assert info.ruler is not None and reading is not None
     mains_hz = float(data.provenance.get(MAINS, "60"))
-    quiet, needed = _rest(data, reading[:, k], info, 1.0 / mains_hz), round(data.sample_rate_hz / mains_hz)
+    quiet, needed = (
+        _count_rest_samples(data, reading[:, k], info, 1.0 / mains_hz),
+        round(data.sample_rate_hz / mains_hz),
+    )
     if quiet < max(needed, FEWEST):
         raise TrialError(
             f"{name}: found {1e3 * quiet / data.sample_rate_hz:.0f} ms at rest, one period of the mains before the "
@@ -161,8 +164,9 @@ def _measure(data: TrialData, name: str, body: str) -> DisplacementReading:
     return DisplacementReading(position, value, quiet, float(np.max(u_reading * slope)))
 
 
-def _rest(data: TrialData, reading: Array, info: ChannelInfo, period_s: float) -> int:
-    """Number of samples at rest with which a trial begins.
+def _count_rest_samples(data: TrialData, reading: Array, info: ChannelInfo, period_s: float) -> int:
+    """Number of samples at rest with which a trial begins, from one position reading (n,) and the period of the mains,
+    s.
 
     Rest ends a period of the mains before the trigger, or before the mean over a period, which holds no hum, leaves
     that of the first period for good by more than its noise and the ruler explain.
@@ -183,7 +187,9 @@ def _rest(data: TrialData, reading: Array, info: ChannelInfo, period_s: float) -
 
 
 def smooth_to_noise(value: Array, u_noise: Array, wanted: float) -> Array:
-    """Averages over as many neighbours (Gaussian weights) as bring the noise to ``wanted``, one where it is there."""
+    """``value`` (n,) averaged with Gaussian weights over as many neighbours, 40 at most, as bring its noise ``u_noise``
+    (n,) down to ``wanted``; all in one unit.
+    """
     neighbours = np.clip((u_noise / wanted) ** 2, 1.0, MOST_NEIGHBOURS)
     width = neighbours / (2.0 * np.sqrt(np.pi))  # standard deviation, in samples, of Gaussian weights worth so many
     reach = int(np.ceil(3.0 * width.max()))

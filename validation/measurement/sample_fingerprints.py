@@ -53,17 +53,19 @@ def _channels(data: TrialData) -> Iterator[tuple[NDArray[np.uint64], NDArray[np.
         yield values.view(np.uint64), away & np.concatenate([[False], np.diff(values) != 0.0])
 
 
-def _hashes(words: NDArray[np.uint64], tells: NDArray[np.bool_]) -> list[int]:
-    """Hashes of some windows of the samples ``words``, chosen by content; windows with few of ``tells`` are skipped."""
-    n = words.size - WINDOW + 1
+def _hashes(samples: NDArray[np.uint64], is_changing: NDArray[np.bool_]) -> list[int]:
+    """Hashes of about one in 64 windows of ``samples``, chosen by their content; windows in which fewer than three
+    quarters of ``is_changing`` hold are skipped.
+    """
+    n = samples.size - WINDOW + 1
     if n < 1:
         return []
     total = np.zeros(n, dtype=np.uint64)
     with np.errstate(over="ignore"):
         for k in range(WINDOW):
-            total = total * BASE + words[k : k + n]
+            total = total * BASE + samples[k : k + n]
         # the mixing of SplitMix64 (Steele, Lea and Flood 2014)
         mixed = (total ^ (total >> np.uint64(29))) * np.uint64(0xBF58476D1CE4E5B9)
         mixed ^= mixed >> np.uint64(32)
-    telling = np.convolve(tells, np.ones(WINDOW, dtype=int), "valid") >= 3 * WINDOW // 4
+    telling = np.convolve(is_changing, np.ones(WINDOW, dtype=int), "valid") >= 3 * WINDOW // 4
     return [int(value) for value in mixed[telling & (mixed % np.uint64(ONE_IN) == 0)]]

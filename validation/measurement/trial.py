@@ -37,7 +37,9 @@ class KeyHeads:
     u_turn_relative: float
 
     def note(self, quiet: Quiet) -> str:
-        """Note on the lift, in one line."""
+        """One sentence on the largest lift of the key's pivot and its uncertainty; ``quiet`` tells the samples at
+        rest.
+        """
         rest = float(np.mean(self.lift_m[: max(quiet.stop, 1)]))
         largest = float(np.max(self.lift_m) - rest)
         u = float(np.hypot(self.u_lift_m, largest * self.u_radius_relative))
@@ -49,8 +51,9 @@ class KeyHeads:
         return f"key read by two heads: rotation without lift and eccentricity; its pivot {said}"
 
 
-def two_heads(data: TrialData, key_rad: Array) -> KeyHeads | None:
-    """Join both heads of a trial; None where it has one.
+def join_key_heads(data: TrialData, key_rad: Array) -> KeyHeads | None:
+    """Rotation and lift of the key from both heads of its encoder, ``key_rad`` (n,) being what the first reads; None
+    where the trial has one head.
 
     Head one reads the rotation plus lift over radius, head two minus; the error of a scale off its centre changes its
     sign as well. The shift of the pivot in its bushing moves the centre, too, and goes with the lift.
@@ -155,7 +158,9 @@ class MeasuredTrial:
 
 
 def _force_doubt(force: CorrectedForce) -> list[str]:
-    """Notes on why the force is implausible as a blow; one that cannot be simulated is refused later."""
+    """Notes on why the force is implausible as a blow, none if it is not; one that cannot be simulated is refused
+    later.
+    """
     known = np.isfinite(force.force_n)
     try:
         doubt = model.blow_implausibility(force.time_s[known], force.force_n[known], "force")
@@ -200,7 +205,7 @@ def measure(
     resolution = np.array([abs(data.encoders[i].rad_per_count) for i in order])
     u_change = np.array([data.encoders[i].u_change_rad for i in order])
     scale = np.array([data.encoders[i].u_turn_relative for i in order])
-    heads = two_heads(data, angle[:, 0])
+    heads = join_key_heads(data, angle[:, 0])
     if heads is not None:
         angle[:, 0], resolution[0] = heads.rotation_rad, heads.resolution_rad
         u_change[0], scale[0] = heads.u_change_rad, heads.u_turn_relative
@@ -250,7 +255,8 @@ def measure(
 
 
 def encoder_change(angle_rad: Array, quiet: Quiet, resolution_rad: Array) -> tuple[Array, Array, Array]:
-    """Angles since rest and their standard uncertainties.
+    """Angles since rest (n, m), rad, the standard uncertainty of a sample against its neighbours (m,), and that of the
+    zero, common to all samples (m,).
 
     Zero is the mean over the quiet interval.  The uncertainty holds the quantisation of the sample, the
     quantisation left in the zero (an encoder that stands still repeats the same rounding error) and the
@@ -277,7 +283,9 @@ def encoder_change(angle_rad: Array, quiet: Quiet, resolution_rad: Array) -> tup
 
 
 def film_angles(table: pd.DataFrame | None, data: TrialData, quiet: Quiet) -> tuple[FilmAngles | None, list[str]]:
-    """Angles of a track file, and notes on them."""
+    """Film angles of a trial from its derived table (None without one), and notes on lost frames and on a zero that is
+    not at rest.
+    """
     if table is None:
         return None, []
     needed = ["time_s"] + [f"{name}_relative{tail}" for name in FILM_CHANNELS for tail in ("_rad", "_u_rad")]

@@ -28,7 +28,7 @@ from validation.findings.find_faults import SessionFindings, find_faults
 from validation.findings.finding import CHANGED_CONDITION, select_sound_trials
 from validation.infer.causes.explain import Explained, explain_difference
 from validation.infer.hypotheses import STEP
-from validation.measurement.measure_session import OTHER_CONDITION, measure_session, representative
+from validation.measurement.measure_session import OTHER_CONDITION, measure_session, select_representative
 from validation.measurement.trial import MeasuredTrial
 from validation.options import ComparisonOptions
 from validation.part_names import name_parts
@@ -38,7 +38,7 @@ from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession, predict_session
 from validation.result import AGREES, CANNOT_TELL, ValidationResult
 from validation.scores.score_session import score_session
-from validation.statistics.repeatability import warn_of_few_trials
+from validation.statistics.repeatability import few_trials_warning
 from validation.statistics.rivals import compare_rivals
 from validation.tables.channels import summary
 from validation.tables.comparison import Comparison
@@ -195,7 +195,7 @@ def name_all_parts(
 def _warnings(predicted: PredictedSession, findings: SessionFindings) -> Iterator[str]:
     """Warnings of a comparison, faults first."""
     yield from (f.text for f in findings.faults)
-    few = warn_of_few_trials(len(predicted.trials))
+    few = few_trials_warning(len(predicted.trials))
     if few:
         yield few
     for m in (m for m in predicted.trials if m.number not in findings.trials_without_rest):
@@ -273,7 +273,7 @@ def select_one_kind(trials: Sequence[MeasuredTrial], findings: SessionFindings, 
     sound = select_sound_trials(trials, findings.faults, but)
     if not sound or not findings.kinds:
         return sound
-    first = representative(sound)
+    first = select_representative(sound)
     kind = next((kind for kind in findings.kinds if first.number in kind), (first.number,))
     return [m for m in sound if m.number in kind]
 

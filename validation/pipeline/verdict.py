@@ -18,7 +18,7 @@ from validation.findings.finding import SessionFinding, summary_line
 from validation.findings.unusable import list_unusable_data, name_unusable
 from validation.measurement.trial import MeasuredTrial, trials_in_words
 from validation.prediction.posterior import list_alterations, posterior_of
-from validation.verdict.verdict import MOST_NAMED, Verdict, most_important, quantity_words
+from validation.verdict.verdict import MOST_NAMED, Verdict, quantity_words, sort_by_importance
 
 
 def fitted_trials(action: model.Action, trials: Sequence[MeasuredTrial]) -> list[int]:
@@ -102,7 +102,7 @@ def verdict_lines(
 
 def _plain_difference_lines(quantities: pd.DataFrame) -> list[str]:
     """The plain differences of the primary quantities that matter most, with measurement and repeatability only."""
-    known = most_important(quantities)[:MOST_NAMED]
+    known = sort_by_importance(quantities)[:MOST_NAMED]
     if not len(known):
         return []
     parts = [quantity_words(row, ("plain_low", "plain_high")) for row in known.itertuples()]

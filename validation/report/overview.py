@@ -14,9 +14,9 @@ from validation.verdict.verdict import (
     ANOTHER_FALL,
     NOT_TESTED,
     format_interval,
-    most_important,
     reading_of,
     shown_interval,
+    sort_by_importance,
     title_of,
 )
 
@@ -137,7 +137,7 @@ def quantity_rows(result: ValidationResult) -> list[tuple[str, str, str, str]]:
     if not len(result.quantities):
         return []
     rows = []
-    for row in most_important(result.quantities).itertuples():
+    for row in sort_by_importance(result.quantities).itertuples():
         if reading_of(row) == NOT_TESTED:
             continue
         q = QUANTITIES[INDEX[str(row.quantity)]]

@@ -30,7 +30,7 @@ from validation.report.view import SessionView, as_sentence, netcdf_names
 from validation.result import ValidationResult
 from validation.side_by_side import SideBySide
 from validation.tables.catalogue import pages_of
-from validation.tables.table import SECTIONS, PageTable, made_table, page_table
+from validation.tables.table import SECTIONS, PageTable, make_page_table, page_table
 
 GLOSSARY: tuple[tuple[str, str], ...] = (
     ("trial", "one recorded blow. All trials of a session are meant to be the same blow."),
@@ -213,7 +213,7 @@ def section_tables(view: SessionView, section: str) -> list[PageTable]:
 def compared_tables(side: SideBySide) -> list[PageTable]:
     """Tables of all results together that have rows."""
     made = (
-        made_table(table, page, [("", row) for row in side.compared[table.name].to_dict("records")])
+        make_page_table(table, page, [("", row) for row in side.compared[table.name].to_dict("records")])
         for table, page in pages_of("models")
     )
     return [table for table in made if table is not None]

@@ -57,7 +57,9 @@ def score_curve(time_s: Array, trial: Array, model: Array) -> dict[str, float]:
 
 
 def choose_trial_pairs(n: int, seed: int = PAIR_SEED, kinds: Sequence[int] | None = None) -> list[tuple[int, int]]:
-    """Pairs of n trials of one kind of stroke, all of them or a seeded sample of `MOST_PAIRS`."""
+    """Pairs (i, j) of column indices of n trials, both of one kind of stroke: all of them, or a seeded sample of
+    `MOST_PAIRS`.
+    """
     pairs = [(i, j) for i, j in combinations(range(n), 2) if kinds is None or kinds[i] == kinds[j]]
     if len(pairs) <= MOST_PAIRS:
         return pairs
@@ -66,7 +68,8 @@ def choose_trial_pairs(n: int, seed: int = PAIR_SEED, kinds: Sequence[int] | Non
 
 
 def compute_pair_rmse(curves: Array, *, kinds: Sequence[int] | None = None) -> tuple[float, int]:
-    """Repeatability ceiling of the RMSE: root mean square difference of one trial against another.
+    """Root mean square difference of one trial against another, which repeatability sets, and the number of pairs;
+    ``curves``: (n_samples, n_trials).
 
     Parameters
     ----------
@@ -167,7 +170,9 @@ def compute_scores(
 
 
 def pool_score(name: str, values: Array) -> float:
-    """One number for the scores of several trials or pairs."""
+    """One number for a score of several trials or pairs: the root mean square of one in rad, else the mean
+    magnitude.
+    """
     if SCORES[name].unit == "rad":
         return rms(values)
     known = values[np.isfinite(values)]

@@ -41,7 +41,8 @@ class IsoScore:
 
 
 def iso_score(test: Array, cae: Array, step_s: float) -> IsoScore:
-    """Score a prediction.
+    """ISO/TS 18571 ratings of a predicted curve ``cae`` against the measured ``test``, each (n,), n ≥ 9, on one uniform
+    time base.
 
     Parameters
     ----------
@@ -68,7 +69,9 @@ def iso_score(test: Array, cae: Array, step_s: float) -> IsoScore:
 
 
 def corridor_score(t: Array, c: Array) -> float:
-    """Mean rating of the distance to the test between an inner and an outer corridor."""
+    """Mean rating, 0 to 1, of the distance of the prediction ``c`` from the test ``t`` between an inner and an outer
+    corridor.
+    """
     top = float(np.abs(t).max())
     inner, outer = INNER * top, OUTER * top
     error = np.abs(t - c)
@@ -87,7 +90,7 @@ TIE = 1e-12
 
 
 def find_best_shift(t: Array, c: Array) -> int:
-    """Shift of highest correlation in samples, positive when the prediction is late.
+    """Shift of highest correlation, in samples, positive when the prediction ``c`` is later than the test ``t``.
 
     Of equal ones the smallest, late before early. All correlations come from one Fourier transform, those that may be
     the highest then from the samples themselves.

@@ -47,12 +47,12 @@ def list_guard_notes(time: Array, trial: Array, model: Array, scores: Mapping[st
     if extent == 0.0:
         return ["constant: the trial does not move, so phase and slope have no meaning"]
     notes = []
-    for words, begin, end, zero in (_find_offset(t, extent), _window(t, c, extent)):
+    for words, begin, end, zero in (_find_offset(t, extent), _find_quiet_ends(t, c, extent)):
         if words:
             without = iso_score(t[begin:end] - zero, c[begin:end] - zero, step).overall
             if abs(without - scores["iso_overall"]) >= MATTERS:
                 notes.append(f"{words} the overall score is {without:.3f}")
-    periodicity = _periodicity(t, c, step, scores["iso_shift_s"])
+    periodicity = _describe_periodicity(t, c, step, scores["iso_shift_s"])
     return [*notes, periodicity] if periodicity else notes
 
 
@@ -64,8 +64,10 @@ def _find_offset(t: Array, extent: float) -> tuple[str, int, int, float]:
     return words if lifted else "", 0, t.size, zero
 
 
-def _window(t: Array, c: Array, extent: float) -> tuple[str, int, int, float]:
-    """Quiet ends of the window, both curves where they begin, or where they end: as `_find_offset`."""
+def _find_quiet_ends(t: Array, c: Array, extent: float) -> tuple[str, int, int, float]:
+    """Note that both curves are quiet at the ends of the window (else empty), and the range of samples and zero (rad)
+    to score again.
+    """
     band = QUIET_SHARE * extent
     begin, end = _find_still(t, c, band), t.size - _find_still(t[::-1], c[::-1], band)
     quiet = 1 - max(end - begin, 0) / t.size
@@ -78,8 +80,10 @@ def _find_still(t: Array, c: Array, band: float) -> int:
     return int(moved[0]) if moved.size else t.size
 
 
-def _periodicity(t: Array, c: Array, step: float, shift_s: float) -> str:
-    """A correlation that falls and rises again between no shift and the shift found has more than one peak."""
+def _describe_periodicity(t: Array, c: Array, step: float, shift_s: float) -> str:
+    """Note that the correlation has a peak nearer than the shift found, or that this lies at the end of the search;
+    else empty.
+    """
     shift = round(shift_s / step)
     if shift == 0:
         return ""

@@ -43,7 +43,9 @@ class Ceiling:
     nuisance: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=NUISANCE_COLUMNS))
 
     def row(self, channel: str, score: str, value_of_same: float) -> dict[str, object]:
-        """Median and range over draws of a perfect model's score, and a reading of ``value_of_same``; not clipped."""
+        """Cells of the score card: median and range over draws of a perfect model's score, their number, and how
+        ``value_of_same``, the model's score in the same trials, compares.
+        """
         known = self.scores.get((channel, score), np.empty(0))
         known = known[np.isfinite(known)]
         if not known.size:
@@ -90,7 +92,7 @@ def score_perfect_model(
     draws = joint_draws(tested.action, seed, DRAWS, parameters=False)
     pooled: dict[tuple[str, str], list[list[float]]] = {}
     nuisance: list[dict[str, object]] = []
-    curves = [_curves(m, traces, without) for m in chosen]
+    curves = [_select_curves(m, traces, without) for m in chosen]
     every = tested.store.values(
         "perfect model",
         [
@@ -98,7 +100,7 @@ def score_perfect_model(
             for m, of_trial in zip(chosen, curves, strict=True)
             for sensors in [(m.u_rad, m.resolution_rad, m.scale_relative_u, m.sensors and m.sensors.calibration)]
         ],
-        lambda missing: _scores(tested, [(chosen[i], curves[i]) for i in missing], draws, paired),
+        lambda missing: _score_draws(tested, [(chosen[i], curves[i]) for i in missing], draws, paired),
     )
     for m, found in zip(chosen, every, strict=True):
         for i, of_draw in enumerate(found):
@@ -115,13 +117,13 @@ def score_perfect_model(
     return Ceiling(values, tuple(m.number for m in chosen), pd.DataFrame(nuisance, columns=NUISANCE_COLUMNS))
 
 
-def _scores(
+def _score_draws(
     tested: ModelUnderTest,
     trials: Sequence[tuple[MeasuredTrial, Sequence[_Curve]]],
     draws: Sequence[JointDraw],
     paired: bool,
 ) -> list[list[dict[str, dict[str, float]]]]:
-    """Scores of each trial in each draw by channel; no channel where the draw cannot be run."""
+    """Scores by name of each trial in each draw by channel; no channel where the draw cannot be run."""
     times = [np.unique(np.concatenate([c.time_s for c in curves])) if curves else np.empty(0) for _, curves in trials]
 
     def scores(i: int, read: Array) -> dict[str, dict[str, float]]:
@@ -140,7 +142,7 @@ def _scores(
     return [[one or {} for one in of_trial] for of_trial in found]
 
 
-def _curves(m: MeasuredTrial, traces: SessionTraces, without: Collection[tuple[int, str]]) -> list[_Curve]:
+def _select_curves(m: MeasuredTrial, traces: SessionTraces, without: Collection[tuple[int, str]]) -> list[_Curve]:
     """Measured and predicted curves, rad, of a trial's channels in the window, but for those of ``without``."""
     out = []
     for names, source in CHANNEL_GROUPS:

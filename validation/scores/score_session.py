@@ -50,7 +50,9 @@ def score_session(predicted: PredictedSession, events: SessionEvents, store: Res
 def trace_session(
     predicted: PredictedSession, events: SessionEvents, store: ResultStore
 ) -> tuple[SessionTraces, tuple[str, ...]]:
-    """Traces of every trial, and a note where a derived step could not be written."""
+    """Traces of every trial, whose speeds are written as a derived step of the session, and a note where that
+    failed.
+    """
     encoder, film, failures = {}, {}, set()
     for m in predicted.trials:
         p = predicted.predictions[m.number]
@@ -66,7 +68,9 @@ def trace_session(
 def score_curves(
     traces: SessionTraces, u_encoder: dict[int, Array], channels: dict[int, tuple[str, ...]], store: ResultStore
 ) -> pd.DataFrame:
-    """Scores of every trial and channel that is compared inside the window, with guards; rivals beside."""
+    """One row of scores for each trial and channel that is compared, inside the window, with the rivals' scores;
+    ``u_encoder`` (3,), rad, and ``channels`` by trial number.
+    """
     jobs = [
         (number, name, i, source, frame)
         for names, source in CHANNEL_GROUPS
@@ -93,7 +97,7 @@ def score_curves(
         scores = store.value(
             "curve scores",
             (time, trial, model, rivals, early),
-            lambda: _scores(time, trial, model, rivals, early),
+            lambda: _score_with_rivals(time, trial, model, rivals, early),
         )
         return {"trial": number, "channel": name, "source": source, **scores, "u_rms_rad": u}
 
@@ -101,7 +105,7 @@ def score_curves(
         return pd.DataFrame(list(pool.map(row, jobs)))
 
 
-def _scores(
+def _score_with_rivals(
     time: Array, trial: Array, model: Array, rivals: dict[str, Array], early: NDArray[np.bool_]
 ) -> dict[str, object]:
     """Scores by name of one curve (n,), rad, against the model's and the rivals'; ``early``: before the impact."""

@@ -48,7 +48,7 @@ def find_contact_times(m: MeasuredTrial, events: dict[str, Event], channel: str)
 
 
 @cache
-def _fit(window: int) -> Array:
+def _slope_weights(window: int) -> Array:
     """Row i gives the slope at sample i of a cubic through `window` samples, per sample, (window, window)."""
     at = np.linspace(-1.0, 1.0, window)
     order = min(ORDER, window - 2)
@@ -58,8 +58,10 @@ def _fit(window: int) -> Array:
 
 
 def _fit_slopes(values: Array, window: int) -> tuple[Array, Array]:
-    """Slope per sample of one stretch, and the factor by which the samples' noise enters it."""
-    weights, half = _fit(window), window // 2
+    """Slope (n,) per sample of one stretch of samples (n,), and the factor (n,) by which the samples' noise enters
+    it.
+    """
+    weights, half = _slope_weights(window), window // 2
     gain = np.linalg.norm(weights, axis=1)
     slope, factor = np.empty(values.size), np.full(values.size, gain[half])
     slope[half : values.size - half] = np.convolve(values, weights[half][::-1], mode="valid")

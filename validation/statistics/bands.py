@@ -81,8 +81,10 @@ def estimate_time_scatter(curves: Array, u_sample: float = 0.0) -> Array:
     return np.concatenate([np.zeros(told[0]), np.repeat(grown, np.diff(np.append(told, len(mean))))])
 
 
-def _estimate_shifts(curves: Array, u_sample: float, way: float, window: Array) -> tuple[Array, Array]:
-    """Standard deviation of the shifts near each sample, in samples, and its weight; 0 where none is detectable."""
+def _estimate_shifts(curves: Array, u_sample: float, rise_samples: float, window: Array) -> tuple[Array, Array]:
+    """Standard deviation (n_samples,), in samples, of the shifts near each sample, and its weight, the squared slope; 0
+    where none is detectable or it exceeds half of ``rise_samples``, in which the mean covers its range.
+    """
     n_samples, n = curves.shape
     mean = curves.mean(axis=1)
     slope = np.gradient(mean)
@@ -100,20 +102,21 @@ def _estimate_shifts(curves: Array, u_sample: float, way: float, window: Array) 
     shift = common / np.where(power > 0, power, np.inf)[:, None]
     s = np.sqrt(np.square(shift - shift.mean(axis=1, keepdims=True)).sum(axis=1) / (n - 1))
     explained = np.square(common).sum(axis=1) > EXPLAINED * power * near(np.square(deviation).sum(axis=1))
-    told = moving & explained & (s < LONGEST * way)
+    told = moving & explained & (s < LONGEST * rise_samples)
     return np.where(told, s, 0.0), np.where(told, power, 0.0)
 
 
-def extend_in_time(mean: Array, scatter: Array, n: int) -> Array:
-    """Largest change (n_samples,) of a mean curve when shifted in time within its trials' scatter.
+def extend_in_time(mean: Array, scatter: Array, n_trials: int) -> Array:
+    """Largest change (n_samples,) of a mean curve when it is shifted in time by as much as ``scatter`` (n_samples,), in
+    samples, lets a further trial be shifted.
 
     Parameters
     ----------
     mean : (n_samples,)
     scatter : (n_samples,), as of `estimate_time_scatter`
-    n : trials
+    n_trials : trials
     """
-    factor = float(stdtrit(n - 1, 0.5 + TIME_CONFIDENCE / 2)) * np.sqrt(1 + 1 / n)
+    factor = float(stdtrit(n_trials - 1, 0.5 + TIME_CONFIDENCE / 2)) * np.sqrt(1 + 1 / n_trials)
     # rounding keeps the number of different reaches small
     rounded = np.round(scatter / ROUND_SAMPLES) * ROUND_SAMPLES
     reach = np.minimum(np.round(factor * rounded), mean.size).astype(int)
@@ -168,7 +171,7 @@ def exceedance(u: float, freedom: int, length: float) -> float:
 
 
 def critical_value(freedom: int, length: float, n_samples: int, confidence: float = CONFIDENCE) -> float:
-    """Critical value of a curve of t values.
+    """Value that the magnitude of a curve of t values exceeds somewhere with a probability of 1 − ``confidence``.
 
     Parameters
     ----------

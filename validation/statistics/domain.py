@@ -51,7 +51,8 @@ Features = Mapping[str, Any]
 
 
 def extract_features(time_s: Array, key: Array, unit: str, force_n: Array | None = None) -> dict[str, Any]:
-    """Properties of a stroke.
+    """Properties of a stroke by name: speeds, depth, time down, rate, largest force and phases; ``key`` (n,) is the
+    key's motion from rest, in ``unit``.
 
     Parameters
     ----------
@@ -95,11 +96,13 @@ def extract_features(time_s: Array, key: Array, unit: str, force_n: Array | None
     return {name: float(f"{value:.5g}") for name, value in out.items()} | {"phases": names, "unit": unit}
 
 
-def _select_notes(place: Array, every: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Strikes that count as notes: not a key bouncing on its front rail or pressed deeper."""
-    out = list(every[:1])
-    for start, end in every[1:]:
-        if place[out[-1][1] : start + 1].min() < AGAIN * place.max():
+def _select_notes(key_depth: Array, strikes: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Strikes (first sample, end) that count as notes: not a key bouncing on its front rail or pressed deeper;
+    ``key_depth``: (n,).
+    """
+    out = list(strikes[:1])
+    for start, end in strikes[1:]:
+        if key_depth[out[-1][1] : start + 1].min() < AGAIN * key_depth.max():
             out.append((start, end))
         else:
             out[-1] = (out[-1][0], end)
@@ -159,7 +162,9 @@ MOST_NAMED = 4  # in a sentence
 
 
 def describe_domain(action: str, places: pd.DataFrame, known: bool, lost: Collection[int] = ()) -> list[str]:
-    """Sentences on which trials not fitted are inside or outside the domain; ``lost``: nearer to a rival."""
+    """Sentences on which trials of the table ``places`` that were not fitted lie inside or outside of the training
+    domain; ``known``: whether the action says what it was fitted to, ``lost``: trials nearer to a rival.
+    """
     if not known:
         return [
             f"Domain: not known, {action} does not say what the strokes it was fitted to were like; identify it again."

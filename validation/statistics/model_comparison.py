@@ -72,13 +72,13 @@ def _compare_pair(first: ValidationResult, second: ValidationResult) -> list[dic
         kind = SCORES[score]
         rows = []
         apart = both.assign(d=both[f"{score}_2"] - both[f"{score}_1"])
-        p = joint_p(apart.pivot(index="trial", columns="channel", values="d"))
+        p = adjusted_p(apart.pivot(index="trial", columns="channel", values="d"))
         for channel, part in both.groupby("channel", sort=False):
             pairs = part[[f"{score}_1", f"{score}_2"]].dropna().to_numpy(dtype=float)
             if not len(pairs):
                 continue
             drawn = moved[moved["channel"] == channel]
-            nuisance = _nuisance(drawn, apart[apart["channel"] == channel], score)
+            nuisance = _estimate_common_u(drawn, apart[apart["channel"] == channel], score)
             rows.append(
                 {
                     "session": first.session_name,
@@ -88,18 +88,18 @@ def _compare_pair(first: ValidationResult, second: ValidationResult) -> list[dic
                     "better": kind.better,
                     "first": first.action_name,
                     "second": second.action_name,
-                    **_statistics(pairs[:, 0], pairs[:, 1], kind.better, nuisance),
+                    **_summarise_differences(pairs[:, 0], pairs[:, 1], kind.better, nuisance),
                     "p_joint": p[str(channel)],
                 }
             )
         for row in rows:
-            row["claim"] = unequal or _claim(row, tolerance if kind.unit == "rad" else 0.0)
+            row["claim"] = unequal or _describe_claim(row, tolerance if kind.unit == "rad" else 0.0)
         out += rows
     _show_contradictions(out)
     return out
 
 
-def _nuisance(drawn: pd.DataFrame, apart: pd.DataFrame, score: str) -> float:
+def _estimate_common_u(drawn: pd.DataFrame, apart: pd.DataFrame, score: str) -> float:
     """Standard uncertainty of the mean difference from what is common to the trials; NaN where it was not drawn."""
     if not len(drawn):
         return float("nan")
@@ -109,7 +109,7 @@ def _nuisance(drawn: pd.DataFrame, apart: pd.DataFrame, score: str) -> float:
     return float(np.sqrt(np.mean(by_draw**2))) if len(by_draw) else float("nan")
 
 
-def _statistics(first: Array, second: Array, better: str, u_nuisance: float) -> dict[str, object]:
+def _summarise_differences(first: Array, second: Array, better: str, u_nuisance: float) -> dict[str, object]:
     """Mean difference second - first of a score (n,), its 95 % interval and standard uncertainty, by column."""
     d = second - first
     n = d.size
@@ -134,8 +134,9 @@ def _statistics(first: Array, second: Array, better: str, u_nuisance: float) -> 
     }
 
 
-def joint_p(differences: pd.DataFrame) -> dict[str, float]:
-    """Adjusted p of every channel, from the trials that have all channels.
+def adjusted_p(differences: pd.DataFrame) -> dict[str, float]:
+    """Adjusted p of the sign-flip test by channel, from the trials that have all channels; ``differences`` has a row a
+    trial and a column a channel.
 
     A channel known in fewer trials (a film) is tested for itself, with the p of all others added to its own at worst
     (Bonferroni over the groups of channels that share their trials).
@@ -190,11 +191,11 @@ def evidence_table(sessions: Sequence[Sequence[ValidationResult]]) -> pd.DataFra
     DataFrame
         `EVIDENCE_COLUMNS`; no rows for a session with one model.
     """
-    rows = [_evidence(results[0], r) for results in sessions if len(results) > 1 for r in results]
+    rows = [_make_evidence_row(results[0], r) for results in sessions if len(results) > 1 for r in results]
     return pd.DataFrame(rows, columns=EVIDENCE_COLUMNS)
 
 
-def _evidence(first: ValidationResult, other: ValidationResult) -> dict[str, object]:
+def _make_evidence_row(first: ValidationResult, other: ValidationResult) -> dict[str, object]:
     """Row of the log Bayes factor of ``other`` against ``first``, with the cost of both and a reading."""
     a, b = first.judgement, other.judgement
     nan = float("nan")
@@ -234,7 +235,7 @@ def _describe_unequal(first: ValidationResult, second: ValidationResult, both: p
     return "no claim: different samples are left out" if (both["n_1"] - both["n_2"]).abs().max() > 2 else ""
 
 
-def _claim(row: dict[str, object], tolerance: float) -> str:
+def _describe_claim(row: dict[str, object], tolerance: float) -> str:
     """Text on which model of a compared row is closer, or why none is claimed; ``tolerance`` in the score's unit."""
     n, difference = int(row["n_trials"]), float(row["difference"])  # type: ignore[call-overload,arg-type]
     if difference == 0:
@@ -257,7 +258,9 @@ def _claim(row: dict[str, object], tolerance: float) -> str:
 
 
 def _show_contradictions(rows: list[dict[str, object]]) -> None:
-    """Say so where the whole window and the time before the impact claim different models."""
+    """Replace the claim of rows, in place, where the whole window and the time before the impact claim different
+    models.
+    """
     claimed: dict[object, dict[object, str]] = {}
     for row in rows:
         if str(row["claim"]).endswith(CLAIMED):

@@ -91,7 +91,7 @@ def s_interval_factors(n: int) -> tuple[float, float]:
 
 
 def curve_repeatability(curves: Array, kinds: Sequence[int] | None = None) -> CurveRepeatability:
-    """Repeatability of one channel.
+    """Repeatability of one channel from ``curves`` (n_samples, n_trials): scatter within each kind of stroke, pooled.
 
     Parameters
     ----------
@@ -126,7 +126,8 @@ def curve_repeatability(curves: Array, kinds: Sequence[int] | None = None) -> Cu
 
 
 def compute_distance_ratios(curves: Array) -> Array:
-    """Distance of each trial from the others, over the trials' usual distance.
+    """Distance of each column of ``curves`` (n_samples, n_trials) from the median of the others, over the trials' usual
+    distance, (n_trials,).
 
     The distance of a trial is the root mean square of its difference from the median curve of the others; the ratio is
     to the median distance.  NaN with fewer than four trials, where one trial cannot be told from the others.
@@ -194,7 +195,7 @@ def event_repeatability(events: dict[int, dict[str, Event]], kinds: Sequence[Col
     return pd.DataFrame(rows)
 
 
-def warn_of_few_trials(n: int) -> str:
+def few_trials_warning(n: int) -> str:
     """Warning for the report when there are fewer than six trials; an empty string otherwise."""
     if n >= FEWEST_TRIALS:
         return ""

@@ -126,7 +126,7 @@ def compare_rivals(
 def _fit_black_boxes(
     trials: Collection[MeasuredTrial], tested: ModelUnderTest, posterior: Posterior | None, faulty: Collection[int]
 ) -> dict[int, dict[str, BlackBox]]:
-    """For each trial the black boxes fitted to the set's strokes, or to the other trials without faults."""
+    """Black boxes by trial number and kind, fitted to the set's strokes, or to the other trials without faults."""
     nothing: dict[int, dict[str, BlackBox]] = {m.number: {} for m in trials}
     if not set(KINDS) & set(tested.rivals):
         return nothing

@@ -74,7 +74,9 @@ def compute_skill(model: Array, rivals: Mapping[str, Array]) -> Skill | None:
 
 
 def describe_skills(skill: Mapping[str, Skill], fitted: str) -> tuple[str, ...]:
-    """One sentence on the skills of all channels, or none; ``fitted`` names what black boxes were fitted to."""
+    """One sentence on the skills of all channels, in a tuple, empty without skills; ``fitted`` names what the black
+    boxes were fitted to.
+    """
     if not skill:
         return ()
     of = []

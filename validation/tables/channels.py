@@ -90,7 +90,7 @@ NOT_MADE = undecided_verdict("the uncertainties were not drawn")
 def rows(comparison: Comparison) -> pd.DataFrame:
     """Repeatability and difference of every channel, its scores, and its skill against the best rival."""
     skill = comparison.rivals.skill
-    table = with_scores(
+    table = add_scores(
         summary(comparison)[0], comparison.scored.scores, comparison.table("scorecard"), comparison.without
     )
     found = [skill.get(str(channel)) for channel in table["channel"]]
@@ -103,7 +103,9 @@ def rows(comparison: Comparison) -> pd.DataFrame:
 
 
 def summary(comparison: Comparison) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Channel summary without scores, and mean, s_r, bands and difference of each channel over time; made once."""
+    """Channel summary without scores, and mean, s_r, bands and difference of each channel over time; made once and kept
+    in ``comparison.made``.
+    """
     c = comparison
     if "spread" not in c.made:
         u_sample = c.table("uncertainty").groupby("channel")["u_rad"].mean().to_dict()
@@ -141,7 +143,7 @@ def channel_tables(
                 if every:  # recorded, and wired wrong in all trials
                     spread |= {f"{name}_{part}_rad": np.full(base.shape, np.nan) for part in SPREAD}
                 continue
-            row, columns = _channel(name, base, frames, u_sample.get(name, 0.0), verdict, kinds)
+            row, columns = _summarise_channel(name, base, frames, u_sample.get(name, 0.0), verdict, kinds)
             row["source"] = source
             row["state"] = "; ".join(text for text in (str(row["state"]), state) if text)
             rows.append(row)
@@ -149,7 +151,7 @@ def channel_tables(
     return pd.DataFrame(rows), pd.DataFrame(spread)
 
 
-def _channel(
+def _summarise_channel(
     name: str,
     base: Array,
     frames: dict[int, pd.DataFrame],
@@ -160,7 +162,7 @@ def _channel(
     """Row of one channel, and its curves for the spread table; frames by trial, ``u`` of a sample in rad."""
     curves = interpolate_to_base(base, frames, f"{name}_measured_rad")
     apart = interpolate_to_base(base, frames, f"{name}_predicted_rad") - curves
-    mean, u_mean, judged = _difference(base, apart, verdict, name)
+    mean, u_mean, judged = _mean_difference(base, apart, verdict, name)
     label = [next((k for k, part in enumerate(kinds) if number in part), -1) for number in frames]
     mixed = len(set(label)) > 1
     r = curve_repeatability(curves, label)
@@ -190,7 +192,9 @@ def _channel(
         "trial_to_trial_rmse_rad": ceiling,
         "pairs": pairs,
         **judged,
-        "state": "several kinds of stroke or conditions: compared within each, no band" if mixed else _state(curves),
+        "state": "several kinds of stroke or conditions: compared within each, no band"
+        if mixed
+        else _explain_missing(curves),
     }
     return row, spread
 
@@ -198,7 +202,7 @@ def _channel(
 COVERAGE = 1.96
 
 
-def _difference(base: Array, apart: Array, verdict: Verdict, name: str) -> tuple[Array, Array, dict[str, object]]:
+def _mean_difference(base: Array, apart: Array, verdict: Verdict, name: str) -> tuple[Array, Array, dict[str, object]]:
     """Mean difference of a channel at times ``base`` (n,), its standard uncertainty, and figures of the channel table.
 
     ``apart``: model − trial, (n, trials).
@@ -229,7 +233,7 @@ def _difference(base: Array, apart: Array, verdict: Verdict, name: str) -> tuple
     return mean, u, row
 
 
-def _state(curves: Array) -> str:
+def _explain_missing(curves: Array) -> str:
     """Reason why a channel has no repeatability; empty where it has one."""
     if not np.isfinite(curves).any():
         return "no frame tracked"
@@ -239,7 +243,7 @@ def _state(curves: Array) -> str:
     return f"{n} trials: too few for a band, {FEWEST_FOR_BAND} needed" if n < FEWEST_FOR_BAND else ""
 
 
-def with_scores(
+def add_scores(
     channels: pd.DataFrame, scores: pd.DataFrame, scorecard: pd.DataFrame, without: LeftOut = ()
 ) -> pd.DataFrame:
     """Copy of the channel table with RMSE, ISO score, their null model's, ceiling, and RMSE over range and over s_r."""

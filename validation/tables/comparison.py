@@ -15,7 +15,7 @@ from validation.events.key_lift import mark_lifted_samples
 from validation.events.session_events import SessionEvents
 from validation.findings.find_faults import SessionFindings
 from validation.findings.finding import LeftOut, select_counted_events, select_sound_trials
-from validation.measurement.measure_session import representative
+from validation.measurement.measure_session import select_representative
 from validation.options import ComparisonOptions
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.motion_driven import motion_driven, motion_row
@@ -88,7 +88,7 @@ class Comparison:
         asked = self.options.by_motion or self.options.further
         if not (sound and asked and all(m.has_force for m in sound)):
             return [], None, []
-        m = representative(sound)
+        m = select_representative(sound)
         at = m.time_s[self.events.window.mask(m.time_s)]
         try:
             trace = motion_driven(self.tested, m, at, mark_lifted_samples(at, self.events.lifts[m.number]))

@@ -74,7 +74,7 @@ def area_metric(model: Array, trial: Array) -> float:
     m, t = (np.asarray(v, dtype=float)[np.isfinite(v)] for v in (model, trial))
     if min(m.size, t.size) < 2:
         return float("nan")
-    return float(_between(m[None], t[None])[0])
+    return float(_area_between_distributions(m[None], t[None])[0])
 
 
 @lru_cache(maxsize=256)
@@ -87,12 +87,14 @@ def area_floor(n_model: int, n_trial: int) -> tuple[float, float]:
     if min(n_model, n_trial) < 2:
         return float("nan"), float("nan")
     rng = np.random.default_rng([SEED, n_model, n_trial])
-    areas = _between(rng.standard_normal((DRAWS, n_model)), rng.standard_normal((DRAWS, n_trial)))
+    areas = _area_between_distributions(rng.standard_normal((DRAWS, n_model)), rng.standard_normal((DRAWS, n_trial)))
     return float(areas.mean()), float(np.quantile(areas, CONFIDENCE))
 
 
-def _between(model: Array, trial: Array) -> Array:
-    """Area between the two distribution functions of every row."""
+def _area_between_distributions(model: Array, trial: Array) -> Array:
+    """Area (k,) between the empirical distribution functions of each row of ``model`` (k, n) and of ``trial`` (k,
+    m).
+    """
     values = np.concatenate([model, trial], axis=1)
     order = np.argsort(values, axis=1, kind="stable")
     of_model = order < model.shape[1]
@@ -102,7 +104,8 @@ def _between(model: Array, trial: Array) -> Array:
 
 
 def event_summary(trial: dict[int, dict[str, Event]], model: dict[int, dict[str, Event]]) -> Iterator[dict[str, Any]]:
-    """Presence first, then means and paired differences (model − trial) where both found the event.
+    """Yield one row an event: its presence, means, and paired differences (model − trial) where both have it;
+    arguments: trial number → event name → event.
 
     An event that a trial leaves out does not count in it.
     """

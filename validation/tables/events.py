@@ -35,7 +35,7 @@ def rows(comparison: Comparison) -> list[dict[str, Any]]:
 def event_rows(
     trial: Mapping[int, Mapping[str, Event]], model: Mapping[int, Mapping[str, Event]]
 ) -> Iterator[dict[str, Any]]:
-    """One row an event; one that did not happen is NaN, and its ``status`` says so."""
+    """Yield one row a trial, source and event; an event that did not happen is NaN, and its ``status`` says so."""
     for source, events in (("trial", trial), ("model", model)):
         for number, found in events.items():
             for e in found.values():

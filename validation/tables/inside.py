@@ -13,7 +13,7 @@ import model
 from model.inside.labels import contact_label
 from model.parameters.effects import KEY_LIFT, SHANK
 from validation.conventions import Array
-from validation.measurement.measure_session import representative
+from validation.measurement.measure_session import select_representative
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.joint_draws import JointDraw, drawn_action, drawn_run, joint_draws, session_seed
 from validation.prediction.many_runs import run_many
@@ -68,25 +68,27 @@ def inside_rows(predicted: PredictedSession, tested: ModelUnderTest, *, is_drawn
     """
     if not tested.own_model or any(m.driven_by_key for m in predicted.trials):
         return []
-    m = representative(predicted.trials)
+    m = select_representative(predicted.trials)
     draws = joint_draws(tested.action, session_seed(predicted.trials), DRAWS, parameters=True) if is_drawn else []
     found: list[dict[str, Any]] = tested.store.value(
         "inside the action",
         (tested.identity, m.number, m.time_s, m.force, draws),
-        lambda: list(_inside(tested, m, draws)),
+        lambda: list(_make_rows(tested, m, draws)),
     )
     return found
 
 
-def _inside(tested: ModelUnderTest, m: MeasuredTrial, draws: Sequence[JointDraw]) -> Iterator[dict[str, Any]]:
-    """Rows of the largest loads and losses of a trial, with u by simulating it in every draw."""
+def _make_rows(tested: ModelUnderTest, m: MeasuredTrial, draws: Sequence[JointDraw]) -> Iterator[dict[str, Any]]:
+    """Yield rows of the largest loads and losses of a trial, with standard uncertainties by simulating it in every
+    draw.
+    """
     force = m.force
     at = m.time_s[(m.time_s >= force.time_s[0]) & (m.time_s <= force.time_s[-1])]
     blow = tested.simulate(
         tested.action, force.time_s, force.force_n, tolerance=tested.tolerance, output_time_s=at,
         initial=tested.load(force.preload_n).rest, inside=True, energy=True,
     )  # fmt: skip
-    parts = list(_parts(tested.action, blow))
+    parts = list(_list_parts(tested.action, blow))
     del blow  # half of what a report of many trials would hold beside them
     actions = [drawn_action(tested, m, draw) for draw in draws]
     runs = [None if one is None else drawn_run(tested, m, one, at) for one in actions]
@@ -109,7 +111,7 @@ def _energies(audit: model.EnergyAudit) -> dict[str, float]:
     return asdict(audit) | {"residual": audit.residual}
 
 
-def _parts(action: model.Action, blow: model.Solution) -> Iterator[tuple[str, dict[str, Any]]]:
+def _list_parts(action: model.Action, blow: model.Solution) -> Iterator[tuple[str, dict[str, Any]]]:
     """(name, row) of a blow's energies, contacts, joints and effects."""
     seen, time = blow.inside, blow.time_s
     assert seen is not None and blow.energy is not None

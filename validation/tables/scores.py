@@ -61,10 +61,10 @@ COLUMNS = (
 
 def rows(comparison: Comparison) -> pd.DataFrame:
     """Scores of every curve with the RMSE over the channel's s_r."""
-    return with_repeatability(comparison.scored.scores, summary(comparison)[0], comparison.without)
+    return add_repeatability(comparison.scored.scores, summary(comparison)[0], comparison.without)
 
 
-def with_repeatability(scores: pd.DataFrame, channels: pd.DataFrame, without: LeftOut = ()) -> pd.DataFrame:
+def add_repeatability(scores: pd.DataFrame, channels: pd.DataFrame, without: LeftOut = ()) -> pd.DataFrame:
     """Scores with the RMSE over the channel's s_r, and whether figures of several trials count each row.
 
     The column ``pooled`` is the one place where that is decided: every figure of several trials reads it.

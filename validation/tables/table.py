@@ -153,15 +153,16 @@ class Table:
         """Names of the columns."""
         return [column.name for column in self.columns]
 
-    def make(self, of: Any) -> pd.DataFrame:
-        """The rows as a data frame with all columns in their order.
+    def make(self, source: Any) -> pd.DataFrame:
+        """The rows made from ``source``, a comparison or what else the field `of` names, as a data frame with all
+        columns in their order.
 
         Raises
         ------
         ValueError
             A column that is not described, or is missing: a defect of the table's module.
         """
-        rows = self.rows(of)
+        rows = self.rows(source)
         if isinstance(rows, pd.DataFrame):
             if set(rows.columns) != set(self.names):
                 differing = sorted(set(rows.columns) ^ set(self.names))
@@ -205,13 +206,15 @@ def page_table(table: Table, page: Page, results: Sequence[ValidationResult], pr
     """
     chosen = results if table.of_model else results[:1]
     parts = [(r.action_name, shown_rows(page, r.tables.get(table.name, pd.DataFrame()))) for r in chosen]
-    return made_table(table, page, [(name, row) for name, rows in parts for row in rows], len(chosen) > 1, prefix)
+    return make_page_table(table, page, [(name, row) for name, rows in parts for row in rows], len(chosen) > 1, prefix)
 
 
-def made_table(
+def make_page_table(
     table: Table, page: Page, rows: Sequence[tuple[str, Row]], named: bool = False, prefix: str = ""
 ) -> PageTable | None:
-    """Rows with the name of their model as text, less columns without a value; ``named``: the name leads each."""
+    """Table of text from rows, less columns without a value; each row with the name of its model, which stands in the
+    first column where ``named``; None without rows.
+    """
     if not rows:
         return None
     columns = [c for c in table.columns if (c.name in page.columns if page.columns else c.head)]

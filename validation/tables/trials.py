@@ -78,12 +78,12 @@ def _rows(comparison: Comparison) -> Iterator[dict[str, object]]:
     measured = {m.number: m for m in predicted.trials}
     for n in sorted({*measured, *predicted.refused}):
         if n in measured:
-            yield _used(measured[n], predicted.predictions[n].model.reused)
+            yield _make_used_row(measured[n], predicted.predictions[n].model.reused)
         else:
             yield {"trial": n, "used": False, "reason": predicted.refused[n]}
 
 
-def _used(m: MeasuredTrial, reused: bool) -> dict[str, object]:
+def _make_used_row(m: MeasuredTrial, reused: bool) -> dict[str, object]:
     """Row of a used trial; ``reused``: its prediction came from the store."""
     row = {
         "trial": m.number,

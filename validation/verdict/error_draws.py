@@ -21,7 +21,7 @@ from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS, Array
 from validation.events.crossings import read_level
 from validation.events.detect import find_events
 from validation.events.session_events import SessionEvents
-from validation.measurement.measure_session import representative
+from validation.measurement.measure_session import select_representative
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.joint_draws import (
     CHANNELS,
@@ -204,14 +204,14 @@ def session_errors(
     usable = [m for m in predicted.trials if m.number in found]
     if not usable:
         return None
-    groups, other = _majorities(usable, found, conditions)
+    groups, other = _select_majority_branch(usable, found, conditions)
     seed = session_seed(predicted.trials)
     draws = joint_draws(tested.action, seed, DRAWS, parameters=True)
     of_group = []
     for group in groups:
         most = max(found[m.number].known for m in group)
         whole = [m for m in group if found[m.number].known == most]
-        m = representative([m for m in whole if m.film is not None] or whole)
+        m = select_representative([m for m in whole if m.film is not None] or whole)
         drawing = _TrialDrawing(tested, m, found[m.number].masks, draws, own_draws(seed, OWN_DRAWS), u_rest_level_m)
         of_group.append((m, drawing.load_or_run()))
     ran = np.all([np.isfinite(one.common).any(axis=1) for _, one in of_group], axis=0)
@@ -258,10 +258,12 @@ def _block_diagonal(blocks: Sequence[Array]) -> Array:
     return out
 
 
-def _majorities(
+def _select_majority_branch(
     usable: Sequence[MeasuredTrial], found: Mapping[int, TrialErrors], conditions: Sequence[Collection[int]]
 ) -> tuple[list[list[MeasuredTrial]], dict[int, tuple[int, int]]]:
-    """Trial numbers of each condition on its most frequent branch, and the branch of the others by number."""
+    """Trials of each condition on its most frequent branch, and by number the branch of each other trial with the bits
+    known of it.
+    """
     groups: list[list[MeasuredTrial]] = []
     other: dict[int, tuple[int, int]] = {}
     for numbers in conditions or [[m.number for m in usable]]:
@@ -325,7 +327,9 @@ class _TrialDrawing:
         return _TrialDraws(values[:n], values[n:], np.array(stored["branch"], dtype=np.int64), curves)
 
     def _run(self) -> dict[str, Any]:
-        """Errors, branches and curves of the trial in every draw, by name, for the store."""
+        """Errors, branches and curves of the trial in every draw, by name, as the store keeps them (arrays in
+        base64).
+        """
         tested, m = self.tested, self.m
         every = [*(replace(d, has_own_errors=False) for d in self.common), *self.own[1:]]
         n, sparse = len(self.common), _sparse(m.time_s.size)
@@ -355,7 +359,7 @@ class _TrialDrawing:
         }
 
     def _angle_means(self, apart: Array) -> Array:
-        """Mean difference of each of `ANGLES` in its samples, rad."""
+        """Mean (k,), rad, of each of `ANGLES` over its samples, of differences (n, channels), rad."""
         out = np.full(len(ANGLES), np.nan)
         for k, q in enumerate(ANGLES):
             if q.name in self.masks:

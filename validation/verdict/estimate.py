@@ -192,7 +192,9 @@ def quantile_by_rank(drawn: Array, share: float) -> float:
 
 
 def interval_by_rank(found: Array, drawn: Array, share: float) -> tuple[Array, Array]:
-    """Ends of the interval of each model error; NaN with fewer than `FEWEST_FOR_INTERVAL` finite draws."""
+    """Ends (V,) of the interval of each model error of coverage ``share``, from what was found (V,) and drawn (N, V);
+    NaN with fewer than `FEWEST_FOR_INTERVAL` finite draws.
+    """
     low, high = np.full((2, found.size), np.nan)
     for v in range(found.size):
         known = np.sort(drawn[np.isfinite(drawn[:, v]), v])
@@ -215,7 +217,9 @@ def rare_branches(branch: NDArray[np.int64], found: NDArray[np.int64]) -> tuple[
 
 
 def detectable_errors(drawn: Array, middle: Array, lower: Array, upper: Array, limit: float) -> Array:
-    """Least negative and least positive error that the test resolves in 80 % of sessions, (2, V)."""
+    """Least negative and least positive error, (2, V), that the test resolves in 80 % of sessions; ``drawn`` (N, V),
+    ``limit``: of the ratio of a difference from ``middle`` and its scale ``lower`` or ``upper``.
+    """
     out = np.full((2, middle.size), np.nan)
     known = np.isfinite(drawn).any(axis=0)
     if not np.isfinite(limit) or not known.any():
@@ -227,10 +231,10 @@ def detectable_errors(drawn: Array, middle: Array, lower: Array, upper: Array, l
 
 
 def divide_variance(errors: Array, inputs: Array, middle: Array, lower: Array, upper: Array) -> tuple[Array, Array]:
-    """Standard uncertainty of the errors (N, V) by each drawn input (N, q), as (q, V), and what is left, (V,).
+    """Standard uncertainty that each drawn input (N, q) makes of the errors (N, V), as (q, V), and what is left, (V,);
+    errors farther from ``middle`` than `WINSOR` scales ``lower``, ``upper`` count as that far.
 
-    Regression on the inputs; of its squared slopes their own uncertainty is taken off. Errors beyond ``middle`` (V,) by
-    `WINSOR` scales, ``lower`` or ``upper`` (V,), count as that far.
+    Regression on the inputs; of its squared slopes their own uncertainty is taken off.
     """
     n, q = inputs.shape
     varied = int((np.ptp(inputs, axis=0) > 0.0).sum()) if n else 0

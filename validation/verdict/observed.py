@@ -31,12 +31,16 @@ class ObservedDifference:
         return format_interval(value, q.factor * self.scatter, "")
 
 
-def observed_differences(errors: Array, of: int | None = None) -> list[ObservedDifference]:
-    """Differences of the primary quantities, of errors (n, V) of trials: their mean, or row ``of``, and the scatter."""
+def observed_differences(errors: Array, row_index: int | None = None) -> list[ObservedDifference]:
+    """Differences of the primary quantities, SI, of errors (n, V) of trials: their mean, or that of trial
+    ``row_index``, and the scatter.
+    """
     out = []
     for q, column in zip(QUANTITIES, np.asarray(errors, dtype=float).T, strict=True):
         known = column[np.isfinite(column)]
-        value = float(known.mean() if of is None and known.size else np.nan if of is None else column[of])
+        value = float(
+            known.mean() if row_index is None and known.size else np.nan if row_index is None else column[row_index]
+        )
         if q.is_primary and np.isfinite(value):
             scatter = float(known.std(ddof=1)) if known.size > 1 else float("nan")
             out.append(ObservedDifference(q, value, scatter, known.size))

@@ -86,7 +86,7 @@ def judge_model(errors: SessionErrors | None, limits: Mapping[str, float]) -> Ve
         return undecided_verdict(f"{errors.failed} of {DRAWS} draws of the declared uncertainties cannot be simulated")
     estimates = estimate_errors(errors.sample)
     table = quantity_table(errors, estimates, limits)
-    outcome = decide(table, is_branch_resolved=estimates.is_branch_resolved)
+    outcome = decide_outcome(table, is_branch_resolved=estimates.is_branch_resolved)
     return Verdict(
         outcome, sentence_of(outcome, table, errors, estimates), table, _facts(errors, estimates), errors, estimates
     )
@@ -165,19 +165,21 @@ def quantity_table(errors: SessionErrors, e: Estimates, limits: Mapping[str, flo
             one.travel.get(q.channel, math.nan), int(sample.n_trials[i]), found,
             found - plain[i], found + plain[i], e.low[i], e.high[i], e.low_90[i], e.high_90[i], limit[i], e.ratio[i],
             e.ratio_limit, bool(e.resolved[i]), bool(e.alone[i]), e.detectable_low[i], e.detectable_high[i], e.u[i],
-            of_force[i], of_sensors[i], e.u_other[i], e.u_repeat[i], main, _state(q, one, found, float(e.low[i])),
+            of_force[i], of_sensors[i], e.u_other[i], e.u_repeat[i], main,
+            _explain_no_estimate(q, one, found, float(e.low[i])),
         )  # fmt: skip
         rows.append(dict(zip(COLUMNS, values, strict=True)))
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def is_another_fall(one: Condition, found: Array) -> bool:
-    """Whether model and trials show two different falls of the hammer; ``found`` are mean differences, in order.
+def is_another_fall(condition: Condition, differences: Array) -> bool:
+    """Whether model and trials show two different falls of the hammer; ``differences``: mean model − trial of each of
+    `QUANTITIES`.
 
     Two are different where one hammer lands before the other drops.
     """
-    drop, landing = (float(one.values[INDEX[name] - len(ANGLES)]) for name in FALL)
-    moved_drop, moved_landing = drop + found[INDEX[FALL[0]]], landing + found[INDEX[FALL[1]]]
+    drop, landing = (float(condition.values[INDEX[name] - len(ANGLES)]) for name in FALL)
+    moved_drop, moved_landing = drop + differences[INDEX[FALL[0]]], landing + differences[INDEX[FALL[1]]]
     return bool(moved_drop > landing or moved_landing < drop)
 
 
@@ -186,7 +188,7 @@ def _trials_of_condition(errors: SessionErrors, one: Condition) -> str:
     return trials_in_words(one.trials) if len(errors.conditions) > 1 else ""
 
 
-def _state(q: Quantity, one: Condition, found: float, low: float) -> str:
+def _explain_no_estimate(q: Quantity, one: Condition, found: float, low: float) -> str:
     """Reason why a quantity of condition ``one`` has no estimate; empty where it has one."""
     if not math.isfinite(found):
         if q.channel:
@@ -197,8 +199,10 @@ def _state(q: Quantity, one: Condition, found: float, low: float) -> str:
     return "" if math.isfinite(low) else "too few draws take this branch of the motion"
 
 
-def decide(table: pd.DataFrame, *, is_branch_resolved: bool = False) -> str:
-    """One of `validation.result.OUTCOMES`, of a table of quantities."""
+def decide_outcome(table: pd.DataFrame, *, is_branch_resolved: bool = False) -> str:
+    """One of `validation.result.OUTCOMES`, from a table of quantities; a resolved branch of the motion is a
+    difference.
+    """
     claim = table[table["primary"].astype(bool) & table["difference"].notna()]
     readings = {reading_of(row) for row in claim[claim["resolved"].astype(bool)].itertuples()}
     if is_branch_resolved or DIFFERS in readings:
@@ -213,7 +217,7 @@ def is_within_limit(rows: Any) -> Any:
     return (rows.low_90 > -rows.limit) & (rows.high_90 < rows.limit)
 
 
-def most_important(table: pd.DataFrame) -> pd.DataFrame:
+def sort_by_importance(table: pd.DataFrame) -> pd.DataFrame:
     """Primary quantities with an interval, by how far it reaches in units of what matters; resolved ones first."""
     known = table[table["primary"].astype(bool) & table["low"].notna()]
     reach = known[["low", "high"]].abs().max(axis=1) / known["limit"]
@@ -221,7 +225,9 @@ def most_important(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def shown_interval(row: Any, names: tuple[str, str] = ("low", "high")) -> tuple[float, float]:
-    """Middle and half width of an interval in the unit it is shown in, with the signs of the thesis."""
+    """Middle and half width of the interval between two columns of a row of the quantities, in the unit shown, with the
+    signs of the thesis.
+    """
     q = QUANTITIES[INDEX[str(row.quantity)]]
     sign = float(SIGN[q.channel]) if q.channel else 1.0
     low, high = (float(getattr(row, name)) for name in names)
@@ -278,7 +284,7 @@ def is_untested(row: Any) -> bool:
 
 def sentence_of(outcome: str, table: pd.DataFrame, errors: SessionErrors, e: Estimates) -> str:
     """The outcome with what it rests on: the errors that matter most, and what was not tested."""
-    ordered = most_important(table)
+    ordered = sort_by_importance(table)
     is_tested = np.array([reading_of(row) != NOT_TESTED for row in ordered.itertuples()], dtype=bool)
     untested, ordered = list(ordered[~is_tested].itertuples()), ordered[is_tested]
     named = list(ordered.itertuples())
@@ -286,7 +292,7 @@ def sentence_of(outcome: str, table: pd.DataFrame, errors: SessionErrors, e: Est
     if outcome == AGREES:
         parts.append(f"agrees within {_largest_ends(ordered)}")
     elif outcome == CANNOT_TELL:
-        parts.append(f"cannot tell{_why_not(ordered, untested)}")
+        parts.append(f"cannot tell{_describe_undecided(ordered, untested)}")
     elif e.is_branch_resolved:
         k = int(np.argmin(e.share))
         one, n = errors.conditions[k], len(errors.sample.common)
@@ -331,7 +337,7 @@ def _untested_words(rows: Sequence[Any]) -> str:
     return f"Not tested, since only so large an error would be shown: {', '.join(parts)}"
 
 
-def _why_not(ordered: pd.DataFrame, untested: Sequence[Any]) -> str:
+def _describe_undecided(ordered: pd.DataFrame, untested: Sequence[Any]) -> str:
     """Text on the detectable error, its main input, what would halve it, and the quantities that agree."""
     inside = is_within_limit(ordered)
     if inside.all():
@@ -346,7 +352,7 @@ def _why_not(ordered: pd.DataFrame, untested: Sequence[Any]) -> str:
     unit = q.unit_shown if q.unit_shown == "°" else f" {q.unit_shown}"
     text = (
         f": an error of {detectable_words(row)}{unit} in {title_of(row)} would be shown in 80 % of sessions "
-        f"(limit {q.factor * row.limit:.2g}{unit}); most of it comes from {row.main_input}, and {halving(row)}"
+        f"(limit {q.factor * row.limit:.2g}{unit}); most of it comes from {row.main_input}, and {describe_halving(row)}"
     )
     if inside.any():
         share = f"{int(inside.sum())} of {len(ordered)} primary quantities agree{'s' if inside.sum() == 1 else ''}"
@@ -369,7 +375,7 @@ def _plain_digits(value: float) -> str:
     return f"{float(f'{value:.2g}'):g}"
 
 
-def halving(row: Any) -> str:
+def describe_halving(row: Any) -> str:
     """Text on what would halve the detectable error of a quantity."""
     parts = {"force": row.u_force, "sensors": row.u_sensors, "parameters": row.u_parameters, "scatter": row.u_repeat}
     squares = {name: float(u) ** 2 for name, u in parts.items() if np.isfinite(u)}
@@ -433,7 +439,9 @@ def _percent(share: float) -> str:
 
 
 def curve_errors(verdict: Verdict, channel: int) -> tuple[Array, Array]:
-    """Times (n,) s, and standard uncertainty (n,) rad of the difference at each, of what is common to the trials."""
+    """Times (n,), s, and standard uncertainty (n,), rad, of the difference of one channel (an index) at each, from what
+    is common to the trials.
+    """
     errors = verdict.errors
     if errors is None:
         return np.empty(0), np.empty(0)
@@ -451,7 +459,9 @@ def curve_errors(verdict: Verdict, channel: int) -> tuple[Array, Array]:
 
 
 def right_rmse(verdict: Verdict, channel: int, ends_s: Array) -> Array:
-    """RMSE that a model without error reaches in one trial, one value a draw on the branch that was observed, rad."""
+    """RMSE, rad, that a model without error reaches in one trial between two times ``ends_s``, one value a draw on the
+    observed branch; ``channel``: an index.
+    """
     errors = verdict.errors
     if errors is None:
         return np.empty(0)

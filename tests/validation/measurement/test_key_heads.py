@@ -18,7 +18,7 @@ from rig.simulated.backend import DEFAULT_BENCH
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES, PlantBlock
 from rig.simulated.bench.sensors import load_sensors
 from validation.measurement.measure_session import measure_session
-from validation.measurement.trial import two_heads
+from validation.measurement.trial import join_key_heads
 from validation.prediction.model_under_test import ModelUnderTest
 
 FORCE_PER_VOLT_N = 12.0
@@ -60,7 +60,7 @@ def test_rotation_and_lift_are_those_of_the_specimen(recorded: tuple[rig.Session
     data = session.trial(1).read()
     n = min(rotation.size, data.n_valid)
     one = data.angle_rad[:, 0]
-    heads = two_heads(data, one)
+    heads = join_key_heads(data, one)
     assert heads is not None and lift.max() > 1e-4
     assert np.std(heads.lift_m[:n] - lift[:n]) < 1.5 * heads.u_lift_m < 1e-6
     assert np.abs(heads.lift_m[:n] - lift[:n]).max() < 6 * heads.u_lift_m + 2 * heads.u_radius_relative * lift.max()
@@ -74,14 +74,14 @@ def test_a_correction_of_the_first_head_for_its_scale_goes_before_the_two_are_jo
     data = recorded[0].trial(1).read()
     key, *others = data.encoders
     corrected = replace(data, encoders=(replace(key, arc_gain=1.004), *others))
-    heads, plain = two_heads(corrected, corrected.angle_rad[:, 0]), two_heads(data, data.angle_rad[:, 0])
+    heads, plain = join_key_heads(corrected, corrected.angle_rad[:, 0]), join_key_heads(data, data.angle_rad[:, 0])
     np.testing.assert_allclose(heads.lift_m, plain.lift_m, atol=1e-12)
     np.testing.assert_allclose(heads.rotation_rad, plain.rotation_rad, atol=1e-12)
 
 
 def test_a_trial_with_one_head_has_no_second(tmp_path: Path) -> None:
     data = rig.record(tmp_path / "s", profile="piano", trials=1).trial(1).read()
-    assert two_heads(data, data.angle_rad[:, 0]) is None
+    assert join_key_heads(data, data.angle_rad[:, 0]) is None
 
 
 def test_the_report_reads_the_key_by_both(recorded: tuple[rig.Session, np.ndarray, np.ndarray]) -> None:

@@ -12,9 +12,9 @@ from validation.statistics.repeatability import (
     compute_distance_ratios,
     curve_repeatability,
     event_repeatability,
+    few_trials_warning,
     limit_factor,
     s_interval_factors,
-    warn_of_few_trials,
 )
 
 
@@ -90,9 +90,9 @@ def test_event_repeatability_counts_presence_and_uses_found_events_only():
 
 
 def test_warning_below_six_trials():
-    assert "factor of 0.60 to 2.87" in warn_of_few_trials(5)
-    assert "One trial" in warn_of_few_trials(1)
-    assert warn_of_few_trials(6) == ""
+    assert "factor of 0.60 to 2.87" in few_trials_warning(5)
+    assert "One trial" in few_trials_warning(1)
+    assert few_trials_warning(6) == ""
 
 
 def test_two_kinds_of_stroke_are_compared_within_each():

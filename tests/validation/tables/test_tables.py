@@ -20,13 +20,13 @@ from validation.pipeline.verdict import verdict_lines
 from validation.scores.score_session import score_curves
 from validation.scores.traces import SessionTraces
 from validation.statistics.repeatability import interpolate_to_base
-from validation.tables.channels import channel_tables, with_scores
+from validation.tables.channels import add_scores, channel_tables
 from validation.tables.event_summary import TABLE as SUMMARY
 from validation.tables.event_summary import event_summary as summarised
 from validation.tables.events import event_rows
 from validation.tables.scorecard import scorecard
-from validation.tables.scores import with_repeatability
-from validation.tables.table import made_table
+from validation.tables.scores import add_repeatability
+from validation.tables.table import make_page_table
 from validation.verdict.verdict import undecided_verdict
 
 WINDOW = Window(0.0, 1.0, "test", "test")
@@ -51,9 +51,9 @@ def tables(traces, u=1e-4):
     session = SessionTraces(traces, {}, WINDOW, {1: 0.25})
     channels, spread = channel_tables(session, {"key": u, "whippen": u, "hammer": u})
     u_encoder, compared = {n: np.full(3, u) for n in traces}, dict.fromkeys(traces, ENCODER_CHANNELS)
-    scores = with_repeatability(score_curves(session, u_encoder, compared, ResultStore()), channels)
+    scores = add_repeatability(score_curves(session, u_encoder, compared, ResultStore()), channels)
     card = pd.DataFrame(scorecard(scores, session))
-    return with_scores(channels, scores, card).set_index("channel"), scores, spread
+    return add_scores(channels, scores, card).set_index("channel"), scores, spread
 
 
 def test_channel_table_of_a_known_difference():
@@ -201,7 +201,9 @@ def test_events_that_no_trial_counts_are_neither_absent_nor_in_agreement():
     text = " ".join(lines_of(channels.reset_index(), summary, 3))
     assert "Not counted (left out in all trials): let-off, " in text and "Neither in the records" not in text
     (page,) = SUMMARY.pages
-    shown = {row[0]: row for row in made_table(SUMMARY, page, [("m", row) for row in summary.to_dict("records")]).rows}
+    shown = {
+        row[0]: row for row in make_page_table(SUMMARY, page, [("m", row) for row in summary.to_dict("records")]).rows
+    }
     assert shown[EVENTS["let_off"].label][1] == "not counted (left out in all trials)"
     assert shown[EVENTS["key_bottom"].label][1] == "2 of 2"
 

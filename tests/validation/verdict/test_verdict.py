@@ -34,10 +34,10 @@ from validation.verdict.quantities import (
     relevance_limits,
 )
 from validation.verdict.verdict import (
-    decide,
+    decide_outcome,
+    describe_halving,
     detectable_words,
     format_interval,
-    halving,
     is_another_fall,
     judge_model,
     reading_of,
@@ -71,15 +71,15 @@ def table(**rows: tuple[float, float, bool]) -> pd.DataFrame:
     ],
 )
 def test_outcomes_are_decided_in_their_order(rows, outcome) -> None:  # type: ignore[no-untyped-def]
-    assert decide(table(**rows)) == outcome
+    assert decide_outcome(table(**rows)) == outcome
 
 
 def test_a_branch_that_a_right_model_does_not_take_differs() -> None:
-    assert decide(table(a=(-0.2, 0.3, False)), is_branch_resolved=True) == DIFFERS
+    assert decide_outcome(table(a=(-0.2, 0.3, False)), is_branch_resolved=True) == DIFFERS
 
 
 def test_nothing_can_be_told_without_a_quantity() -> None:
-    assert decide(table(a=(-0.2, 0.3, False)).iloc[:0]) == CANNOT_TELL
+    assert decide_outcome(table(a=(-0.2, 0.3, False)).iloc[:0]) == CANNOT_TELL
     assert undecided_verdict("nothing was drawn").sentence == "cannot tell: nothing was drawn."
 
 
@@ -88,9 +88,9 @@ def row(force: float, sensors: float, parameters: float, scatter: float, n: int 
 
 
 def test_what_would_halve_an_error_that_can_be_shown() -> None:
-    assert halving(row(2.0, 0.0, 0.0, 0.0)) == "the uncertainty of the force divided by 2 would halve it"
-    assert halving(row(0.0, 0.0, 0.0, 2.0)) == "16 trials instead of 4 would halve it"
-    assert halving(row(2.0, 0.0, 1.9, 0.0)).startswith("to halve it, both")
+    assert describe_halving(row(2.0, 0.0, 0.0, 0.0)) == "the uncertainty of the force divided by 2 would halve it"
+    assert describe_halving(row(0.0, 0.0, 0.0, 2.0)) == "16 trials instead of 4 would halve it"
+    assert describe_halving(row(2.0, 0.0, 1.9, 0.0)).startswith("to halve it, both")
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ from validation.infer.causes.search import Fit, Found, Search, find_causes
 from validation.infer.channels import ERROR_BY_NAME
 from validation.infer.hypotheses import ADDED, ALL, FEWEST_TOLD_APART, ONE, TREND, sources
 from validation.infer.observations import ObservedTrial, observe
-from validation.measurement.measure_session import representative
+from validation.measurement.measure_session import select_representative
 from validation.measurement.trial import MeasuredTrial, trials_in_words
 from validation.prediction.joint_draws import chosen_trials
 from validation.prediction.model_under_test import ModelUnderTest
@@ -127,7 +127,7 @@ def explain_observed(tested: ModelUnderTest, trials: Sequence[ObservedTrial], ef
 
 def choose_trials(sound: Sequence[MeasuredTrial]) -> list[MeasuredTrial]:
     """The trial that stands for all, then the others; so many, evenly chosen, where there are more."""
-    first = representative(list(sound))
+    first = select_representative(list(sound))
     others = [m for m in sound if m is not first]
     return [first, *chosen_trials(others, max_trials=MOST_TRIALS - 1)]
 
