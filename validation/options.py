@@ -67,7 +67,7 @@ class ComparisonOptions:
 
     @classmethod
     def from_keywords(cls, keywords: CompareOptions, function: str = "validation.compare") -> ComparisonOptions:
-        """The record of the keywords of a public function."""
+        """The record of the keywords of a public function, which the `TypeError` for an unknown one names."""
         values: dict[str, Any] = dict(keywords)
         if "suspect" in values:
             raise TypeError(

@@ -127,6 +127,7 @@ class ValidationResult:
         )
 
     def _repr_html_(self) -> str:
+        """HTML for a notebook: the sentence, the other lines of the verdict, and the first warnings."""
         text = html.escape
         sentence = f"{text(self.action_name)} on {text(self.session_name)}: {text(self.sentence)}"
         lines = "".join(f"<li>{text(line)}</li>" for line in self.verdict_lines[1:])

@@ -95,7 +95,9 @@ class ResultStore:
         return [json.loads(found[key]) for key in keys]
 
     def table(self, step: str, trial: int, key: str) -> tuple[pd.DataFrame, dict[str, Any]] | None:
-        """Table and attributes of a derived step of one trial, stored under a key; None when there are none."""
+        """Table and attributes of a derived step of one trial, stored under a key, and marked as used now; None when
+        there are none.
+        """
         if self.session is None:
             return None
         try:

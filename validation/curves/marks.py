@@ -52,17 +52,18 @@ def trial_marks(frame: pd.DataFrame, events: pd.DataFrame) -> list[Mark]:
         marks.append(Mark("A", float(found["key_bottom"]), "A: key reaches its bottom"))
     if "key_release" in found:
         release = float(found["key_release"])
-        released = _released_s(frame["force_time_s"].to_numpy(), frame["force_n"].to_numpy(), release)
+        released = _find_release_time(frame["force_time_s"].to_numpy(), frame["force_n"].to_numpy(), release)
         if np.isfinite(released):
             marks.append(Mark("B", released, "B: force released completely"))
-        back = _back_s(frame["time_s"].to_numpy(), -frame["key_measured_rad"].to_numpy(), release)
+        back = _find_return_time(frame["time_s"].to_numpy(), -frame["key_measured_rad"].to_numpy(), release)
         if np.isfinite(back):
             marks.append(Mark("C", back, "C: key back at its lowest point"))
     return sorted(marks, key=lambda mark: mark.time_s)
 
 
-def _released_s(time_s: Array, force_n: Array, key_release_s: float) -> float:
-    """Last time, s, before the key rises at which the force falls below its level of release; NaN if none.
+def _find_release_time(time_s: Array, force_n: Array, key_release_s: float) -> float:
+    """Time, s, at which the force falls below its level of release: last before the key rises, or, where it still acts
+    then, first after; NaN if none.
 
     A force that is still there when the key rises is followed to its end; what the motor arm does later, when it
     bounces on the resting key, does not count.
@@ -82,8 +83,10 @@ def _released_s(time_s: Array, force_n: Array, key_release_s: float) -> float:
     return float(time[after[0]]) if after.size else float("nan")
 
 
-def _back_s(time_s: Array, rotation: Array, release_s: float) -> float:
-    """First minimum of the key's rotation after its release; NaN where it does not come up again."""
+def _find_return_time(time_s: Array, rotation: Array, release_s: float) -> float:
+    """Time, s, of the first minimum of the key's rotation (n,) after its release; NaN where it does not come up
+    again.
+    """
     after = (time_s >= release_s) & np.isfinite(rotation)
     if not after.any():
         return float("nan")

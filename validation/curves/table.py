@@ -103,14 +103,18 @@ def curve_table(
                 left_out = np.nan_to_num(left_out_on_base(base_s, traces[trial], channel)) > 0
                 yield trial, channel, columns, left_out, force
 
-    table = _tidy(base_s, parts())
+    table = _stack_curves(base_s, parts())
     if len(table):
         table["channel"] = pd.Categorical(table["channel"], categories=list(BODIES))
     return table
 
 
-def _tidy(base_s: Array, parts: Iterable[tuple[int, str, dict[str, Array], NDArray[np.bool_], Array]]) -> pd.DataFrame:
-    """Rows of every trial and channel that has at least one finite value."""
+def _stack_curves(
+    base_s: Array, parts: Iterable[tuple[int, str, dict[str, Array], NDArray[np.bool_], Array]]
+) -> pd.DataFrame:
+    """Table with one row a trial, channel and time, of the parts with a finite value; a part: trial, channel, columns
+    by name (n,), mask of what is left out (n,), force (n,), N.
+    """
     frames = [
         pd.DataFrame({"trial": trial, "channel": name, "time_s": base_s, **columns, "left_out": out, "force_n": force})
         for trial, name, columns, out, force in parts
@@ -219,7 +223,7 @@ def read_curves(path: str | Path) -> pd.DataFrame:
             ]
     except (OSError, KeyError) as error:
         raise ValidationInputError(f"{path}: no curves file ({error}); allowed the curves.nc of a report") from error
-    return _tidy(time, parts)
+    return _stack_curves(time, parts)
 
 
 def write_curves(table: pd.DataFrame, netcdf: bytes, path: Path) -> Path:

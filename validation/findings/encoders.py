@@ -39,8 +39,8 @@ MOVES_AS_PREDICTED = 0.5  # of the predicted range, at least: choice, half is ne
 
 @register_kinds(
     {
-        "sign flip": "Turn the sign of the encoder in the rig file and record again.",
-        "swapped channels": "Exchange the channels in the rig file and record again.",
+        "sign flip": "Turn the sign of the encoder in the {settings} and {remake}.",
+        "swapped channels": "Exchange the channels in the {settings} and {remake}.",
     },
     spoils=CHANNEL,
 )

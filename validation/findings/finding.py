@@ -38,11 +38,21 @@ CHANNEL, CURVES, BLOW, PREDICTION = "channel", "curves", "blow", "prediction"
 happened; they are not of the others' blow; its trial's prediction is wrong. The first is the most urgent."""
 
 
+class Source(NamedTuple):
+    """Who made a recording: the file that states its channels, and how it is made again."""
+
+    settings: str
+    remake: str
+
+
+RIG, OTHER_PROGRAM = Source("rig file", "record again"), Source("mapping", "import again")
+
+
 class Kind(NamedTuple):
     """What a kind of finding spoils, and a sentence of what to do about it; either may be empty."""
 
     spoils: str
-    mend: str
+    mend: str  # with the fields of a `Source` in braces
 
 
 KINDS = {
@@ -50,7 +60,7 @@ KINDS = {
         PREDICTION, "Calibrate the load cell (pianorig calibrate force); loosen nothing in the action for this."
     ),
     "force delay": Kind(
-        "", "Measure the delay of the force channel against the encoders and state it in the rig file."
+        "", "Measure the delay of the force channel against the encoders and state it in the {settings}."
     ),
     "encoder scale": Kind("", "Check the scale of the encoder."),
     "encoder delay": Kind("", "Check the filter and the sample clock of the encoder's channel."),
@@ -157,8 +167,10 @@ def describe_left_out(numbers: Collection[int], channel: str, without: LeftOut) 
 
 
 def select_sound_trials(
-    trials: Sequence[MeasuredTrial], findings: Iterable[SessionFinding], but: str = ""
+    trials: Sequence[MeasuredTrial], findings: Iterable[SessionFinding], ignored_kind: str = ""
 ) -> list[MeasuredTrial]:
-    """Trials without a fault that spoils the comparison of one trial with the model; one kind may be let pass."""
-    broken = {number for f in findings if KINDS[f.kind].spoils and f.kind != but for number in f.numbers}
+    """Trials without a fault that spoils the comparison of one trial with the model; faults of ``ignored_kind`` do not
+    count.
+    """
+    broken = {number for f in findings if KINDS[f.kind].spoils and f.kind != ignored_kind for number in f.numbers}
     return [m for m in trials if m.number not in broken]

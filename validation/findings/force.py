@@ -113,8 +113,8 @@ FACTORS = {
 
 @register_kinds(
     {
-        "reversed force": "Turn the sign of the load cell in the rig file and record again.",
-        "force factor": "Check unit and sensitivity of the load cell in the rig file.",
+        "reversed force": "Turn the sign of the load cell in the {settings} and {remake}.",
+        "force factor": "Check unit and sensitivity of the load cell in the {settings}.",
     },
     spoils=PREDICTION,
 )
@@ -283,7 +283,7 @@ def _extend(values: Array, by: int) -> Array:
 
 
 @register_kinds(
-    {"force lag": "Measure the delay of the force channel against the encoders and state it in the rig file."}
+    {"force lag": "Measure the delay of the force channel against the encoders and state it in the {settings}."}
 )
 def find_force_lags(lags: Mapping[int, tuple[float, float]]) -> list[SessionFinding]:
     """The lag of the force behind the key's acceleration, in the trials that have one, by `estimate_force_lag`.

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 
 from validation.findings.find_faults import order_kinds
-from validation.findings.finding import SessionFinding
+from validation.findings.finding import RIG, SessionFinding, Source
 from validation.findings.unusable import list_unusable_data, name_unusable
 from validation.infer.causes.explain import CompatibleChange, Explained
 from validation.infer.hypotheses import ALL
@@ -21,24 +21,16 @@ from validation.statistics.skill import CALLED, Skill
 MOST = 3  # pieces of advice, and causes in one: choice, more are not read
 NOTHING = "Nothing: no difference beyond the stated uncertainty is shown."
 MEND = {name: kind.mend for name, kind in order_kinds().items() if kind.mend}
-"""What to do about each kind of finding; of a key that lifts nothing, its samples are left out."""
+"""What to do about each kind of finding, `Kind.mend`; of a key that lifts nothing, its samples are left out."""
 SPOIL = {name for name, kind in order_kinds().items() if kind.spoils}
 TRAINING = {"repetition": "repetitions", "strike": "strokes that strike", "release": "strokes that are let go"}
 """What to record where no fitted stroke has a phase."""
 
 
-RECORDED, IMPORTED = "rig file and record again", "mapping and import again"
-
-
-def address_importer(advice: str) -> str:
-    """A sentence for a session that another program recorded: what it asks to change stands in the mapping."""
-    return advice.replace(RECORDED, IMPORTED).replace("in the rig file", "in the mapping")
-
-
 def what_to_do(
-    findings: Sequence[SessionFinding], explained: Explained, rivals: Rivals, outcome: str
+    findings: Sequence[SessionFinding], explained: Explained, rivals: Rivals, outcome: str, source: Source = RIG
 ) -> tuple[str, ...]:
-    """Sentences for the head of a report.
+    """At most three sentences on what to do, for the head of a report, the most urgent first.
 
     Parameters
     ----------
@@ -46,6 +38,7 @@ def what_to_do(
     explained : the answer of the search for causes
     rivals : domain and skill
     outcome : one of `validation.result.OUTCOMES`
+    source : who made the recording
 
     Returns
     -------
@@ -54,21 +47,21 @@ def what_to_do(
     """
     unusable = name_unusable(list_unusable_data(findings))
     said = [f"Record again or reject (pianorig annotate): {unusable}."] if unusable else []
-    said += mend(findings)
+    said += advise_on_findings(findings, source)
     if not any(f.kind in SPOIL for f in findings):
         said += advise_on_causes(explained)
         held = rivals.places[~rivals.places["fitted"].astype(bool)]
         said += advise_on_domain(dict(zip(held["trial"], held["why_outside"], strict=True)))
-        said += nearer(rivals.skill)
+        said += advise_on_rivals(rivals.skill)
     if not said and outcome == AGREES:
         said = [NOTHING]
     return tuple(said[:MOST])
 
 
-def mend(findings: Sequence[SessionFinding]) -> list[str]:
-    """What to do about each kind of finding, the most urgent first."""
+def advise_on_findings(findings: Sequence[SessionFinding], source: Source = RIG) -> list[str]:
+    """What to do about each kind of finding, the most urgent first, in the words of the recording's ``source``."""
     kinds = {f.kind for f in findings}
-    return list(dict.fromkeys(words for kind, words in MEND.items() if kind in kinds))
+    return list(dict.fromkeys(words.format(**source._asdict()) for kind, words in MEND.items() if kind in kinds))
 
 
 def advise_on_causes(explained: Explained) -> list[str]:
@@ -112,7 +105,7 @@ def _phase_missing(why: str, phase: str) -> bool:
     return said.endswith("no fitted stroke has it") and phase in names.split(", ")
 
 
-def nearer(skill: Mapping[str, Skill]) -> list[str]:
+def advise_on_rivals(skill: Mapping[str, Skill]) -> list[str]:
     """Advice where a rival is nearer on strokes not fitted, beyond the interval of the skill."""
     lost = {channel: one for channel, one in skill.items() if one.high < 0.0}
     if not lost:

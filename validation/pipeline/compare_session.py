@@ -25,14 +25,14 @@ from validation.cache.result_store import ResultStore
 from validation.events.definitions import EVENTS
 from validation.events.session_events import Window, find_session_events
 from validation.findings.find_faults import SessionFindings, find_faults
-from validation.findings.finding import CHANGED_CONDITION, select_sound_trials
+from validation.findings.finding import CHANGED_CONDITION, OTHER_PROGRAM, RIG, select_sound_trials
 from validation.infer.causes.explain import Explained, explain_difference
 from validation.infer.hypotheses import STEP
 from validation.measurement.measure_session import OTHER_CONDITION, measure_session, select_representative
 from validation.measurement.trial import MeasuredTrial
 from validation.options import ComparisonOptions
 from validation.part_names import name_parts
-from validation.pipeline.advice import address_importer, what_to_do
+from validation.pipeline.advice import what_to_do
 from validation.pipeline.verdict import fitted_trials, identified_warnings, prediction_lines, verdict_lines
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession, predict_session
@@ -132,7 +132,7 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
     explained = _explain(predicted, findings, tested, chosen) if asked else Explained()
     if explained.findings:
         before = findings
-        findings = with_causes(before, explained, sorted(found))
+        findings = replace_explained(before, explained, sorted(found))
         if (findings.left_out, findings.conditions) != (before.left_out, before.conditions):
             found = usable_errors(errors, findings.left_out)
             verdict = _verdict(predicted, found, findings, tested, chosen)
@@ -147,9 +147,9 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
     if explained.sentence:
         finer = verdict.outcome in (AGREES, CANNOT_TELL) and not explained.nothing
         warnings.append(name_parts(explained.sentence, action) + (FINER if finer else ""))
-    advice = tuple(name_parts(text, action) for text in what_to_do(findings.faults, explained, rivals, verdict.outcome))
-    if session.info.rig.copy_name == MAPPING:
-        advice = tuple(map(address_importer, advice))
+    source = OTHER_PROGRAM if session.info.rig.copy_name == MAPPING else RIG
+    said = what_to_do(findings.faults, explained, rivals, verdict.outcome, source)
+    advice = tuple(name_parts(text, action) for text in said)
     head, *rest = verdict_lines(name, action.name, tables, verdict, findings.faults, rivals.nearer, by_key)
     judgement = dict(verdict.facts)
     return ValidationResult(
@@ -246,7 +246,7 @@ def cost_of(predicted: PredictedSession) -> dict[str, float]:
 ODD = "outlying residual"
 
 
-def with_causes(findings: SessionFindings, explained: Explained, numbers: Sequence[int]) -> SessionFindings:
+def replace_explained(findings: SessionFindings, explained: Explained, numbers: Sequence[int]) -> SessionFindings:
     """Findings in which causes replace what they explain; trials from a cause on become a separate condition.
 
     A change that was seen stays unless a cause from a trial on explains it, and then says where the condition begins.
@@ -268,9 +268,13 @@ def with_causes(findings: SessionFindings, explained: Explained, numbers: Sequen
     return replace(findings, faults=(*kept, *explained.findings), conditions=conditions)
 
 
-def select_one_kind(trials: Sequence[MeasuredTrial], findings: SessionFindings, but: str = "") -> list[MeasuredTrial]:
-    """Trials without faults, but one kind of them; of two kinds of stroke those of the median trial's kind."""
-    sound = select_sound_trials(trials, findings.faults, but)
+def select_one_kind(
+    trials: Sequence[MeasuredTrial], findings: SessionFindings, ignored_kind: str = ""
+) -> list[MeasuredTrial]:
+    """Trials without faults, where those of ``ignored_kind`` do not count; of several kinds of stroke the trials of the
+    median trial's kind.
+    """
+    sound = select_sound_trials(trials, findings.faults, ignored_kind)
     if not sound or not findings.kinds:
         return sound
     first = select_representative(sound)

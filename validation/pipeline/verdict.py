@@ -93,11 +93,11 @@ def verdict_lines(
     lines += (
         _plain_difference_lines(verdict.quantities)
         + _excluded_alone_lines(verdict.quantities)
-        + _made_of(verdict.facts)
+        + _describe_draws(verdict.facts)
     )
     if len(scored):
         lines.append("RMSE: " + "; ".join(f"{row['channel']} {_score(row)}" for _, row in scored.iterrows()) + ".")
-    return lines + _score_lines(scored) + _events(events)
+    return lines + _score_lines(scored) + _describe_events(events)
 
 
 def _plain_difference_lines(quantities: pd.DataFrame) -> list[str]:
@@ -118,7 +118,7 @@ def _excluded_alone_lines(quantities: pd.DataFrame) -> list[str]:
     return [f"Alone (excluded by its own 95 % interval, not by the test of all together): {parts}."]
 
 
-def _made_of(facts: Mapping[str, Any]) -> list[str]:
+def _describe_draws(facts: Mapping[str, Any]) -> list[str]:
     """Sentence on the draws and trials that the intervals rest on; empty list where there is no verdict."""
     if not facts.get("judged", False):
         return []
@@ -156,7 +156,7 @@ def _score_lines(scored: pd.DataFrame) -> list[str]:
     return [text + ", ".join(shown) + "."] if shown else []
 
 
-def _events(events: pd.DataFrame) -> list[str]:
+def _describe_events(events: pd.DataFrame) -> list[str]:
     """Sentences on events that differ, are missing, not counted or ambiguous, from the event table."""
     differ, doubtful, missing, uncounted = [], [], [], []
     for row in events.itertuples():

@@ -67,7 +67,9 @@ class BlackBox:
         """Answers (n, c) at times (n,), s, to an input (k,) over times (k,), s."""
         grid, scaled = _grid(time_s), (drive - self.middle) / self.reach
         made = np.clip(
-            _values(self.kind, _terms(self.kind, self.order), drive_s, scaled, grid) @ self.weights, self.low, self.high
+            _evaluate_terms(self.kind, _terms(self.kind, self.order), drive_s, scaled, grid) @ self.weights,
+            self.low,
+            self.high,
         )
         return np.column_stack([np.interp(time_s, grid, column) for column in made.T])
 
@@ -79,7 +81,7 @@ class BlackBox:
 
     @classmethod
     def from_plain_values(cls, plain: Mapping[str, Any], where: str) -> BlackBox:
-        """Of what a file holds."""
+        """Black box of the plain values that a file holds; ``where`` names the file in the error for damaged ones."""
         try:
             arrays = {name: np.array(plain[name], dtype=float) for name in ("weights", "low", "high")}
             stretches, degree = map(int, plain["order"])
@@ -136,7 +138,7 @@ class _Normal:
             grid = _grid(one.time_s)
             y = np.column_stack([np.interp(grid, one.time_s, column) for column in one.answers.T])
             known = np.isfinite(y[:, seen]).all(axis=1)
-            x = _values(kind, self.terms, one.drive_s, (one.drive - middle) / reach, grid)[known]
+            x = _evaluate_terms(kind, self.terms, one.drive_s, (one.drive - middle) / reach, grid)[known]
             y, n = np.nan_to_num(y[known]), max(int(known.sum()), 1)  # of every stroke the same weight, however long
             self.gram[k] += x.T @ x / n
             self.right[k] += x.T @ y / n
@@ -191,8 +193,10 @@ def _grid(time_s: Array) -> Array:
     return np.linspace(time_s[0], time_s[-1], max(round(float(time_s[-1] - time_s[0]) / EVERY_S), 1) + 1)
 
 
-def _values(kind: str, terms: Sequence[tuple[int, ...]], time_s: Array, drive: Array, at_s: Array) -> Array:
-    """Terms (m, f) at times (m,), s, of an input (n,); before its first sample it was what that shows."""
+def _evaluate_terms(kind: str, terms: Sequence[tuple[int, ...]], time_s: Array, drive: Array, at_s: Array) -> Array:
+    """Values (m, f) of the terms at times ``at_s`` (m,), s, for an input ``drive`` (n,) over ``time_s``; before its
+    first sample it was what that shows.
+    """
     if kind == POLYNOMIAL:  # powers of the ninth degree are too alike
         at = np.clip(np.interp(at_s, time_s, drive), -1.0, 1.0)
         return np.asarray(np.polynomial.chebyshev.chebvander(at, len(terms) - 1), dtype=float)

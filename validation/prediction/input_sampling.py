@@ -25,7 +25,7 @@ def parameter_draws(action: model.Action, n: int, rng: np.random.Generator) -> l
     alone = list(_draws(known, n, rng)) if known else [{} for _ in range(n)]
     joint = posterior_of(action)
     together = joint.draws(action, n, rng) if joint is not None else [{} for _ in range(n)]
-    return [_unit_vectors(a | b, action) for a, b in zip(alone, together, strict=True)]
+    return [_restore_normals(a | b, action) for a, b in zip(alone, together, strict=True)]
 
 
 def uncertain_parameters(action: model.Action, *, assumed: bool) -> dict[str, tuple[float, float]]:
@@ -57,8 +57,10 @@ def _draws(known: dict[str, tuple[float, float]], n: int, rng: np.random.Generat
         yield {path: float(x) for path, x in zip(known, drawn, strict=True)}
 
 
-def _unit_vectors(values: dict[str, float], action: model.Action) -> dict[str, float]:
-    """Directions drawn by their components, brought back to the length they have."""
+def _restore_normals(values: dict[str, float], action: model.Action) -> dict[str, float]:
+    """Copy of drawn values by path, in which the drawn components of a contact's normal are scaled back to the length
+    that the action gives it.
+    """
     out = dict(values)
     for path in values:
         stem, _, axis = path.rpartition(".")

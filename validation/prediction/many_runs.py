@@ -90,7 +90,8 @@ class Run:
 def run_many(
     tested: ModelUnderTest, runs: Sequence[Run | None], use: Callable[[int, model.Solution], T]
 ) -> list[T | None]:
-    """Carry out runs and keep what is wanted of each.
+    """What ``use(index, solution)`` returns for each run, in their order; None for a run that is None or cannot be
+    carried out.
 
     Parameters
     ----------

@@ -115,19 +115,20 @@ class Posterior:
 
 
 def make_posterior(
-    moved: Sequence[tuple[str, tuple[str, ...], float, bool]], covariance: Array, trials: Mapping[str, str]
+    parameters: Sequence[tuple[str, tuple[str, ...], float, bool]], covariance: Array, trials: Mapping[str, str]
 ) -> Posterior:
-    """The record of a covariance.
+    """Joint uncertainty of the fitted parameters, from the covariance (p, p) of z: of it the directions in which the
+    strokes said something.
 
     Parameters
     ----------
-    moved : sequence of (name, paths, u, factor), (p,)
+    parameters : sequence of (name, paths, u, factor), (p,)
     covariance : (p, p) of z
     trials : label -> SHA-256
     """
     values, vectors = principal_axes(covariance)
     told = np.abs(values - 1.0) > TOLD
-    names, paths, u, factor = zip(*moved, strict=True)
+    names, paths, u, factor = zip(*parameters, strict=True)
     return Posterior(names, paths, u, factor, vectors.T[told], np.maximum(values[told], 0.0), dict(trials))
 
 

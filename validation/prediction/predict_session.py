@@ -84,7 +84,7 @@ def _turn(angle_rad: Array, rest_rad: Array) -> Array:
 
 
 def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "model") -> PredictedAngles:
-    """Predict one trial, or read its prediction when nothing it depends on has changed.
+    """Predict one trial and store the prediction, or read it when nothing it depends on has changed.
 
     Conventions: angles on the DAQ's sample times (and, by the same cubic, on film times); changes since the model's own
     rest under the declared preload, rad; NaN where the force is not known yet, that is for the last group delay of the
@@ -235,34 +235,34 @@ def predict_session(
         if progress is not None:
             progress(f"predicting trial {m.number}")
         try:
-            predictions[m.number] = _predict(m, tested)
-            missed = _warn_of_missed_tolerance(predictions[m.number].model, tested.tolerance)
+            predictions[m.number] = _predict_with_rivals(m, tested)
+            missed = _describe_missed_tolerance(predictions[m.number].model, tested.tolerance)
             if missed and progress is not None:
                 progress(f"trial {m.number}: {missed}")
         except ModelError as error:
             refused[m.number] = f"{NOT_PREDICTED} {error}"
     if not predictions:
         raise ValidationInputError(
-            f"{measured.session.path}: no usable trial ({_reasons(refused)}); record or accept at least one"
+            f"{measured.session.path}: no usable trial ({_describe_refused(refused)}); record or accept at least one"
         )
     return PredictedSession(tuple(m for m in measured.trials if m.number in predictions), predictions, refused)
 
 
-def _predict(m: MeasuredTrial, tested: ModelUnderTest) -> PredictedTrial:
+def _predict_with_rivals(m: MeasuredTrial, tested: ModelUnderTest) -> PredictedTrial:
     """Prediction of a trial by the model and by its rivals, with notes on those that cannot predict it."""
     found = predict_trial(m, tested)
-    missed = _warn_of_missed_tolerance(found, tested.tolerance)
+    missed = _describe_missed_tolerance(found, tested.tolerance)
     notes, rivals = [text for text in (missed, found.check_load) if text], {}
     for name in (name for name in tested.rivals if name in (KEY_DRIVEN if m.driven_by_key else VARIANTS)):
         try:
-            rivals[name] = _curves_of(predict_trial(m, tested, name), m)
+            rivals[name] = _select_rival_curves(predict_trial(m, tested, name), m)
         except (ModelError, PredictionError) as error:
             notes.append(f"{name.replace('_', ' ')} not predicted: {error}")
     return PredictedTrial(found if m.film is not None else found.without_speeds(), rivals, tuple(notes))
 
 
-def _curves_of(found: PredictedAngles, m: MeasuredTrial) -> RivalCurves:
-    """Compared curves of a rival, which are a third of its prediction.
+def _select_rival_curves(found: PredictedAngles, m: MeasuredTrial) -> RivalCurves:
+    """A rival's changes of angle since rest, rad, at the samples of encoders and film.
 
     In single precision, a thousandth of an encoder's count.
     """
@@ -271,7 +271,7 @@ def _curves_of(found: PredictedAngles, m: MeasuredTrial) -> RivalCurves:
     return RivalCurves(encoder, film)
 
 
-def _warn_of_missed_tolerance(found: PredictedAngles, tolerance: float) -> str:
+def _describe_missed_tolerance(found: PredictedAngles, tolerance: float) -> str:
     """Warning where the estimated numerical error exceeds the tolerance by far; empty where it does not."""
     if not found.error_rad > MISSED * tolerance:
         return ""
@@ -282,8 +282,8 @@ def _warn_of_missed_tolerance(found: PredictedAngles, tolerance: float) -> str:
     )
 
 
-def _reasons(refused: dict[int, str]) -> str:
-    """Why trials are not used, in one line however many they are."""
+def _describe_refused(refused: dict[int, str]) -> str:
+    """Why trials are not used, by number in ``refused``, in one line however many they are."""
     numbers: dict[str, list[int]] = {}
     for number, reason in refused.items():
         numbers.setdefault(reason, []).append(number)

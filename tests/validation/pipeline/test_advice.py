@@ -6,7 +6,7 @@ import math
 
 import pandas as pd
 
-from validation.findings.finding import KINDS, SessionFinding
+from validation.findings.finding import KINDS, OTHER_PROGRAM, SessionFinding
 from validation.infer.causes.explain import CompatibleChange, Explained
 from validation.pipeline import advice
 from validation.result import AGREES, DIFFERS
@@ -32,7 +32,7 @@ def change(number: int, cause: str, unit: str = "1") -> CompatibleChange:
 def test_every_finding_but_a_lifting_key_has_its_sentence_and_no_other_has() -> None:
     assert set(KINDS) - set(advice.MEND) <= {"capstan gap", "not used"} and set(advice.MEND) < set(KINDS)
     for kind in advice.MEND:
-        (said,) = advice.mend([found(kind, 3.0), found(kind, 5.0)])
+        (said,) = advice.advise_on_findings([found(kind, 3.0), found(kind, 5.0)])
         assert said.endswith((".", ").")) and "{" not in said
 
 
@@ -46,9 +46,12 @@ def test_a_fault_that_spoils_the_comparison_is_all_that_is_said() -> None:
 
 def test_who_imported_a_recording_changes_the_mapping() -> None:
     """No sentence of a finding sends somebody to a rig file who has none."""
-    for sentence in advice.MEND.values():
-        assert "rig file" not in advice.address_importer(sentence)
-    assert advice.address_importer(advice.MEND["sign flip"]).endswith("in the mapping and import again.")
+    for kind in advice.MEND:
+        (said,) = advice.advise_on_findings([found(kind)], OTHER_PROGRAM)
+        assert "rig file" not in said and "{" not in said
+    said = advice.what_to_do([found("sign flip")], Explained(), rivals(), DIFFERS, OTHER_PROGRAM)
+    assert said[-1] == "Turn the sign of the encoder in the mapping and import again."
+    assert advice.advise_on_findings([found("sign flip")])[0].endswith("in the rig file and record again.")
 
 
 def test_causes_are_measured_alone_or_told_apart() -> None:
@@ -89,5 +92,5 @@ def test_at_most_three_and_nothing_to_do() -> None:
 
 def test_several_conditions_come_before_what_is_of_one_and_nothing_is_said_twice() -> None:
     every = [found(kind) for kind in ("travel difference", "let-off", "check height", "changed condition")]
-    assert advice.mend(every)[0] == KINDS["changed condition"].mend
-    assert len(advice.mend([found("force lag"), found("force delay")])) == 1
+    assert advice.advise_on_findings(every)[0] == KINDS["changed condition"].mend
+    assert len(advice.advise_on_findings([found("force lag"), found("force delay")])) == 1

@@ -26,4 +26,4 @@ def test_headline_and_advice_rest_on_one_interval() -> None:
     said = describe_nearer_rivals({"key": sure, "hammer": doubtful})
     assert "in key the null model" in said and "in hammer the null model" in said
     assert 1 - sure.high > 1 > 1 - doubtful.high  # the interval of the second holds 1
-    assert len(advice.nearer({"key": sure})) == 1 and advice.nearer({"hammer": doubtful}) == []
+    assert len(advice.advise_on_rivals({"key": sure})) == 1 and advice.advise_on_rivals({"hammer": doubtful}) == []

@@ -66,7 +66,7 @@ def test_what_the_uncertainties_come_from_is_in_the_key_of_what_is_stored(monkey
         runs.append(m.number)
         return [{"trial": m.number, "u_energy_j": float(np.std([draw.changed[path] for draw in draws]))}]
 
-    monkeypatch.setattr(module, "_inside", made)
+    monkeypatch.setattr(module, "_make_rows", made)
 
     def u(changed, m):
         return inside_rows(SimpleNamespace(trials=[m]), changed, is_drawn=True)[0]["u_energy_j"]
