@@ -38,15 +38,15 @@ from validation.infer.channels import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL
 from validation.infer.estimates import IDENTIFIED, LACKING, NORMAL, estimate_all
 from validation.infer.fit import Fitted, fit_multistart
 from validation.infer.further import HALF_KNOWN, SENSORS, Candidate, Prospect, further, prospects
-from validation.infer.hypotheses import ADDED, addable
+from validation.infer.hypotheses import ADDED, list_addable_effects
 from validation.infer.identify import FIT_SHARE, LEAST_EFFECT_RAD, default_budget_s
-from validation.infer.lacks import SIZE_U, fit_with, supported
+from validation.infer.lacks import SIZE_U, fit_with_change, supported
 from validation.infer.noise import Sizes, select_noise_model
 from validation.infer.observations import (
     ObservedTrial,
     observe,
 )
-from validation.infer.problem import Columns, Problem, at_start, linear_residuals
+from validation.infer.problem import Columns, Problem, linear_residuals, make_problem_at_start
 from validation.infer.response import ModelResponse
 from validation.infer.scatter import factors, lacking
 from validation.infer.unknowns import Parameter, Unknowns, unknowns
@@ -152,7 +152,7 @@ def observed(kind: str, session: int, data: Sequence[TrialData]) -> list[Observe
 
 def problem_of(start: model.Action, free: Unknowns, trials: Sequence[ObservedTrial]) -> Problem:
     """The fit of these trials."""
-    return at_start(start, free, trials, ModelResponse(start, (*free.moved, *free.held), trials, RUNS))[0]
+    return make_problem_at_start(start, free, trials, ModelResponse(start, (*free.moved, *free.held), trials, RUNS))[0]
 
 
 def acting(start: model.Action, free: Sequence[Any], kinds: Sequence[str]) -> tuple[str, ...]:
@@ -257,7 +257,7 @@ def planted(cell: str, start: model.Action, free: Unknowns, options: Any, rng: n
     asked = {p.name for p in free.asked}  # a damping that the true law does not have has no true value
     kinds = [k for k in LACKS[cell] if f"{k.partition('.')[0]}.normal.D" not in asked]
     kind, amount = str(rng.choice(kinds)), float(np.exp(0.3 * rng.standard_normal()))
-    (source,) = (s for s in addable(start) if s.name.startswith(ADDED + kind))
+    (source,) = (s for s in list_addable_effects(start) if s.name.startswith(ADDED + kind))
     path, _, power = source.scaled[0]
     one, scene, stated = Parameter(path, (path,), SIZE_U, True, ""), source.scene(start, amount), source.scene(start, 1)
     assert scene is not None and stated is not None
@@ -284,7 +284,7 @@ def in_spite(cell: str, k: int, options: Any) -> dict[str, Any]:
         assert found is not None
         took_s = time.process_time() - began - fit_s
         tried = [m for m in found.let_in if m.parameter is not None and m.parameter.name == one.name]
-        best = tried[0] if tried else fit_with(problem, fitted, one, right, 0.0)
+        best = tried[0] if tried else fit_with_change(problem, fitted, one, right, 0.0)
     except (ModelError, RigError, ValidationError) as error:
         return {"failed": str(error)}
     could = [] if best is None else estimate_all(best.problem, best.fitted, (), lambda text: None)

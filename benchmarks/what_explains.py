@@ -58,7 +58,7 @@ from validation.infer.causes.explain import Explained, choose_trials, make_answe
 from validation.infer.causes.responses import Point, Responses
 from validation.infer.causes.search import Fit, Search, find_causes
 from validation.infer.channels import CLOCK, DELAY, ERROR_BY_NAME, FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL, SCALE, ZERO
-from validation.infer.hypotheses import ADDED, ALL, ONE, STEP, TREND, addable, sources
+from validation.infer.hypotheses import ADDED, ALL, ONE, STEP, TREND, list_addable_effects, sources
 from validation.infer.observations import ObservedTrial, observe
 from validation.infer.unknowns import lead_of, single_names
 from validation.measurement.measure_session import measure_session
@@ -151,7 +151,7 @@ def planted(token: str, action: model.Action) -> Planted:
         unit = lead_of(model.quantities_of(action), names[cause]).unit
         units[cause] = unit if unit == "m" else "1"
     if cause not in units:
-        cause = next(source.name for source in addable(action) if source.name.startswith(ADDED + cause))
+        cause = next(source.name for source in list_addable_effects(action) if source.name.startswith(ADDED + cause))
     return Planted(cause, float(size), profile, units.get(cause, ADDED))
 
 
@@ -168,7 +168,7 @@ def observed(
     kind: str, seed: int, specimen: str, action: model.Action, these: list[Planted], trials: int
 ) -> list[ObservedTrial]:
     """Trials of one session of a specimen that differs from the action by these, as a search compares them."""
-    names, effects = single_names(action), {source.name: source for source in addable(action)}
+    names, effects = single_names(action), {source.name: source for source in list_addable_effects(action)}
     scene = next((effects[p.cause].scene(action, p.size) for p in these if p.cause in effects), None)
     with tempfile.TemporaryDirectory() as folder:
         info = SessionInfo(

@@ -23,12 +23,12 @@ def identified_text(found: Any) -> str:
     """
     head = [f"identified {found.provenance['created_utc']} from {len(found.provenance[TRIALS])} trials"]
     head += [f"WARNING: {line}" for line in found.warnings]
-    action = _with_uncertainties(found)
+    action = _set_posterior_u(found)
     hashes = digests(action, found.provenance, found.posterior.table())
     return action_text(action, head) + "\n" + "\n".join(_table(found, hashes)) + "\n"
 
 
-def _with_uncertainties(found: Any) -> model.Action:
+def _set_posterior_u(found: Any) -> model.Action:
     """Copy of the action with posterior u of requested quantities; the source of others says they were fitted, too."""
     quantities = {**found.action.quantities, **found.action.effects}
     for path in found.action.changed:

@@ -81,7 +81,8 @@ def make_blocks(
     laws: NDArray[np.bool_],
     held: Sequence[Array] = (),
 ) -> list[Block]:
-    """The linear model of every trial.
+    """Linear model of every trial from its sensitivities ``jacobian`` (m, c, p), ``force_columns`` (m, c, 1 + n) and
+    those of fixed laws, ``held`` (m, c, h); ``laws`` (p,): which columns are laws.
 
     Parameters
     ----------

@@ -137,7 +137,7 @@ def _make_profile(problem: Problem, fitted: Fitted, j: int, factor: float) -> Pr
         for (_, z), up in zip(points, _find_least(problem, fitted, points), strict=True)
     ]
     at, rise = np.array(sorted(pair for pair in found if np.isfinite(pair[1]))).T
-    below, above = _crossings(at, rise, best, factor**2, width)
+    below, above = _find_interval_ends(at, rise, best, factor**2, width)
     alone = rise - (at**2 - best**2)
     ends = max(below, float(low)), min(above, float(high))
     return Profile(problem.unknowns.moved[j].name, at, rise, *ends, _interval_kind(at, alone, best, factor**2))
@@ -203,7 +203,7 @@ def _evaluate_points(
     return out
 
 
-def _crossings(z: Array, rise: Array, best: float, level: float, width: float) -> tuple[float, float]:
+def _find_interval_ends(z: Array, rise: Array, best: float, level: float, width: float) -> tuple[float, float]:
     """Ends (z) of the interval in which a profile's rise is below ``level``, linear in its signed root."""
     root = np.sqrt(np.maximum(rise, 0.0))
     want = float(np.sqrt(level))
@@ -223,7 +223,9 @@ def _crossings(z: Array, rise: Array, best: float, level: float, width: float) -
 
 
 def _interval_kind(z: Array, alone: Array, best: float, level: float) -> str:
-    """On which sides the strokes alone do not end the interval."""
+    """Which ends of the interval the strokes alone leave open (``open below``, ``open above``, ``open``), else
+    ``two-sided``, from the rise ``alone`` (k,) without the prior at z (k,).
+    """
     below = not bool(np.any(alone[z < best] > level)) if np.any(z < best) else True
     above = not bool(np.any(alone[z > best] > level)) if np.any(z > best) else True
     if below and above:
@@ -245,7 +247,8 @@ def estimate_all(
     keep: Callable[[Profile], None] | None = None,
     budget: Budget | None = None,
 ) -> list[Estimate]:
-    """Estimates of all asked parameters.
+    """Estimates of all asked parameters in their order; profiles of those ``wanted``, each passed to ``keep`` as it is
+    made.
 
     Parameters
     ----------

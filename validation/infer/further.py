@@ -71,7 +71,8 @@ def shelf(
     phases: int,
     levels: Sequence[float] = LEVELS,
 ) -> tuple[list[Candidate], list[str]]:
-    """Candidate strokes: every shipped profile at every level that the bench of trial ``like`` allows.
+    """Candidate strokes, every shipped profile at every level that the bench of trial ``like`` allows, and why each
+    other one is refused.
 
     What the bench's limits forbid is left out, with the reason. The blow is predicted by the identified action on the
     arm of the rig file (a callable, as for the rig's dry run), and read as the bench's sensors would read it, without
@@ -103,7 +104,7 @@ def shelf(
             try:
                 motor_command(profile, config)
                 dry_run(profile, config, remember)
-                (trial,) = observe(profile.name, 0, [as_measured(kept[0], like)], phases)
+                (trial,) = observe(profile.name, 0, [make_measured_trial(kept[0], like)], phases)
             except (RigError, ValidationInputError) as error:
                 refused.append(f"{profile.name}: {error}")
                 continue
@@ -124,7 +125,7 @@ def at_level(profile: Profile, level: float) -> Profile:
     return parse_profile(text, name)
 
 
-def as_measured(blow: PredictedBlow, like: MeasuredTrial) -> MeasuredTrial:
+def make_measured_trial(blow: PredictedBlow, like: MeasuredTrial) -> MeasuredTrial:
     """The blow as the bench would measure it, without noise, by the sensors of trial ``like``."""
     step = float(np.median(np.diff(blow.time_s)))
     rest = int(np.ceil(REST_S / step))
@@ -151,8 +152,9 @@ Play = Callable[[Sequence[Array]], Sequence[Array | None]]
 SEED = 163
 
 
-def rehearsed(fitted: Fitted, planned: Marginal, block: Block, play: Play, trials: int) -> Marginal | None:
-    """Marginal model of the fit with simulated trials of one stroke added; variance components from all.
+def rehearse_stroke(fitted: Fitted, planned: Marginal, block: Block, play: Play, trials: int) -> Marginal | None:
+    """Marginal model of the fit with simulated trials of one stroke added, its variance components from all; ``play``
+    runs the stroke at given parameters. None where the model cannot run.
 
     The Fisher information takes a stroke to answer a scatter of its laws linearly. Near a fork of its motion it does
     not: what is not linear is taken for something the model lacks, and widens every interval. So the stroke is played
@@ -181,7 +183,7 @@ def rehearsed(fitted: Fitted, planned: Marginal, block: Block, play: Play, trial
     still, moved = curves[0], [c for c in curves[1:] if c is not None]
     if still is None or len(moved) < trials:
         return None
-    lacking, own = _lacking(planned, new), own_parts(new, sizes)
+    lacking, own = _discrepancy_columns(planned, new), own_parts(new, sizes)
     wander = (own.columns * np.exp(sizes.log())[own.component])[:, own.component >= len(FAMILIES)]
     steady = np.hstack([new.moved, new.instrument]) @ fitted.marginal.mean(fitted.linear)[: planned.shared]
     steady = steady - still + lacking @ rng.standard_normal(lacking.shape[1])
@@ -191,8 +193,10 @@ def rehearsed(fitted: Fitted, planned: Marginal, block: Block, play: Play, trial
     return select_noise_model(blocks, [*fitted.linear, *linear], sizes, LAST_ROUNDS, anew=False)
 
 
-def _lacking(planned: Marginal, new: Block) -> Array:
-    """Columns of the discrepancy, as large as learnt: without its floor, which no stroke has shown."""
+def _discrepancy_columns(planned: Marginal, new: Block) -> Array:
+    """Columns (n, k) of the discrepancy in the new trials, as large as learnt: without its floor, which no stroke has
+    shown.
+    """
     sizes, part = planned.sizes, planned.parts[0][new.session]
     common = sizes.common[new.session].copy()
     smooth = slice(0, len(SCALES_S) * sizes.channels)
@@ -205,7 +209,7 @@ def _lacking(planned: Marginal, new: Block) -> Array:
 
 
 TRIALS = 5  # choice: strokes of a kind to be recorded, as a plan's default
-TOLD, MOST_TOLD = 3, 8  # strokes that are rehearsed: at least; until the best of all is one of them, at most
+TOLD, MOST_TOLD = 3, 8  # strokes that are rehearse_stroke: at least; until the best of all is one of them, at most
 OF_ANOTHER_KIND = 0.2
 """Standard deviation of the logarithm of a shrink by a kind of stroke not played so far, beside all that is computed:
 measured (`python -m benchmarks record_next_sizes`, seed 1, the first six experiments of seed 2)."""
@@ -231,9 +235,9 @@ class Prospect:
     trials: int = 0  # how many of it
     # name of a parameter -> standard deviation of the logarithm of its shrink, from what the new strokes may teach
     # about the sizes of noise, from how far the rehearsal is from the Fisher information, and `OF_ANOTHER_KIND`; empty
-    # where the stroke was not rehearsed
+    # where the stroke was not rehearse_stroke
     u_sizes: Mapping[str, float] = field(default_factory=dict)
-    # the shrink by the Fisher information alone; empty where the stroke was not rehearsed
+    # the shrink by the Fisher information alone; empty where the stroke was not rehearse_stroke
     fisher: Mapping[str, float] = field(default_factory=dict)
 
     def range(self, name: str) -> tuple[float, float]:
@@ -263,12 +267,13 @@ def prospects(
     trials: int = TRIALS,
     respond: Respond | None = None,
 ) -> tuple[list[Prospect], list[str]]:
-    """Predicted information gain of each candidate stroke, and of each sensor with half its u, the best first.
+    """Predicted information gain of each candidate stroke, and of each sensor with half its u, the best first; and why
+    other candidates are refused.
 
     From the Fisher information at the identified values: the covariance of the fit with the columns of the new trials
     beside those it has (`noise.Marginal`), sizes of noise as learnt. A further session has a discrepancy of its own, as
     large as those learnt so far. The best strokes are played by the model (`rehearsal`), for which the sizes are learnt
-    again. How far these may yet move is told as an interval (`of_sizes`); how far the values move it cannot know: it is
+    again. How far these may yet move is told as an interval (`u_from_noise_sizes`); how far the values move it cannot know: it is
     a prediction of u, not of the value.
 
     Parameters
@@ -317,18 +322,20 @@ def prospects(
         assert p.candidate is not None
         block = made[p.name]
         planned = further(fitted, block, trials)
-        then = rehearsed(fitted, planned, block, _player(make([p.candidate.trial])), trials) or planned
+        then = rehearse_stroke(fitted, planned, block, _player(make([p.candidate.trial])), trials) or planned
         shrink = ratio(then)
         apart = [np.log(shrink[name] / p.shrink[name]) for name in names]
         other = 0.0 if p.name in again else OF_ANOTHER_KIND
-        u = np.sqrt(of_sizes(fitted, then)[: len(names)] ** 2 + np.square(apart) + other**2)
+        u = np.sqrt(u_from_noise_sizes(fitted, then)[: len(names)] ** 2 + np.square(apart) + other**2)
         return replace(p, shrink=shrink, fisher=p.shrink, u_sizes=dict(zip(names, u.tolist(), strict=True)))
 
     return _add_best_rehearsed(found, told), refused
 
 
-def _add_best_rehearsed(found: Sequence[Prospect], told: Callable[[Prospect], Prospect]) -> list[Prospect]:
-    """Prospects, the best first, the best of ``found`` replaced by simulated ones (``told``) until one leads."""
+def _add_best_rehearsed(found: Sequence[Prospect], rehearse: Callable[[Prospect], Prospect]) -> list[Prospect]:
+    """Prospects, the best first, the best strokes among them replaced by ``rehearse(prospect)`` until one of these
+    leads.
+    """
     ranked = sorted(found, key=lambda p: p.mean)
     done = 0
     while True:
@@ -337,7 +344,7 @@ def _add_best_rehearsed(found: Sequence[Prospect], told: Callable[[Prospect], Pr
         enough = done >= TOLD and bool(ranked[strokes[0]].u_sizes)
         if not waiting or enough or done >= MOST_TOLD:
             return ranked
-        ranked[waiting[0]] = told(ranked[waiting[0]])
+        ranked[waiting[0]] = rehearse(ranked[waiting[0]])
         ranked.sort(key=lambda p: p.mean)
         done += 1
 
@@ -347,8 +354,9 @@ def _player(response: Response) -> Play:
     return lambda points: [None if curves is None else curves[0] for curves in response.curves(points)]
 
 
-def of_sizes(fitted: Fitted, marginal: Marginal) -> Array:
-    """Standard deviation (p,) of the logarithm of u after, from how far the sizes of noise may move with new strokes.
+def u_from_noise_sizes(fitted: Fitted, marginal: Marginal) -> Array:
+    """Standard deviation (p,) of the logarithm of each parameter's u after the new strokes, from how far the sizes of
+    noise may move with them.
 
     What the strokes so far do not know of the sizes, less what will still not be known, is how far they may move; what
     that does to a u is the size's share in its variance.

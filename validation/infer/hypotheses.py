@@ -183,11 +183,11 @@ def sources(action: model.Action, trial: ObservedTrial) -> tuple[Source, ...]:
             )
         elif lead.u > 0.0 and not name.endswith(NORMAL):
             found.append(Source(name, lead.unit, paths, lead.u, 1.0, named=False))
-    return (*found, *addable(action))
+    return (*found, *list_addable_effects(action))
 
 
-def addable(action: model.Action) -> Iterator[Source]:
-    """Effects that the action does not have: of its parts, of all joints together, and memory of each felt."""
+def list_addable_effects(action: model.Action) -> Iterator[Source]:
+    """Yield effects that the action does not have: of its parts, of all joints together, and memory of each felt."""
 
     def source(effects: Sequence[str], sizes: Sequence[tuple[str, float]], name: str = "", **laws: str) -> Source:
         scaled = tuple((path, MOST_MODES if path == MODES else action[path], power) for path, power in sizes)
@@ -210,7 +210,8 @@ def addable(action: model.Action) -> Iterator[Source]:
 
 
 def candidates(listed: Sequence[Source], numbers: Sequence[int]) -> tuple[Candidate, ...]:
-    """Every source that may be named, in all trials, in one, as a trend, and from one trial on.
+    """Every source that may be named, in all trials, in one, as a trend, and from one trial on; ``numbers``: trial
+    numbers in the order of the trials.
 
     Of what may be wrong in one, a step at the second trial is the first trial alone, one at the last trial that trial
     alone.
@@ -227,13 +228,15 @@ def candidates(listed: Sequence[Source], numbers: Sequence[int]) -> tuple[Candid
             found += [
                 Candidate(k, profile, tuple(weights), first, last)
                 for profile in wanted
-                for weights, first, last in _profile(profile, numbers, ONE in wanted)
+                for weights, first, last in _list_weights(profile, numbers, ONE in wanted)
             ]
     return tuple(found)
 
 
-def _profile(profile: str, numbers: Sequence[int], apart: bool) -> Iterator[tuple[NDArray[Any], int, int]]:
-    """Weights of the trials, first and last number."""
+def _list_weights(profile: str, numbers: Sequence[int], apart: bool) -> Iterator[tuple[NDArray[Any], int, int]]:
+    """Yield the share (trials,) that each trial has, and the numbers of the first and last that have it, for every way
+    of a profile; ``apart``: whether single trials are candidates, too.
+    """
     at, order = np.array(numbers), sorted(numbers)
     if profile == ALL:
         yield np.ones(at.size), order[0], order[-1]

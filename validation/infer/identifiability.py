@@ -29,7 +29,7 @@ class Combination:
 
     @property
     def words(self) -> str:
-        """``a + 0.6 × b − 0.03 × c``."""
+        """Text of the direction, such as ``a + 0.6 × b − 0.03 × c``."""
         text = ""
         for i, (name, w) in enumerate(self.weights.items()):
             sign = ("−" if w < 0 else "") if i == 0 else (" − " if w < 0 else " + ")

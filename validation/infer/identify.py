@@ -21,12 +21,12 @@ from validation.infer.estimates import AT_BOUND, LACKING, Profile, estimate_all
 from validation.infer.fit import Fitted, fit_multistart
 from validation.infer.identifiability import EXPECTED, HALF, Combination, directions, warnings_before, warnings_of
 from validation.infer.noise import Marginal, Sizes
-from validation.infer.observations import CHANNEL_NAMES, with_calibration, with_errors_of_what_drives
-from validation.infer.problem import Columns, Problem, at_start
+from validation.infer.observations import CHANNEL_NAMES, add_drive_errors, with_calibration
+from validation.infer.problem import Columns, Problem, make_problem_at_start
 from validation.infer.response import ModelResponse
 from validation.infer.result import FITTED, Details, Identification, joint_posterior, sensor_calibration
 from validation.infer.scatter import lacking
-from validation.infer.scores import by_channel, score, score_events, why_it_rises
+from validation.infer.scores import explain_rising_rmse, rmse_by_channel, score, score_events
 from validation.infer.sources import IdentifyKeywords, IdentifyOptions, Sources, collect
 from validation.infer.unknowns import Unknowns, unknowns
 from validation.prediction.model_under_test import action_sha256
@@ -105,15 +105,15 @@ def identify(
     start = model.load_action(action) if isinstance(action, str | Path) else action
     asked = unknowns(start, parameters, options.fixed, options.priors)
     sources = collect(sessions, start, options)
-    asked = with_errors_of_what_drives(asked, sources.fitted)
+    asked = add_drive_errors(asked, sources.fitted)
     every = (*asked.moved, *asked.held)
     response = ModelResponse(start, every, sources.fitted, options.tolerance, options.executor)
     try:
-        problem, columns = at_start(start, asked, sources.fitted, response)
+        problem, columns = make_problem_at_start(start, asked, sources.fitted, response)
     except ModelError as error:
         why = str(error).removeprefix("identification: ")
         raise ValidationInputError(f"identify: {start.name}: {why}; use other values (`overrides`)") from None
-    before = look_before(problem, columns)
+    before = check_identifiability(problem, columns)
     stuck = bounds_not_run(problem)
     for line in [*stuck, *before]:
         options.say(f"before the fit: {line}")
@@ -127,7 +127,7 @@ def identify(
     covariance = best.covariance[: len(asked.asked), : len(asked.asked)]
     names = [p.name for p in asked.asked]
     undetermined, determined = directions(names, covariance)
-    end = _end(best, names, covariance, determined)
+    end = _decide_end(best, names, covariance, determined)
     sensors = sensor_calibration(problem, best, sources)
     both = {"before": start, "identified": found}
     of = {name: with_calibration(trials, sensors) for name, trials in {FITTED: sources.fitted, **sources.held}.items()}
@@ -135,19 +135,27 @@ def identify(
     events = {name: score_events(some, both, EVENT_TOLERANCE) for name, some in sources.measured_held.items()}
     fitted, risen = scores[FITTED], []
     if fitted["before"] is not None and fitted["identified"] is not None:
-        risen = why_it_rises(fitted["before"], fitted["identified"], by_channel(sources.fitted, best.curves))
+        risen = explain_rising_rmse(
+            fitted["before"], fitted["identified"], rmse_by_channel(sources.fitted, best.curves)
+        )
     width = np.sqrt(np.diag(covariance))
     sizes = best.marginal.sizes.scatter
     scatter = {p.name: float(sizes[j] * p.u) for j, p in enumerate(asked.asked) if problem.laws[j]}
     bound = [f"{e.name}: {AT_BOUND}; its prior is too narrow, or the model lacks something" for e in estimates]
-    said = of_many(names) + [line for line, e in zip(bound, estimates, strict=True) if e.verdict == AT_BOUND]
+    said = list_size_warnings(names) + [line for line, e in zip(bound, estimates, strict=True) if e.verdict == AT_BOUND]
     return Identification(
         action=found,
         estimates=tuple(estimates),
         correlation=covariance / np.outer(width, width),
         undetermined=tuple(undetermined),
         determined=tuple(determined),
-        warnings=(*_of_fit(best, end, fits, sources), *risen, *stuck, *said, *warnings_of(names, covariance)),
+        warnings=(
+            *_list_fit_warnings(best, end, fits, sources),
+            *risen,
+            *stuck,
+            *said,
+            *warnings_of(names, covariance),
+        ),
         starts=tuple(f.alike for f in fits),
         scatter=scatter,
         scores=scores,
@@ -160,8 +168,9 @@ def identify(
     )
 
 
-def look_before(problem: Problem, columns: Columns) -> list[str]:
-    """Sentences on identifiability from the derivatives at the start, before the fit.
+def check_identifiability(problem: Problem, columns: Columns) -> list[str]:
+    """Sentences on identifiability from the derivatives at the start, before the fit; raises an input error where a
+    parameter has no effect.
 
     Raises
     ------
@@ -220,7 +229,7 @@ def action_at(start: model.Action, asked: Unknowns, z: Array) -> model.Action:
     return start.with_values(values, "identify")
 
 
-def of_many(names: Sequence[str]) -> list[str]:
+def list_size_warnings(names: Sequence[str]) -> list[str]:
     """Warnings where more parameters are fitted at once than were tested; empty for fewer."""
     if len(names) <= MOST_ASKED:
         return []
@@ -230,7 +239,7 @@ def of_many(names: Sequence[str]) -> list[str]:
     ]
 
 
-def _end(best: Fitted, names: Sequence[str], covariance: Array, determined: Sequence[Combination]) -> End:
+def _decide_end(best: Fitted, names: Sequence[str], covariance: Array, determined: Sequence[Combination]) -> End:
     """How the fit ended; *not identifiable* where it converged and no requested parameter is determined."""
     if not best.converged or np.any(np.sqrt(np.diag(covariance)) < HALF):
         return best.end
@@ -240,7 +249,7 @@ def _end(best: Fitted, names: Sequence[str], covariance: Array, determined: Sequ
     return End(NOT_IDENTIFIABLE, f"{none}{', ' if known else ''}{known}")
 
 
-def _of_fit(best: Fitted, end: End, fits: Sequence[Fitted], sources: Sources) -> list[str]:
+def _list_fit_warnings(best: Fitted, end: End, fits: Sequence[Fitted], sources: Sources) -> list[str]:
     """Warnings on the fit: convergence, bifurcations, model discrepancy, local minima, trials refused."""
     said = [PROVISIONAL, *sources.refused, *sources.notes]
     if not best.converged:

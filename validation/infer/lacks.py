@@ -24,7 +24,7 @@ from validation.infer.blocks import LOST_RAD, Block, rows
 from validation.infer.budget import Budget
 from validation.infer.estimates import IDENTIFIED, LACKING, NORMAL, Estimate, estimate_all
 from validation.infer.fit import Fitted, fit_alike, fit_conditional
-from validation.infer.hypotheses import addable
+from validation.infer.hypotheses import list_addable_effects
 from validation.infer.identifiability import HALF, Combination, directions
 from validation.infer.noise import Marginal
 from validation.infer.observations import ObservedTrial
@@ -127,13 +127,13 @@ def supported(
         return None
     budget = Budget(math.inf) if budget is None else budget
     best, found = LetIn(None, problem, fitted), []
-    kinds = ranked(problem, fitted, budget)
+    kinds = predict_gains(problem, fitted, budget)
     tried = sum(map(len, kinds))
     for gain, parameter, action in _rank_changes(kinds, lacking(fitted)):
         say(f"let in: {parameter.name} (the linear model promises e^{gain:.0f})")
         one = None
         with budget.interruptible():
-            one = fit_with(problem, fitted, parameter, action, math.log(tried), budget)
+            one = fit_with_change(problem, fitted, parameter, action, math.log(tried), budget)
         if one is not None and one.fitted.converged:
             found.append(one)
     every = sorted([best, *found], key=lambda one: -one.gain)
@@ -141,7 +141,13 @@ def supported(
     if kept == (best,) and lacking(fitted) <= LACKING:
         return None
     estimates, combinations = _combine_estimates(kept)
-    return Supported(kept, estimates, combinations, tried, shows_in(problem, _lack(problem, fitted, kept[0])))
+    return Supported(
+        kept,
+        estimates,
+        combinations,
+        tried,
+        describe_lack_phase(problem, _discrepancy_curves(problem, fitted, kept[0])),
+    )
 
 
 def _rank_changes(kinds: Sequence[Sequence[Promise]], lack: float) -> list[Promise]:
@@ -159,8 +165,9 @@ def _rank_changes(kinds: Sequence[Sequence[Promise]], lack: float) -> list[Promi
     return out + [row for row in kinds[0] if row[1].name in contacts]
 
 
-def ranked(problem: Problem, fitted: Fitted, budget: Budget) -> list[list[Promise]]:
-    """Values that were held, and effects, with the gain of log evidence that the linear model promises, the best first.
+def predict_gains(problem: Problem, fitted: Fitted, budget: Budget) -> list[list[Promise]]:
+    """Values that were held, then effects, each list with the gain of log evidence that the linear model promises, the
+    best first.
 
     What an effect promises is what it does as stated; a value that looks like it may promise more, and then keep less.
 
@@ -220,7 +227,7 @@ def _effect_columns(
 ) -> Columns:
     """Effects that the action lacks: parameter of size, action with it, column (c m,), at random effects ``own``."""
     action, base = problem.action, response.curves([fitted.z], own)[0]
-    for source in addable(action) if base is not None else ():
+    for source in list_addable_effects(action) if base is not None else ():
         scene = None if LIFTING & set(source.effects) else source.scene(action, 1.0)
         if scene is None:
             continue
@@ -238,7 +245,7 @@ def _add_column(block: Block, column: Array) -> Block:
     return replace(block, moved=np.hstack([block.moved, column[:, None]]))
 
 
-def fit_with(
+def fit_with_change(
     problem: Problem,
     fitted: Fitted,
     parameter: Parameter,
@@ -246,7 +253,9 @@ def fit_with(
     rarity: float,
     budget: Budget | None = None,
 ) -> LetIn | None:
-    """The fit with one thing let in, named with a price of ``rarity``; None where the model cannot run with it."""
+    """The fit with one parameter of ``action`` let in, and its gain of log evidence less ``rarity``, the logarithm of
+    how many changes were tried; None where the model cannot run with it.
+    """
     unknowns = problem.unknowns
     held = tuple(p for p in unknowns.held if p.name != parameter.name)
     unknowns = replace(unknowns, beside=(*unknowns.beside, parameter), held=held)
@@ -309,8 +318,9 @@ def _combine_estimates(
     return tuple(out), tuple(combinations)
 
 
-def shows_in(problem: Problem, lack: Sequence[Array]) -> str:
-    """Text on where in the stroke a discrepancy first exceeds `SHOWS` u of the sensors, and where it is largest.
+def describe_lack_phase(problem: Problem, lack: Sequence[Array]) -> str:
+    """Text on where in the stroke a discrepancy, ``lack`` (m, c) of each trial, rad, first exceeds `SHOWS` u of the
+    sensors, and where it is largest.
 
     Parameters
     ----------
@@ -335,8 +345,10 @@ def shows_in(problem: Problem, lack: Sequence[Array]) -> str:
     return f"shows from {phase(int(there[0]))} on, most {phase(int(np.argmax(size.max(axis=1))))}"
 
 
-def _lack(problem: Problem, fitted: Fitted, best: LetIn) -> list[Array]:
-    """Discrepancy (c m,) by trial: the most probable extended fit less the model, else the residuals."""
+def _discrepancy_curves(problem: Problem, fitted: Fitted, best: LetIn) -> list[Array]:
+    """Discrepancy (m, c), rad, of each trial: the most probable extended fit less the model without it, else the
+    residuals.
+    """
     z = best.fitted.z
     if best.parameter is not None:
         z = np.delete(z, best.problem.unknowns.moved.index(best.parameter))
@@ -346,8 +358,9 @@ def _lack(problem: Problem, fitted: Fitted, best: LetIn) -> list[Array]:
     return [np.nan_to_num(t.change_rad - c) for t, c in zip(problem.trials, fitted.curves, strict=True)]
 
 
-def telling(let_in: Sequence[LetIn], trials: Sequence[ObservedTrial]) -> Array:
-    """RMS difference of the fits in each stroke (trials,), in standard deviations of the sensors; 0 if not run.
+def measure_separation(let_in: Sequence[LetIn], trials: Sequence[ObservedTrial]) -> Array:
+    """Root mean square difference (trials,) of the fits in each stroke, in standard deviations of the sensors; 0 where
+    one cannot run.
 
     Parameters
     ----------

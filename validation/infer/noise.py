@@ -144,7 +144,9 @@ class Sizes:
         return Sizes(self.families, self.by_family, self.own, np.where(there, factor * self.common, LEAST))
 
     def belief(self) -> tuple[Array, Array]:
-        """Median and standard deviation of the log-normal prior's logarithms."""
+        """Median and standard deviation (k,) of the logarithms of all components before the strokes, in the order of
+        `log`; log-normal prior.
+        """
         total = self.discrepancy
         there = total > 2.0 * NOT_SEEN
         mean = (np.log(np.maximum(total, LEAST)) * there).sum(axis=1) / np.maximum(there.sum(axis=1), 1)
@@ -193,7 +195,8 @@ class RandomEffectColumns:
 
 
 def smooth(block: Block, channel: int, *correlated_s: float) -> Array:
-    """Root (n, m) of a process over the phases of one channel of a trial.
+    """Root (n, m) of the covariance of a smooth process over the phases of one channel of a trial, the mean of
+    exponential correlations of the times ``correlated_s``, s.
 
     Rows of a trial are channel after channel. Smooth parts are Gaussian processes over time with exponential
     correlation, the mean of those of the times given, and as large where the action responds as `Block.size` says.
@@ -222,7 +225,8 @@ def law_columns(block: Block, sizes: Sizes) -> Array:
 
 
 def reached(block: Block, sizes: Sizes, root: Array) -> Array:
-    """Root of a trial's covariance by its session's common parts, from their root (l + n, l + n).
+    """Root (n, l + n) of a trial's covariance by its session's common parts, from the root (l + n, l + n) of these; l:
+    laws.
 
     Trials of one kind differ by some per cent in their force, and after an impact their columns of a law by half.
     """
@@ -601,7 +605,9 @@ def _sum_squares(part: RandomEffectColumns, pull: Array, sizes: int) -> Array:
 def _add_scores(
     slope: Array, information: Array, variance: Array, part: RandomEffectColumns, weight: Array, left: Array | None
 ) -> None:
-    """Add what one independent piece says of its sizes."""
+    """Add to ``slope`` (k,) and ``information`` (k, k), in place, what one independent part says of its variance
+    components; without ``left`` there is no slope.
+    """
     for k, (i, rows, columns) in enumerate(part.component_blocks):
         for j, others, more in part.component_blocks[: k + 1]:
             across = columns.T @ weight[rows, others] @ more
@@ -641,7 +647,9 @@ def learn(
 
 
 def _take_step(marginal: Marginal, residuals: Sequence[Array], floor: float) -> Marginal | None:
-    """The least damped step that raises the likelihood."""
+    """Marginal model after the least damped scoring step that raises the posterior of the variance components; None
+    where none does.
+    """
     found, log = scores(marginal, residuals), marginal.sizes.log()
     middle, spread = marginal.sizes.belief()
     slope = found.slope + (log - middle) / spread**2

@@ -437,8 +437,8 @@ def with_calibration(trials: Sequence[ObservedTrial], sensors: SensorCalibration
     )
 
 
-def sharing_the_key(trials: Sequence[ObservedTrial]) -> list[ObservedTrial]:
-    """All trials, with errors of the key's encoder that move where they move in any of them."""
+def share_key_errors(trials: Sequence[ObservedTrial]) -> list[ObservedTrial]:
+    """All trials, with errors of the key's encoder free in each where they are free in any of them."""
     if not any(isinstance(t.key, KeyFit) for t in trials):
         return list(trials)
     return [
@@ -449,7 +449,7 @@ def sharing_the_key(trials: Sequence[ObservedTrial]) -> list[ObservedTrial]:
     ]
 
 
-def with_errors_of_what_drives(asked: Unknowns, trials: Sequence[ObservedTrial]) -> Unknowns:
+def add_drive_errors(asked: Unknowns, trials: Sequence[ObservedTrial]) -> Unknowns:
     """The unknowns with errors of the force, of the key's encoder, or of both, as the trials are driven."""
     errors: tuple[Parameter, ...] = ()
     if any(t.key is None for t in trials):

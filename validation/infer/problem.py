@@ -110,7 +110,7 @@ class Columns:
         return blocks
 
 
-def at_start(
+def make_problem_at_start(
     action: model.Action, unknowns: Unknowns, trials: Sequence[ObservedTrial], response: Response
 ) -> tuple[Problem, Columns]:
     """The problem, and its linear model at z = 0, in one computation.

@@ -20,7 +20,7 @@ from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.infer.blocks import residuals, rows
 from validation.infer.noise import Marginal, Sizes, learn
-from validation.infer.observations import with_errors_of_what_drives
+from validation.infer.observations import add_drive_errors
 from validation.infer.problem import Columns, Problem, linear_residuals
 from validation.infer.response import ModelResponse
 from validation.infer.sources import IdentifyKeywords, IdentifyOptions, collect
@@ -132,7 +132,7 @@ def residual_problem(
     start = model.load_action(action) if isinstance(action, str | Path) else action
     asked = unknowns(start, parameters, options.fixed, options.priors)
     trials = collect(sessions, start, options).fitted
-    asked = with_errors_of_what_drives(asked, trials)
+    asked = add_drive_errors(asked, trials)
     response = ModelResponse(start, asked.moved, trials, options.tolerance)
     return problem_at_start(Problem(start, asked, trials, response))
 

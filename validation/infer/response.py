@@ -61,21 +61,22 @@ def lost(error: Exception) -> ValidationInputError:
     )
 
 
-def spread(executor: Executor | None, one: Callable[[Job], Found], jobs: Sequence[Job]) -> list[Found]:
-    """``one`` of every job, in their order, on the executor's workers or threads of this process.
+def map_jobs(executor: Executor | None, run: Callable[[Job], Found], jobs: Sequence[Job]) -> list[Found]:
+    """Results of ``run(job)`` for every job, in their order, computed on the executor's workers or on threads of this
+    process.
 
     Raises
     ------
     model.errors.ModelError
-        What ``one`` raises.
+        What ``run`` raises.
     ValidationInputError
         A worker was lost, and with it the job.
     """
     if executor is None:
         with ThreadPoolExecutor(WORKERS) as pool:
-            return list(pool.map(one, jobs))
+            return list(pool.map(run, jobs))
     try:
-        return list(executor.map(one, jobs))
+        return list(executor.map(run, jobs))
     except ModelError:
         raise
     except Exception as error:
@@ -303,7 +304,7 @@ class ModelResponse:
         self.tolerance, self.executor = TOLERANCE if tolerance is None else tolerance, executor
         self.refinement = 1.0  # of the tolerance
         self.is_filmed = any(t.film_time_s is not None for t in trials)
-        self.acting = [j for j, p in enumerate(self.parameters) if acting(action, p)]
+        self.acting = [j for j, p in enumerate(self.parameters) if is_acting(action, p)]
         self._known: dict[tuple[float, ...], _Known] = {}
 
     def of_trials(self, which: Sequence[int]) -> ModelResponse:
@@ -352,13 +353,13 @@ class ModelResponse:
     ) -> list[Array]:
         """Derivatives as of `Response.jacobian`, by differences of runs where tangents fail a check."""
         out: list[Array] = [np.empty(0)] * len(self.trials)
-        for places in self._by_drive():
+        for places in self._group_by_drive():
             some, those = self.of_trials(places), None if own is None else [own[k] for k in places]
             for k, found in zip(places, some._jacobian(z, which, those, driven), strict=True):
                 out[k] = found
         return out
 
-    def _by_drive(self) -> list[list[int]]:
+    def _group_by_drive(self) -> list[list[int]]:
         """Trials of each kind of drive that there is: a force, a key's encoder, a position sensor."""
         kinds = (type(None), KeyFit, PositionSensors)
         found = [[k for k, t in enumerate(self.trials) if isinstance(t.key, kind)] for kind in kinds]
@@ -399,14 +400,16 @@ class ModelResponse:
         try:
             found = self.differences(at, own, columns, rest if by_key else [])
             if told:
-                for out, here, column in zip(found, at, self._by_tangents(at, own, laws, told), strict=True):
+                for out, here, column in zip(
+                    found, at, self._differentiate_by_tangents(at, own, laws, told), strict=True
+                ):
                     unit = [self.parameters[j].per_u(self.action, float(here[j])) for j in laws]
                     out[:, :, [columns.index(j) for j in told]] = column * np.append(
                         unit, np.ones(len(told) - len(laws))
                     )
         except ModelError:  # differences of runs go on where a tangent cannot
             return self.differences(at, own, columns, [*laws, *rest])
-        wrong = self._wrong(at, own, columns, found)
+        wrong = self._find_wrong_tangents(at, own, columns, found)
         if wrong:
             some = self.of_trials(wrong)
             those = None if own is None else [own[k] for k in wrong]
@@ -415,7 +418,7 @@ class ModelResponse:
                 found[k] = redone
         return found
 
-    def _by_tangents(
+    def _differentiate_by_tangents(
         self, at: Array, own: Sequence[Own] | None, laws: Sequence[int], told: Sequence[int]
     ) -> list[Array]:
         """Derivatives (m, c, n) of every trial by tangents: by ``laws``, then by the others of ``told``."""
@@ -430,9 +433,9 @@ class ModelResponse:
             (self.action, names, case, trial, [(plus[k], minus[k]) for plus, minus in ends], drives)
             for k, (case, trial) in enumerate(zip(self.cases(at, own), self.trials, strict=True))
         ]
-        return spread(self.executor, driven_tangents if self.trials[0].key is not None else tangents, tasks)
+        return map_jobs(self.executor, driven_tangents if self.trials[0].key is not None else tangents, tasks)
 
-    def moved(self, at: Array, own: Sequence[Own] | None, step: Array) -> list[Case]:
+    def shift_cases(self, at: Array, own: Sequence[Own] | None, step: Array) -> list[Case]:
         """Settings of each trial's run a ``step`` (trials, n + k) further, in parameters and drive."""
         further, drive = np.split(np.broadcast_to(step, (len(self.trials), step.shape[-1])), [at.shape[1]], axis=1)
         if drive.any():
@@ -456,7 +459,7 @@ class ModelResponse:
         fine = copy(self)
         fine.refinement = FINER
         steps = np.append([STEP if p.factor else SMALL_STEP for p in self.parameters], self._drive_steps)
-        members = [self.moved(at, own, steps * (np.arange(steps.size) == j)) for j in asked]
+        members = [self.shift_cases(at, own, steps * (np.arange(steps.size) == j)) for j in asked]
         base, *ends = fine.run([self.cases(at, own), *members])
         if base is None:
             raise ModelError("identification: the model cannot run where the fit stands; start from other values")
@@ -470,7 +473,9 @@ class ModelResponse:
                 derivative[:, :, columns.index(j)] = (curve - here) / steps[j]
         return out
 
-    def _wrong(self, at: Array, own: Sequence[Own] | None, columns: list[int], jacobian: Sequence[Array]) -> list[int]:
+    def _find_wrong_tangents(
+        self, at: Array, own: Sequence[Own] | None, columns: list[int], jacobian: Sequence[Array]
+    ) -> list[int]:
         """Indices of trials in which a small step in all parameters at once contradicts the derivatives.
 
         A tangent that steps over a layer in which friction turns round may grow without bound; a difference shows it.
@@ -480,7 +485,7 @@ class ModelResponse:
         said = [derivative @ step[columns] for derivative in jacobian]
         # many columns at once bend a stroke: what moves it further than this is no small step
         share = [min(1.0, PROBED_RAD / max(float(np.sqrt(np.mean(d**2))), np.finfo(float).tiny)) for d in said]
-        here, moved = self.run([self.cases(at, own), self.moved(at, own, np.outer(share, step))])
+        here, moved = self.run([self.cases(at, own), self.shift_cases(at, own, np.outer(share, step))])
         if here is None or moved is None:
             return list(range(len(self.trials)))
         missed = []
@@ -492,7 +497,7 @@ class ModelResponse:
     def run(self, members: Sequence[Sequence[Case]]) -> list[list[Array] | None]:
         """Curves of every trial in each of several cases of all trials; None where one of them cannot run."""
         out: list[list[Array | None]] = [[None] * len(self.trials) for _ in members]
-        for places in self._by_drive():
+        for places in self._group_by_drive():
             some = self.of_trials(places)
             found = (some._run_by_force if some.trials[0].key is None else some._run_by_key)(
                 [[cases[k] for k in places] for cases in members]
@@ -510,11 +515,13 @@ class ModelResponse:
             for case, trial in zip(cases, self.trials, strict=True)
         ]
         curve = positions_curve if self._is_by_position else driven_curve
-        found, n = spread(self.executor, curve, jobs), len(self.trials)
+        found, n = map_jobs(self.executor, curve, jobs), len(self.trials)
         return [found[i * n : (i + 1) * n] for i in range(len(members))]
 
     def _run_by_force(self, members: Sequence[Sequence[Case]]) -> list[list[Array | None] | None]:
-        """Curves, None of what cannot run; what was run before is not run again."""
+        """Curves of every trial for each list of cases, run under its force and kept, so that none is run twice; None
+        where a run fails.
+        """
         if len(self._known) > KEPT:
             self._known.clear()
         jobs: list[model.batch.Job] = []
@@ -561,7 +568,7 @@ class ModelResponse:
         return out
 
 
-def acting(action: model.Action, parameter: Parameter) -> bool:
+def is_acting(action: model.Action, parameter: Parameter) -> bool:
     """Whether a parameter changes any number of the scene."""
     if not parameter.paths:
         return False

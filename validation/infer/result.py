@@ -119,7 +119,7 @@ def sensor_calibration(problem: Problem, fitted: Fitted, sources: Sources) -> Se
     return SensorCalibration(tuple(z.tolist()), tuple(u.tolist()), sensors.sensors)
 
 
-def calibrated(m: MeasuredTrial, sensors: SensorCalibration | None) -> MeasuredTrial:
+def apply_calibration(m: MeasuredTrial, sensors: SensorCalibration | None) -> MeasuredTrial:
     """Copy of a trial of position sensors with other calibration errors; any other trial unchanged."""
     if m.sensors is None or sensors is None:
         return m
@@ -159,7 +159,7 @@ def joint_posterior(
     by_force = [(t, m) for trials in driven_by_force(sources) for t, m in trials if m is not None]
     for observed, m in by_force:
         strokes[observed.label] = describe_stroke(m)
-    by_key = [(label, calibrated(m, sensors)) for label, m in sources.measured_by_key]
+    by_key = [(label, apply_calibration(m, sensors)) for label, m in sources.measured_by_key]
     for label, m in by_key:
         strokes[label] = describe_stroke(m)
     samples = {} if earlier is None else {f"before: {label}": one for label, one in earlier.samples.items()}

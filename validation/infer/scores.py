@@ -43,10 +43,10 @@ def score(
     out: dict[str, Any] = {}
     for name, action in actions.items():
         found = ModelResponse(action, (), trials, tolerance).curves([np.zeros(0)])[0]
-        out[name] = None if found is None else by_channel(trials, found)
-    null = [_null_scores(next(iter(actions.values())), t, tolerance) for t in trials]
+        out[name] = None if found is None else rmse_by_channel(trials, found)
+    null = [_run_null_model(next(iter(actions.values())), t, tolerance) for t in trials]
     known = [(t, f) for t, f in zip(trials, null, strict=True) if f is not None]
-    out["null model"] = by_channel([t for t, _ in known], [f for _, f in known]) if known else None
+    out["null model"] = rmse_by_channel([t for t, _ in known], [f for _, f in known]) if known else None
     centres: list[tuple[ObservedTrial, Array]] = []
     freedom = 0
     for session in sorted({t.session for t in trials}):  # each its own kind of stroke, at phases of its own
@@ -57,7 +57,7 @@ def score(
             centres += [(t, centre) for t in alike]
             freedom += len(alike) - 1
     if centres:
-        spread = by_channel(*map(list, zip(*centres, strict=True)))
+        spread = rmse_by_channel(*map(list, zip(*centres, strict=True)))
         inflate = float(np.sqrt(len(centres) / freedom))
         out["scatter of trials"] = {name: inflate * value for name, value in spread.items()}
     return out
@@ -66,8 +66,11 @@ def score(
 RISES = 1.02  # an RMSE that is larger by less says nothing
 
 
-def why_it_rises(before: Mapping[str, float], found: Mapping[str, float], whole: Mapping[str, float]) -> list[str]:
-    """Line for each channel whose RMSE is larger with the identified values, with a possible reason.
+def explain_rising_rmse(
+    before: Mapping[str, float], found: Mapping[str, float], whole: Mapping[str, float]
+) -> list[str]:
+    """Line for each channel whose RMSE, rad, is larger with the identified values (``found``) than ``before``, with a
+    possible reason; ``whole``: with the errors found beside them.
 
     Parameters
     ----------
@@ -90,7 +93,7 @@ def why_it_rises(before: Mapping[str, float], found: Mapping[str, float], whole:
     return lines
 
 
-def by_channel(trials: Sequence[ObservedTrial], curves: Sequence[Array]) -> dict[str, float]:
+def rmse_by_channel(trials: Sequence[ObservedTrial], curves: Sequence[Array]) -> dict[str, float]:
     """Root mean square difference by channel, of the trials that have it; what a film lost does not count."""
     out = {}
     for c, name in enumerate(CHANNEL_NAMES):
@@ -103,7 +106,7 @@ def by_channel(trials: Sequence[ObservedTrial], curves: Sequence[Array]) -> dict
     return out
 
 
-def _null_scores(action: model.Action, trial: ObservedTrial, tolerance: float) -> Array | None:
+def _run_null_model(action: model.Action, trial: ObservedTrial, tolerance: float) -> Array | None:
     """Channels (m, c), rad, that the null model predicts of a force-driven trial; None where it cannot run."""
     if trial.key is not None:  # the null model moves as the key does: it has nothing to say under its motion
         return None
@@ -141,7 +144,8 @@ class EventScore:
 def score_events(
     trials: Sequence[MeasuredTrial], actions: Mapping[str, model.Action], tolerance: float
 ) -> dict[str, dict[str, EventScore]]:
-    """Score the events of some trials.
+    """How each action, the null model and the trials' own scatter meet the events of trials: name → event →
+    `EventScore`.
 
     Conventions: difference model minus trial, mean over the trials in which the event happens in both; ``ceiling`` is
     the standard deviation of the trials' own values: each trial's force drives the model, so that one can come closer
@@ -165,14 +169,16 @@ def score_events(
     measured = [_events(own, m, m.time_s, m.change_rad, m.u_rad) for m in trials]
     out: dict[str, dict[str, EventScore]] = {}
     for name, (tested, simulate) in runs.items():
-        predicted = [_predicted(tested, m, simulate) for m in trials]
-        out[name] = {event: _score(event, predicted, measured) for event in SHOWN}
+        predicted = [_predict_events(tested, m, simulate) for m in trials]
+        out[name] = {event: _score_event(event, predicted, measured) for event in SHOWN}
     values = {event: np.array([one[event] for one in measured]) for event in SHOWN}
     out[CEILING] = {event: _scatter(values[event]) for event in SHOWN}
     return out
 
 
-def _predicted(tested: ModelUnderTest, m: MeasuredTrial, simulate: Callable[..., model.Solution]) -> dict[str, float]:
+def _predict_events(
+    tested: ModelUnderTest, m: MeasuredTrial, simulate: Callable[..., model.Solution]
+) -> dict[str, float]:
     """Event values that ``simulate`` predicts of a trial, by name; NaN where it cannot run."""
     time = m.time_s[(m.time_s >= m.force.time_s[0]) & (m.time_s <= m.force.time_s[-1])]
     nothing = dict.fromkeys(SHOWN, float("nan"))
@@ -198,7 +204,7 @@ def _events(tested: ModelUnderTest, m: MeasuredTrial, time: Array, change: Array
     return {name: found[name].value for name in SHOWN}
 
 
-def _score(event: str, predicted: Sequence[dict[str, float]], measured: Sequence[dict[str, float]]) -> EventScore:
+def _score_event(event: str, predicted: Sequence[dict[str, float]], measured: Sequence[dict[str, float]]) -> EventScore:
     """Bias and RMS error of one event over trials, each given by name, with the trials that have it."""
     trial = np.array([one[event] for one in measured])
     apart = np.array([one[event] for one in predicted]) - trial

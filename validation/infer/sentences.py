@@ -9,7 +9,7 @@ import numpy as np
 
 from validation.infer.estimates import IDENTIFIED
 from validation.infer.further import Prospect
-from validation.infer.lacks import telling
+from validation.infer.lacks import measure_separation
 from validation.infer.result import FITTED, Identification
 from validation.infer.scores import CEILING, NULL, EventScore, event_words
 from validation.numbers import number, with_u
@@ -27,15 +27,15 @@ def plain_sentences(found: Identification, ranked: Sequence[Prospect] = ()) -> l
     ----------
     ranked : what could be recorded next; empty where it was not asked for
     """
-    said = [_what_was_found(found)]
+    said = [_describe_estimates(found)]
     said += [
         f"These strokes cannot tell the size of {d.words}: {100 * d.left:.0f} % of its uncertainty before is left."
         for d in found.undetermined
     ][:3]
-    return said + _held_out(found) + (_next(found, ranked) if ranked else [])
+    return said + _describe_held_out(found) + (_describe_next(found, ranked) if ranked else [])
 
 
-def _what_was_found(found: Identification) -> str:
+def _describe_estimates(found: Identification) -> str:
     """Sentence on the identified parameters with their uncertainties, or on why none is."""
     n, trials = len(found.estimates), _count(len(found.details.problem.trials), "trial")
     known = [e for e in found.estimates if e.verdict == IDENTIFIED]
@@ -49,7 +49,7 @@ def _what_was_found(found: Identification) -> str:
     return f"Identified from {trials}: {len(known)} of {_count(n, 'parameter')}: {named}."
 
 
-def _held_out(found: Identification) -> list[str]:
+def _describe_held_out(found: Identification) -> list[str]:
     """Sentences on how well held-out trials are predicted."""
     held = [name for name in found.scores if name != FITTED]
     if not held:
@@ -62,11 +62,11 @@ def _held_out(found: Identification) -> list[str]:
         if by is None:  # the key drives: it has no events of its own
             said.append(f"Held out, {name}, under the measured motion of the key:{curve}")
         else:
-            said.append(f"Held out, {name}: {_speed(by)}{curve}")
+            said.append(f"Held out, {name}: {_describe_speed_error(by)}{curve}")
     return said
 
 
-def _speed(by: Mapping[str, Mapping[str, EventScore]]) -> str:
+def _describe_speed_error(by: Mapping[str, Mapping[str, EventScore]]) -> str:
     """Sentence on the error of the predicted hammer speed."""
     title, factor, unit = event_words(SPEED)
     parts = []
@@ -97,7 +97,7 @@ def _curve_words(scores: Mapping[str, Mapping[str, float] | None]) -> str:
     return f" Hammer angle off by (RMS) {', '.join(parts)}.{judged}" if parts else ""
 
 
-def _next(found: Identification, ranked: Sequence[Prospect]) -> list[str]:
+def _describe_next(found: Identification, ranked: Sequence[Prospect]) -> list[str]:
     """Sentences on the best stroke to record next, and on the one that best separates explaining changes."""
     best = ranked[0]
     doubt = "" if found.details.fitted.converged else "; but the fit it is predicted from ran out of its budget"
@@ -105,17 +105,17 @@ def _next(found: Identification, ranked: Sequence[Prospect]) -> list[str]:
     return [
         f"Next: {best.words} would leave {100 * best.mean:.0f} % of the uncertainties on average and "
         f"{100 * best.shrink[most]:.0f} % of that of {part_name(most, found.action)} (predicted{doubt}).",
-        *most_telling(found, ranked),
+        *describe_separating_stroke(found, ranked),
     ]
 
 
-def most_telling(found: Identification, ranked: Sequence[Prospect]) -> list[str]:
+def describe_separating_stroke(found: Identification, ranked: Sequence[Prospect]) -> list[str]:
     """Sentence on the stroke that best separates several changes that explain the strokes; empty for one."""
     known = found.details.supported
     strokes = [(p, p.candidate.trial) for p in ranked if p.candidate is not None]
     if known is None or len(known.let_in) < 2 or not strokes:
         return []
-    apart = telling(known.let_in, [trial for _, trial in strokes])
+    apart = measure_separation(known.let_in, [trial for _, trial in strokes])
     k = int(np.argmax(apart))
     return [
         f"What is lacking is told best by {strokes[k][0].words}: the fits that explain these strokes alike differ "

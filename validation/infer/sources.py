@@ -22,7 +22,7 @@ from validation.infer.observations import (
     observe,
     observe_driven,
     observe_positions,
-    sharing_the_key,
+    share_key_errors,
 )
 from validation.infer.response import TOLERANCE
 from validation.measurement.measure_session import (
@@ -171,7 +171,7 @@ def collect(sessions: Sequence[Session | str | Path], action: model.Action, opti
                 as_measured[label] = tuple(out)
     _refuse_same_stroke(strokes)
     _refuse_used_before(action, seals, samples)
-    fitted = sharing_the_key(fitted)
+    fitted = share_key_errors(fitted)
     notes = _unused_words([m for one in found for m in one.trials], options)
     return Sources(
         tuple(fitted), held, seals, samples, tuple(refused), tuple(opened), tuple(to_fit), as_measured, notes,
@@ -235,7 +235,9 @@ def _no_trials_message(measured: MeasuredSession, name: str, held: int) -> str:
 
 
 def _refuse_absent(wanted: Sequence[int], of_sessions: Sequence[MeasuredSession]) -> None:
-    """A trial to hold out that no session has would be fitted under another number without a word."""
+    """Raise an input error where no session has a trial to hold out: it would be fitted under another number without a
+    word.
+    """
     there = {n for one in of_sessions for n in (*one.refused, *(m.number for m in one.trials))}
     absent = [n for n in wanted if n not in there]
     if absent:
@@ -255,7 +257,9 @@ def _refuse_twice(opened: Sequence[Session]) -> None:
 
 
 def _refuse_same_stroke(strokes: Sequence[tuple[str, MeasuredTrial]]) -> None:
-    """One stroke twice, as a copy of its session: fitted it would count twice, held out predict itself."""
+    """Raise an input error where one stroke is given twice, as in a copy of its session: it would count twice, or
+    predict itself.
+    """
     for k, (label, m) in enumerate(strokes):
         for first, other in strokes[:k]:
             if m.seal == other.seal or are_same_stroke(m.samples, other.samples):
@@ -265,7 +269,9 @@ def _refuse_same_stroke(strokes: Sequence[tuple[str, MeasuredTrial]]) -> None:
 
 
 def _refuse_used_before(action: model.Action, seals: Mapping[str, str], samples: Mapping[str, tuple[str, ...]]) -> None:
-    """Data count once: values that were fitted to a trial cannot be the prior of another fit to it."""
+    """Raise an input error where the action's values were fitted to a trial before: as its prior they would count the
+    data twice.
+    """
     before = posterior_of(action)
     used = [label for label in seals if before is not None and before.was_fitted_to(seals[label], samples[label])]
     if used:
@@ -277,7 +283,7 @@ def _refuse_used_before(action: model.Action, seals: Mapping[str, str], samples:
 
 
 def _refuse_other_actions(opened: Sequence[Session]) -> None:
-    """Refuse sessions that state different actions."""
+    """Raise an input error where sessions state different actions."""
     for what in ("name", "key"):
         known = {getattr(s.info.action, what): s.path.name for s in opened}
         known.pop(UNKNOWN, None)

@@ -19,7 +19,7 @@ from tests.validation.infer import toy
 from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.infer.fit import fit
-from validation.infer.identify import bounds_not_run, identify, look_before
+from validation.infer.identify import bounds_not_run, check_identifiability, identify
 from validation.infer.observations import observe, observe_driven
 from validation.infer.problem import Columns, Problem
 from validation.infer.response import Own
@@ -127,7 +127,7 @@ def test_fewer_data_than_parameters_are_refused() -> None:
     p = made(1)
     short = replace(p.trials[0], time_s=toy.TIME[:0], change_rad=np.zeros((0, 3)))
     with pytest.raises(ValidationInputError, match="found 0 data for 3 parameters; record more trials") as error:
-        look_before(replace(p, trials=(short,)), Columns(p))
+        check_identifiability(replace(p, trials=(short,)), Columns(p))
     refused(error)
 
 
@@ -146,7 +146,7 @@ def test_a_model_that_cannot_run_at_the_start_is_refused() -> None:
     nowhere = Stuck(p.trials)
     nowhere.limit = -np.inf
     with pytest.raises(ValidationInputError, match="cannot run these strokes; use other values") as error:
-        look_before(replace(p, response=nowhere), Columns(p))
+        check_identifiability(replace(p, response=nowhere), Columns(p))
     refused(error)
     with pytest.raises(ValidationInputError, match="cannot run at the start"):
         fit(replace(p, response=nowhere))

@@ -14,7 +14,7 @@ import pytest
 import model
 from validation.errors import ValidationInputError
 from validation.infer.observations import ObservedTrial
-from validation.infer.response import ModelResponse, spread
+from validation.infer.response import ModelResponse, map_jobs
 from validation.infer.sources import IdentifyOptions, collect
 from validation.infer.unknowns import unknowns
 
@@ -59,7 +59,7 @@ def test_errors_of_the_model_stay_what_they_are() -> None:
 
     for executor in (None, Here()):
         with pytest.raises(model.StaticsError, match="no rest for 1"):
-            spread(executor, refuse, [1])
+            map_jobs(executor, refuse, [1])
 
 
 def test_another_process_gives_the_same_columns(trials: list[ObservedTrial]) -> None:

@@ -22,12 +22,12 @@ from validation.infer.further import (
     at_level,
     block_of,
     further,
-    of_sizes,
     prospects,
+    u_from_noise_sizes,
     write_plan,
 )
 from validation.infer.observations import ObservedTrial
-from validation.infer.problem import Problem, at_start
+from validation.infer.problem import Problem, make_problem_at_start
 from validation.infer.response import ModelResponse, Own
 from validation.infer.sources import IdentifyOptions, collect
 from validation.infer.unknowns import unknowns
@@ -80,7 +80,7 @@ def test_a_fixed_law_acts_in_a_stroke_to_come_as_it_does_where_the_fit_ended() -
     (trial, *_) = collect([EXAMPLE], start, IdentifyOptions(phases=15)).fitted
     runs = ModelResponse(start, (*free.moved, law), [trial], 1e-8)
     z = np.array([3.0, 0.0, 0.0, 0.0])
-    problem, _ = at_start(start, replace(free, held=(law,)), [trial], runs)
+    problem, _ = make_problem_at_start(start, replace(free, held=(law,)), [trial], runs)
     block = block_of(problem, z, trial, lambda some: runs)
     steps = [(runs.curves([np.append(at, s)])[0] or [])[0] for at in (z, 0 * z) for s in (0.02, -0.02)]
     there, before = (rows(a - b) / 0.04 for a, b in (steps[:2], steps[2:]))
@@ -114,7 +114,7 @@ def test_limits_close_where_the_sizes_of_noise_are_known() -> None:
     for n in (3, 24):
         p, before = first(np.random.default_rng(5), n)
         block = block_of(p, before.z, toy.trial(0, Other([]).curve(before.z)), Other)
-        wide.append(float(of_sizes(before, further(before, block, AGAIN)).max()))
+        wide.append(float(u_from_noise_sizes(before, further(before, block, AGAIN)).max()))
     assert wide[1] < 0.5 * wide[0]
 
 

@@ -15,8 +15,8 @@ from validation.infer import lacks
 from validation.infer.estimates import IDENTIFIED
 from validation.infer.fit import fit
 from validation.infer.further import Candidate, Prospect
-from validation.infer.lacks import LetIn, Supported, shows_in, supported, telling
-from validation.infer.sentences import most_telling
+from validation.infer.lacks import LetIn, Supported, describe_lack_phase, measure_separation, supported
+from validation.infer.sentences import describe_separating_stroke
 from validation.infer.sources import IdentifyOptions, collect
 from validation.infer.unknowns import parameter_of, single_names
 
@@ -54,18 +54,18 @@ def test_where_a_lack_shows_is_told_by_the_blow() -> None:
     after[-1, 0] = 2e-3
     step = 1e3 * (toy.TIME[1] - toy.TIME[0])
     said = f"shows from {3 * step:.0f} ms after the blow on, most {step * (toy.M - 1 - blow):.0f} ms after the blow"
-    assert shows_in(problem, 3 * [after]) == said
-    assert shows_in(problem, 3 * [0.0 * after]) == "is below the sensors' noise"
+    assert describe_lack_phase(problem, 3 * [after]) == said
+    assert describe_lack_phase(problem, 3 * [0.0 * after]) == "is below the sensors' noise"
 
 
 def test_what_a_film_lost_does_not_say_where_a_lack_shows() -> None:
     problem = toy.problem(toy.made(TRUTH, 3, np.random.default_rng(3)))
     noise, lack = np.full((toy.M, 3), 1e-5), np.zeros((toy.M, 3))
     lack[[5, 9], 1] = [1e-3, 2e-3]
-    plain = shows_in(problem, 3 * [lack])
+    plain = describe_lack_phase(problem, 3 * [lack])
     noise[2, 0] = np.nan
     filmed = replace(problem, trials=tuple(replace(t, u_white_rad=noise) for t in problem.trials))
-    assert shows_in(filmed, 3 * [lack]) == plain
+    assert describe_lack_phase(filmed, 3 * [lack]) == plain
 
 
 def test_the_stroke_in_which_fits_differ_most_tells_best_what_is_lacking() -> None:
@@ -86,12 +86,12 @@ def test_the_stroke_in_which_fits_differ_most_tells_best_what_is_lacking() -> No
             )
             curves.append((run.angle_rad - rest.angle_rad)[:, ENCODER_BODIES])
         apart.append(np.sqrt(np.nanmean(((curves[0] - curves[1]) / trial.u_white_rad) ** 2)))
-    np.testing.assert_allclose(telling(both, [filmed, soft]), apart, rtol=1e-3)
+    np.testing.assert_allclose(measure_separation(both, [filmed, soft]), apart, rtol=1e-3)
     ranked = [Prospect("hammer encoder known twice as well", {})]
     ranked += [Prospect(name, {}, Candidate(name, t), 5) for name, t in (("forte", filmed), ("piano", soft))]
     found = SimpleNamespace(details=SimpleNamespace(supported=Supported(both, (), (), 7, "")))
     best = int(np.argmax(apart))
-    (said,) = most_telling(found, ranked)  # type: ignore[arg-type]
+    (said,) = describe_separating_stroke(found, ranked)  # type: ignore[arg-type]
     assert f"told best by 5 {('forte', 'piano')[best]}: " in said and f"by {apart[best]:.0f} times" in said
 
 

@@ -13,7 +13,7 @@ from tests.validation.infer import toy
 from validation import ValidationInputError
 from validation.conventions import Array
 from validation.infer.identifiability import HALF, directions, warnings_of
-from validation.infer.identify import look_before
+from validation.infer.identify import check_identifiability
 from validation.infer.noise import Marginal, Sizes
 from validation.infer.problem import Columns, Problem
 from validation.infer.unknowns import unknowns
@@ -62,7 +62,7 @@ def planted(arm: float, soft: float, idle: float = 1e-5) -> Problem:
 @pytest.mark.parametrize(("arm", "soft"), [(1.0, 1.0), (0.45, 2.5), (1.7, 0.6)])
 def test_frictions_of_one_body_and_springs_in_series_are_named_and_nothing_else(arm: float, soft: float) -> None:
     problem = planted(arm, soft)
-    said = look_before(problem, Columns(problem))
+    said = check_identifiability(problem, Columns(problem))
     certain = [line for line in said if line.startswith("even if the model lacks nothing")]
     together = [line for line in certain if "cannot tell" in line]
     assert sum(JOINT in line and RUBBING in line for line in together) == 1
@@ -84,7 +84,7 @@ def test_frictions_of_one_body_and_springs_in_series_are_named_and_nothing_else(
 
 def test_a_damping_that_never_acts_is_refused_by_name() -> None:
     with pytest.raises(ValidationInputError, match=f"{IDLE}: has no effect in these strokes"):
-        look_before(p := planted(1.0, 1.0, 0.0), Columns(p))
+        check_identifiability(p := planted(1.0, 1.0, 0.0), Columns(p))
 
 
 def test_small_weights_are_named_with_their_digits() -> None:
@@ -111,7 +111,7 @@ def test_a_combination_that_is_known_is_not_cut_short() -> None:
 def test_before_a_fit_only_what_is_certain_is_certain() -> None:
     """A law that 5 % of discrepancy hides is said to be hidden by that, not by the strokes."""
     problem = planted(1.0, 1.0, idle=6e-3)
-    said = look_before(problem, Columns(problem))
+    said = check_identifiability(problem, Columns(problem))
     named = [line for line in said if IDLE in line]
     assert len(named) == 1 and named[0].startswith("if the model lacks 5 %")
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from validation.infer import scores
-from validation.infer.identify import MOST_ASKED, of_many
-from validation.infer.scores import CEILING, NULL, EventScore, why_it_rises
+from validation.infer.identify import MOST_ASKED, list_size_warnings
+from validation.infer.scores import CEILING, NULL, EventScore, explain_rising_rmse
 from validation.infer.sentences import plain_sentences
 
 
 def test_scatter_of_trials_is_about_the_mean_of_each_session(monkeypatch) -> None:
     monkeypatch.setattr(scores, "ModelResponse", lambda *_: SimpleNamespace(curves=lambda _: [None]))
-    monkeypatch.setattr(scores, "_null_scores", lambda *_: None)
+    monkeypatch.setattr(scores, "_run_null_model", lambda *_: None)
     rng, shape = np.random.default_rng(3), np.sin(np.linspace(0.0, 3.0, 400))
 
     def session(place: int, n: int, size: float) -> list[SimpleNamespace]:
@@ -55,16 +55,16 @@ def test_a_fit_that_predicts_no_better_says_so(after: float, said: str) -> None:
 
 def test_an_rmse_that_rises_is_said_with_what_it_is_beside_the_errors_found() -> None:
     before, found = {"key": 1e-3, "hammer": 2e-3, "whippen": 1e-3}, {"key": 1.5e-3, "hammer": 1e-3, "whippen": 2e-3}
-    lines = why_it_rises(before, found, {"key": 4e-4, "hammer": 1e-3, "whippen": 1.9e-3})
+    lines = explain_rising_rmse(before, found, {"key": 4e-4, "hammer": 1e-3, "whippen": 1.9e-3})
     assert len(lines) == 2  # of those that rise
     assert (
         lines[0].startswith("the key's RMSE rises from 0.057° to 0.086°") and "it is 0.023°: values and err" in lines[0]
     )
     assert "it is 0.11°: the fit weighs each phase" in lines[1] and lines[1].startswith("the whippen's")
-    assert why_it_rises(before, before, before) == []
+    assert explain_rising_rmse(before, before, before) == []
 
 
 def test_more_values_than_were_tried_at_once_are_warned_of() -> None:
-    assert of_many([f"law{k}" for k in range(MOST_ASKED)]) == []
-    (line,) = of_many([f"law{k}" for k in range(60)])
+    assert list_size_warnings([f"law{k}" for k in range(MOST_ASKED)]) == []
+    (line,) = list_size_warnings([f"law{k}" for k in range(60)])
     assert "60 values at once" in line and "ask for fewer" in line

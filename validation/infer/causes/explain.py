@@ -56,7 +56,7 @@ class CompatibleChange:
 
     @property
     def words(self) -> str:
-        """The change for a reader."""
+        """Text on the change: its cause, size, trials and standard uncertainty."""
         when = {ALL: "", ONE: f" in trial {self.first}", TREND: ""}.get(self.profile, f" from trial {self.first} on")
         drift = f" from trial {self.first} to trial {self.last}"
         if self.cause.startswith(ADDED) and self.unit != "1":
@@ -200,7 +200,9 @@ def _comparison_words(search: Search, trials: int) -> str:
 
 
 def _make_rows(search: Search, number: int, fit: Fit, best: Fit) -> list[CompatibleChange]:
-    """The causes of a fit as rows."""
+    """One row for each cause of ``fit``, which is the set of this ``number``; the odds are relative to the fit
+    ``best``.
+    """
     out = []
     scatter = np.array([search.source(i).scatter for i in fit.members]) / math.sqrt(search.noise.trials)
     u = np.hypot(np.sqrt(np.diag(search.covariance(fit))), scatter)

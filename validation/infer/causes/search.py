@@ -309,7 +309,9 @@ class Search:
         return float(pair_gains(gram, b)[0]) > times * threshold.pair
 
     def first_round(self) -> list[Fit]:
-        """Every source in all trials, and the best as some trials may have it, one step of Gauss–Newton from none."""
+        """Fits of one cause each after one step of Gauss–Newton, the best first: every source in all trials, and the
+        best ones as only some trials may have them.
+        """
         gains, _ = self.gains()
         best: dict[tuple[int, bool], int] = {}
         for n in np.argsort(-gains, kind="stable"):

@@ -13,11 +13,11 @@ from validation.events.key_lift import SCALE_RADIUS_M
 from validation.infer.causes import explain
 from validation.infer.causes.responses import Point, Responses
 from validation.infer.channels import FORCE_GAIN
-from validation.infer.hypotheses import ADDED, ALL, JOINTS, STEP, addable, sources
+from validation.infer.hypotheses import ADDED, ALL, JOINTS, STEP, list_addable_effects, sources
 from validation.prediction.model_under_test import ModelUnderTest
 
 ACTION = model.load_action()
-BY_NAME = {source.name: source for source in addable(ACTION)}
+BY_NAME = {source.name: source for source in list_addable_effects(ACTION)}
 SHANK, RAIL = BY_NAME[f"{ADDED}shank.frequency_hz"], BY_NAME[f"{ADDED}balance_rail.normal.c"]
 PRELOAD_N = 0.05
 
@@ -38,14 +38,14 @@ def test_half_the_stiffness_is_twice_the_effect() -> None:
 
 def test_what_the_action_has_is_not_added() -> None:
     strung = model.scene_of({"effects": ["string"], "contact12": {"law": "stulov"}}, "mine").on(ACTION)
-    names = {source.name for source in addable(strung)}
+    names = {source.name for source in list_addable_effects(strung)}
     assert not any("string" in name or "contact12" in name for name in names) and SHANK.name in names
     assert RAIL.scene(model.load_scene("giving-joints").on(ACTION), 1.0) is None
 
 
 def test_an_identified_damping_keeps_no_law_from_being_added() -> None:
     damped = ACTION.with_values({f"contact{i:02d}.normal.D": 0.1 + 0.02 * i for i in range(1, 14)})
-    memories = [source for source in addable(damped) if source.laws]
+    memories = [source for source in list_addable_effects(damped) if source.laws]
     assert len(memories) > 4
     for source in memories:
         scene = source.scene(damped, 1.0)

@@ -16,9 +16,9 @@ from validation.errors import ValidationInputError
 from validation.infer.blocks import INSTRUMENT, make_blocks
 from validation.infer.observations import (
     ObservedTrial,
+    add_drive_errors,
     observe_driven,
-    sharing_the_key,
-    with_errors_of_what_drives,
+    share_key_errors,
 )
 from validation.infer.response import DRAWS, SEGMENTS, Case, ModelResponse, driven_tangents
 from validation.infer.unknowns import FORCE, KEY, unknowns
@@ -103,11 +103,11 @@ def test_derivatives_are_of_what_a_film_sees_by_its_late_clock(turn: np.ndarray)
 def test_errors_of_the_key_are_one_thing_where_both_kinds_are_fitted(turn: np.ndarray) -> None:
     by_force, by_key = toy.trial(1, np.zeros((toy.M, 3)) + 0.01), replace(seen(turn), session=1)
     asked = toy.free()
-    assert with_errors_of_what_drives(asked, [by_force]).force == FORCE
-    assert with_errors_of_what_drives(asked, [by_key]).force == KEY
-    assert with_errors_of_what_drives(asked, [by_force, by_key]).force == (*FORCE, *KEY)
-    assert not sharing_the_key([by_force])[0].key_moves
-    shared, _ = sharing_the_key([by_force, by_key])
+    assert add_drive_errors(asked, [by_force]).force == FORCE
+    assert add_drive_errors(asked, [by_key]).force == KEY
+    assert add_drive_errors(asked, [by_force, by_key]).force == (*FORCE, *KEY)
+    assert not share_key_errors([by_force])[0].key_moves
+    shared, _ = share_key_errors([by_force, by_key])
     ones = np.ones((toy.M, 3, 2))
     for trial, moves in ((by_force, False), (shared, True)):
         (block,) = make_blocks([trial], [ones], [ones], np.ones(2, dtype=bool))
