@@ -205,14 +205,14 @@ NO_SESSION = (
 def next_strokes(found: validation.Identification) -> tuple[list[Prospect], list[str]]:
     """Strokes and sensors ranked by how far they would shrink the intervals; and texts of what cannot be played or
     predicted, with why."""
-    from validation.infer.further import prospects, shelf  # start-up: --help needs none of it
+    from validation.infer.further import list_candidate_strokes, prospects  # start-up: --help needs none of it
 
     sources = found.details.sources
     if not sources.measured:
         raise CommandInputError(NO_SESSION)
     bench = rig.session_rig(sources.sessions[0])
     like, phases = sources.measured[0], found.details.problem.trials[0].time_s.size
-    candidates, refused = shelf(bench.config, workflows.predictor(bench, found.action), like, phases)
+    candidates, refused = list_candidate_strokes(bench.config, workflows.predictor(bench, found.action), like, phases)
     ranked, not_run = prospects(found.details.problem, found.details.fitted, candidates)
     return ranked, [*refused, *not_run]
 

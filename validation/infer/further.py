@@ -1,7 +1,7 @@
 """What to record next: which further trials, or which sensor known better, would shrink which interval.
 
-In: an identification, strokes that could be played (`shelf`). Out: `Prospect`, ranked, and a trial plan for ``record
---plan``.
+In: an identification, strokes that could be played (`list_candidate_strokes`). Out: `Prospect`, ranked, and a trial
+plan for ``record --plan``.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Candidate:
     profile: Profile | None = None  # what the motor would play; None for more of a session's own
 
 
-def shelf(
+def list_candidate_strokes(
     config: RigConfig,
     predict: Callable[[Profile], PredictedBlow],
     like: MeasuredTrial,
@@ -273,8 +273,8 @@ def prospects(
     From the Fisher information at the identified values: the covariance of the fit with the columns of the new trials
     beside those it has (`noise.Marginal`), sizes of noise as learnt. A further session has a discrepancy of its own, as
     large as those learnt so far. The best strokes are played by the model (`rehearsal`), for which the sizes are learnt
-    again. How far these may yet move is told as an interval (`u_from_noise_sizes`); how far the values move it cannot know: it is
-    a prediction of u, not of the value.
+    again. How far these may yet move is told as an interval (`u_from_noise_sizes`); how far the values move it cannot
+    know: it is a prediction of u, not of the value.
 
     Parameters
     ----------
