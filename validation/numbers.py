@@ -28,8 +28,7 @@ def with_named_u(value: float, u: float, unit: str = "") -> str:
 
 def with_u(value: float, u: float) -> str:
     """Text ``value ± u``, rounded to two digits of the uncertainty; the value alone, to four significant digits, when
-    none is known.
-    """
+    none is known."""
     if not math.isfinite(value):
         return DASH
     if not (math.isfinite(u) and u > 0):

@@ -96,8 +96,7 @@ class ResultStore:
 
     def table(self, step: str, trial: int, key: str) -> tuple[pd.DataFrame, dict[str, Any]] | None:
         """Table and attributes of a derived step of one trial, stored under a key, and marked as used now; None when
-        there are none.
-        """
+        there are none."""
         if self.session is None:
             return None
         try:

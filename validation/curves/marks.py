@@ -85,8 +85,7 @@ def _find_release_time(time_s: Array, force_n: Array, key_release_s: float) -> f
 
 def _find_return_time(time_s: Array, rotation: Array, release_s: float) -> float:
     """Time, s, of the first minimum of the key's rotation (n,) after its release; NaN where it does not come up
-    again.
-    """
+    again."""
     after = (time_s >= release_s) & np.isfinite(rotation)
     if not after.any():
         return float("nan")

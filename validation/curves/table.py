@@ -113,8 +113,7 @@ def _stack_curves(
     base_s: Array, parts: Iterable[tuple[int, str, dict[str, Array], NDArray[np.bool_], Array]]
 ) -> pd.DataFrame:
     """Table with one row a trial, channel and time, of the parts with a finite value; a part: trial, channel, columns
-    by name (n,), mask of what is left out (n,), force (n,), N.
-    """
+    by name (n,), mask of what is left out (n,), force (n,), N."""
     frames = [
         pd.DataFrame({"trial": trial, "channel": name, "time_s": base_s, **columns, "left_out": out, "force_n": force})
         for trial, name, columns, out, force in parts

@@ -47,8 +47,7 @@ def _fit_strike(motion: Motion, crossing_s: float) -> Strike:
 
 def _find_near_misses(motion: Motion, contact_times_s: list[float]) -> list[Strike]:
     """Ambiguous strikes: sharp reversals within 2 mm below the string line (a string lower than the geometry says),
-    away from the contacts at ``contact_times_s``.
-    """
+    away from the contacts at ``contact_times_s``."""
     time, height = motion.time_s, motion.hammer_height_m
     out = []
     step = float(np.median(np.diff(time)))

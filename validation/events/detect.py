@@ -122,8 +122,7 @@ def _find_held(
 ) -> list[tuple[float, int, int, float] | None]:
     """For each range (m), the first hold of at least ``length_s``: its median height (m), first sample and end of its
     first ``length_s``, and the change of the height (m) when it begins a sample later; None where the hammer is not
-    held.
-    """
+    held."""
     time, height = motion.time_s, motion.hammer_height_m
     step = float(np.median(np.diff(time)))
     n = int(round(length_s / step)) + 1
@@ -280,8 +279,7 @@ def let_off(motion: Motion, strike: Strike | None, read: LevelReading = read_lev
 
 def count_bounces(motion: Motion, strike: Strike | None, caught: Event) -> Event:
     """Event whose value is how often the hammer turns round by 0.3 mm or more between the impact and ``caught``, the
-    event at which the check begins.
-    """
+    event at which the check begins."""
     if strike is None:
         return make_absent_event("check_bounces", "no string impact")
     if not math.isfinite(caught.value):
@@ -316,8 +314,7 @@ def drop(
     read: LevelReading = read_level_with_uncertainty,
 ) -> Event:
     """Event at which the hammer, after ``check_s``, first is 0.5 mm further from the string than it was held; ambiguous
-    where that is long before the key's release at ``release_s``.
-    """
+    where that is long before the key's release at ``release_s``."""
     if hold is None or not math.isfinite(check_s):
         return make_absent_event("drop", "hammer is never held")
     height = motion.hammer_height_m
@@ -361,8 +358,7 @@ def landing(motion: Motion, hold: Hold | None, drop_s: float) -> Event:
 
 def _fit_vertex(time: Array, height: Array, turn_index: int, half_width: int, u_height_m: float) -> tuple[float, float]:
     """Time (s) of the top of a parabola fitted to the heights within ``half_width`` samples of sample ``turn_index``,
-    and its standard uncertainty (s); NaN where it has no top.
-    """
+    and its standard uncertainty (s); NaN where it has no top."""
     part = slice(turn_index - half_width, turn_index + half_width + 1)
     t = time[part] - time[turn_index]
     (level, slope, bend), covariance = fit_parabola(t, height[part], 1.0)

@@ -164,8 +164,7 @@ def _is_continued(steps: Array, at: int, side: int) -> bool:
 
 def _find_standstill(m: MeasuredTrial, p: PredictedAngles, i: int) -> ReadingFault | None:
     """First standstill of the i-th encoder, without a leap, while the model moves and so does the other of key and
-    whippen, or the hammer stops or starts abruptly; None if there is none.
-    """
+    whippen, or the hammer stops or starts abruptly; None if there is none."""
     change, time_s = m.change_rad[:, i], m.time_s
     name, expected = ENCODER_CHANNELS[i], p.change_rad(ENCODER_CHANNELS[i])
     reach = max(round(EDGE_S / float(np.median(np.diff(time_s)))), 1)

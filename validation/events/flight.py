@@ -78,8 +78,7 @@ class _Path:
 
 def fit_parabola(age: Array, position: Array, sigma: float, slowing: float | None = None) -> tuple[Array, Array]:
     """Way, speed and second derivative at age 0 by weighted least squares, (3,), and their covariance, (3, 3);
-    ``slowing`` (m/s²) is a prior of the last one.
-    """
+    ``slowing`` (m/s²) is a prior of the last one."""
     design = np.stack([np.ones(age.size), age, 0.5 * age**2])
     normal, target = design @ design.T / sigma**2, design @ position / sigma**2
     if slowing is not None:
@@ -240,8 +239,7 @@ def _fit_vibration(
     age: Array, position: Array, sigma: float, slowing: float, side: int
 ) -> tuple[float, float, float, float, float, str] | None:
     """Speed (m/s), its u, way (m), its u, deceleration (m/s²) at age 0, and a note, of rigid flight with a damped
-    vibration fitted to samples (n,); None where a chi-square test rejects it.
-    """
+    vibration fitted to samples (n,); None where a chi-square test rejects it."""
     rigid = np.column_stack([np.ones(age.size), age, age**2 / 2])
     weight = np.zeros(len(PARAMETERS))  # of what is known beforehand, and what that is
     weight[[2, 6]] = U_DECELERATION_M_PER_S2**-2, U_DAMPING**-2

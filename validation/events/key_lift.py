@@ -152,8 +152,7 @@ def _select_near(pulls: list[RailPull] | None, start_s: float, end_s: float) -> 
 
 def _widen_gap(time: Array, gap: Array, impact_s: float, release_s: float) -> Array:
     """Model's largest capstan gap (n,), m, 0 or more, within the time by which the model may be early or late: 1.5 ms
-    before the impact, 3 ms until the release, 10 ms after it.
-    """
+    before the impact, 3 ms until the release, 10 ms after it."""
     known = np.where(np.isfinite(gap), gap, -np.inf)
     step = float(np.median(np.diff(time)))
     reach = [maximum_filter1d(known, 2 * round(near / step) + 1, mode="nearest") for near in NEAR_S]
@@ -174,8 +173,7 @@ def _is_carried(whippen_rad: Array, step: float, free_fall: float) -> NDArray[np
 
 def _find_edges(excess: Array, samples: NDArray[np.intp], longest: int) -> tuple[int, int]:
     """First and last sample of an interval, given by its ``samples``, widened by up to ``longest`` samples at each end
-    while the excess (m) is above `EDGE_M`.
-    """
+    while the excess (m) is above `EDGE_M`."""
     first, last = int(samples[0]), int(samples[-1])
     while first > 0 and samples[0] - first < longest and excess[first - 1] > EDGE_M:
         first -= 1

@@ -111,8 +111,7 @@ def measure_travel(
     m: MeasuredTrial, p: PredictedAngles, model: Mapping[str, Event], geometry: ActionGeometry
 ) -> Travel:
     """Largest turns of key, whippen and hammer over the predicted ones, and lever ratios, of one trial; ``model``: the
-    prediction's events by name. The sign belongs to the wiring.
-    """
+    prediction's events by name. The sign belongs to the wiring."""
     out = np.full(3, np.nan)
     expected = np.column_stack([p.change_rad(name) for name in ENCODER_CHANNELS])
     known = np.isfinite(expected).all(axis=1)
@@ -144,8 +143,7 @@ RISES = (0.1, 0.5)  # choice, of the hammer's largest angle: from there to there
 
 def _fit_lever_before_flight(change_rad: Array) -> float:
     """Slope of the hammer's angle over the whippen's, of changes (n, 3), while the hammer first rises; NaN where it
-    does not.
-    """
+    does not."""
     hammer = np.abs(change_rad[:, 2])
     first, last = (int(np.argmax(hammer > share * hammer.max(initial=0.0))) for share in RISES)
     if last - first < FEWEST_RISING or not np.ptp(change_rad[first:last, 1]) > MOVES_RAD:
@@ -235,8 +233,7 @@ def _describe_travel(
     name: str, ratios: Mapping[int, float], trials: Collection[int], scale_trials: Collection[int]
 ) -> list[SessionFinding]:
     """Findings on one channel's travel over the model's (``ratios``, by trial number): at most one gross, only of
-    ``scale_trials``, which a wrong scale explains, and one small.
-    """
+    ``scale_trials``, which a wrong scale explains, and one small."""
     both = " and " in name
     head, verb = (f"encoders {name}", "they travel") if both else (f"encoder {name}", "it travels")
     away = {n: r for n, r in ratios.items() if abs(r - 1) > SCALES_MAY}

@@ -27,8 +27,7 @@ MOVES = 0.02  # of the largest speed: a frame in which the whippen moves tells t
 )
 def check_camera_clock(m: MeasuredTrial) -> list[SessionFinding]:
     """Finding that the film's times drift against the DAQ clock or are off it, by the whippen that film and encoder
-    both see; empty if none.
-    """
+    both see; empty if none."""
     film = m.film
     if film is None or film.whippen_rad is None:
         return []
@@ -37,8 +36,7 @@ def check_camera_clock(m: MeasuredTrial) -> list[SessionFinding]:
 
 def find_clock_offset(m: MeasuredTrial, film: FilmAngles, whippen_rad: Array) -> list[SessionFinding]:
     """Finding that frame times are early or late all along; ``whippen_rad``: (frames,) as the film shows it. Empty
-    within the limit.
-    """
+    within the limit."""
     offset, u = estimate_clock_offset(film.time_s, whippen_rad, m.time_s, m.change_rad[:, WHIPPEN])
     limit = max(CLOCK_S, 3 * float(np.hypot(u, film.u_time_s)))
     if not abs(offset) > limit:

@@ -169,8 +169,7 @@ def _check_single_trials(
     predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest
 ) -> list[SessionFinding]:
     """Findings of the checks that need one trial and its prediction, and of the lag of the force; a force of a wrong
-    factor makes the prediction useless for the others.
-    """
+    factor makes the prediction useless for the others."""
     found: list[SessionFinding] = []
     lags = {}
     bottom_s = {number: named["key_bottom"].value for number, named in events.trial.items()}

@@ -143,8 +143,7 @@ def select_counted(trials: Mapping[int, T], channel: str, without: LeftOut) -> d
 
 def select_counted_events(events: Mapping[int, dict[str, Event]], without: LeftOut) -> dict[int, dict[str, Event]]:
     """Events by trial number and name, but for those read from an encoder in ``without``, pairs of trial number and
-    channel.
-    """
+    channel."""
     return {
         number: {
             name: event
@@ -157,8 +156,7 @@ def select_counted_events(events: Mapping[int, dict[str, Event]], without: LeftO
 
 def describe_left_out(numbers: Collection[int], channel: str, without: LeftOut) -> str:
     """How many trials of a channel count and which do not, ``without`` being pairs of trial number and channel; empty
-    when all do.
-    """
+    when all do."""
     missing = sorted(number for number in numbers if (number, channel) in without)
     if not missing:
         return ""
@@ -170,7 +168,6 @@ def select_sound_trials(
     trials: Sequence[MeasuredTrial], findings: Iterable[SessionFinding], ignored_kind: str = ""
 ) -> list[MeasuredTrial]:
     """Trials without a fault that spoils the comparison of one trial with the model; faults of ``ignored_kind`` do not
-    count.
-    """
+    count."""
     broken = {number for f in findings if KINDS[f.kind].spoils and f.kind != ignored_kind for number in f.numbers}
     return [m for m in trials if m.number not in broken]

@@ -161,8 +161,7 @@ def _search_factors(
     tested: ModelUnderTest, m: MeasuredTrial, expected: Array, inside: NDArray[np.bool_]
 ) -> list[SessionFinding]:
     """Finding where the force, multiplied by one of `FACTORS`, predicts the trial much better, else an empty list;
-    ``expected`` (k, 3): the model's changes in the k samples ``inside``.
-    """
+    ``expected`` (k, 3): the model's changes in the k samples ``inside``."""
     force, trial = m.force, m.change_rad[inside]
     size = np.sqrt(np.mean(trial**2, axis=0))
     errors = _compute_errors(expected, trial, size)

@@ -124,8 +124,7 @@ def align_like_trials(
     m: MeasuredTrial, others: Sequence[tuple[MeasuredTrial, PredictedAngles]], bottom_s: Mapping[int, float]
 ) -> LikeTrials | None:
     """Up to 15 other trials of the stroke, shifted so that the keys reach their beds at one time (``bottom_s``, by
-    trial number); None where fewer than 3 are left or this key reaches no bed.
-    """
+    trial number); None where fewer than 3 are left or this key reaches no bed."""
     there = [one for one in others if one[0].number != m.number and np.isfinite(bottom_s[one[0].number])]
     if len(there) < FEWEST_LIKE or not np.isfinite(bottom_s[m.number]):
         return None
@@ -153,8 +152,7 @@ class _Suspect:
 
 def _list_suspects(m: MeasuredTrial, miss_counts: Array, like: LikeTrials | None) -> Iterator[_Suspect]:
     """Yield force spikes that may be faulty readings: by the record alone, then compared with trials ``like`` it;
-    ``miss_counts`` (n, 2): key and whippen less the model, counts.
-    """
+    ``miss_counts`` (n, 2): key and whippen less the model, counts."""
     for spike in find_candidate_spikes(m):
         before = _select_window(m, spike, -MISSED_S, 0.0)
         missed = rms(_subtract_line(m.time_s[before], miss_counts[before])) if before.size > 2 else 0.0
@@ -232,8 +230,7 @@ def _step_s(m: MeasuredTrial) -> float:
 
 def _select_window(m: MeasuredTrial, spike: Spike, after_s: float, until_s: float) -> NDArray[np.intp]:
     """Indices of the encoder samples from ``after_s`` after a spike's begin until ``until_s`` after its end, or after
-    its begin where ``until_s`` is not positive.
-    """
+    its begin where ``until_s`` is not positive."""
     time = m.force.time_s
     last = spike.last if until_s > 0.0 else spike.first
     ends = [max(time[spike.first] + after_s, time[0]), min(time[last] + until_s, time[-1])]
@@ -251,8 +248,7 @@ def _simulate_without_spike(
     tested: ModelUnderTest, m: MeasuredTrial, spike: Spike, part: NDArray[np.intp]
 ) -> Array | None:
     """The model's change of key and whippen since rest at the samples ``part``, counts, (n, 2), with the spike taken
-    out of the force; None where the model cannot run.
-    """
+    out of the force; None where the model cannot run."""
     until = int(np.searchsorted(m.force.time_s, m.time_s[part[-1]])) + 2
     time_s, force_n = m.force.time_s[:until], m.force.force_n[:until].copy()
     force_n[spike.first : spike.last + 1] -= spike.change_n

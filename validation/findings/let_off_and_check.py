@@ -89,8 +89,7 @@ def find_let_off_and_check(
     let_off_m: Mapping[int, tuple[float, float]], check_m: Mapping[int, tuple[float, float]]
 ) -> list[SessionFinding]:
     """Findings on let-off and check that are not the model's; either argument: trial number → trial less model, m, and
-    its standard uncertainty.
-    """
+    its standard uncertainty."""
     out = []
     for kind, channel, differences, limit, what in (
         ("let-off", "let_off", let_off_m, LET_OFF_M, "let-off: the hammer's free flight begins"),

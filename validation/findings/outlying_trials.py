@@ -181,8 +181,7 @@ def find_outlying_trials(
 
 def _measure_distances(curves: Array) -> Array:
     """Root mean square distance (trials,) of each column of ``curves`` (n, trials) from the median column, over the
-    median's range.
-    """
+    median's range."""
     known = curves[np.isfinite(curves).all(axis=1)]
     if known.size == 0:
         return np.full(curves.shape[1], np.nan)
@@ -216,8 +215,7 @@ def _find_unusual_events(number: int, events: dict[int, dict[str, Event]]) -> li
 
 def _find_reasons(number: int, measured: Sequence[MeasuredTrial], scale: float) -> list[str]:
     """Texts on what is unusual about a trial's readings or its blow; ``scale``: its readings over the others', NaN
-    where no factor explains them.
-    """
+    where no factor explains them."""
     reasons = []
     if np.isfinite(scale):
         reasons.append(f"its readings are {scale:.3f} times the usual ones all the way")

@@ -224,8 +224,7 @@ def _find_interval_ends(z: Array, rise: Array, best: float, level: float, width:
 
 def _interval_kind(z: Array, alone: Array, best: float, level: float) -> str:
     """Which ends of the interval the strokes alone leave open (``open below``, ``open above``, ``open``), else
-    ``two-sided``, from the rise ``alone`` (k,) without the prior at z (k,).
-    """
+    ``two-sided``, from the rise ``alone`` (k,) without the prior at z (k,)."""
     below = not bool(np.any(alone[z < best] > level)) if np.any(z < best) else True
     above = not bool(np.any(alone[z > best] > level)) if np.any(z > best) else True
     if below and above:

@@ -412,8 +412,7 @@ def bifurcation_words(problem: Problem, bifurcations: Mapping[int, int]) -> list
 
 def _search_line(problem: Problem, at: _Iterate, shares: Sequence[float]) -> tuple[Array, _Modes, float] | None:
     """z, modes of the trials and gain after the first of ``shares`` of the Gauss–Newton step that lowers the cost; None
-    where none does.
-    """
+    where none does."""
     step = box_step(at.marginal, at.here, at.z, problem.box(), 0.0)
     before = _cost(at.marginal, at.run, at.own, at.z)
     for share in shares:

@@ -195,8 +195,7 @@ def rehearse_stroke(fitted: Fitted, planned: Marginal, block: Block, play: Play,
 
 def _discrepancy_columns(planned: Marginal, new: Block) -> Array:
     """Columns (n, k) of the discrepancy in the new trials, as large as learnt: without its floor, which no stroke has
-    shown.
-    """
+    shown."""
     sizes, part = planned.sizes, planned.parts[0][new.session]
     common = sizes.common[new.session].copy()
     smooth = slice(0, len(SCALES_S) * sizes.channels)
@@ -334,8 +333,7 @@ def prospects(
 
 def _add_best_rehearsed(found: Sequence[Prospect], rehearse: Callable[[Prospect], Prospect]) -> list[Prospect]:
     """Prospects, the best first, the best strokes among them replaced by ``rehearse(prospect)`` until one of these
-    leads.
-    """
+    leads."""
     ranked = sorted(found, key=lambda p: p.mean)
     done = 0
     while True:

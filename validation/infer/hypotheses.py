@@ -235,8 +235,7 @@ def candidates(listed: Sequence[Source], numbers: Sequence[int]) -> tuple[Candid
 
 def _list_weights(profile: str, numbers: Sequence[int], apart: bool) -> Iterator[tuple[NDArray[Any], int, int]]:
     """Yield the share (trials,) that each trial has, and the numbers of the first and last that have it, for every way
-    of a profile; ``apart``: whether single trials are candidates, too.
-    """
+    of a profile; ``apart``: whether single trials are candidates, too."""
     at, order = np.array(numbers), sorted(numbers)
     if profile == ALL:
         yield np.ones(at.size), order[0], order[-1]

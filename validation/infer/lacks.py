@@ -254,8 +254,7 @@ def fit_with_change(
     budget: Budget | None = None,
 ) -> LetIn | None:
     """The fit with one parameter of ``action`` let in, and its gain of log evidence less ``rarity``, the logarithm of
-    how many changes were tried; None where the model cannot run with it.
-    """
+    how many changes were tried; None where the model cannot run with it."""
     unknowns = problem.unknowns
     held = tuple(p for p in unknowns.held if p.name != parameter.name)
     unknowns = replace(unknowns, beside=(*unknowns.beside, parameter), held=held)
@@ -347,8 +346,7 @@ def describe_lack_phase(problem: Problem, lack: Sequence[Array]) -> str:
 
 def _discrepancy_curves(problem: Problem, fitted: Fitted, best: LetIn) -> list[Array]:
     """Discrepancy (m, c), rad, of each trial: the most probable extended fit less the model without it, else the
-    residuals.
-    """
+    residuals."""
     z = best.fitted.z
     if best.parameter is not None:
         z = np.delete(z, best.problem.unknowns.moved.index(best.parameter))

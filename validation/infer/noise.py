@@ -145,8 +145,7 @@ class Sizes:
 
     def belief(self) -> tuple[Array, Array]:
         """Median and standard deviation (k,) of the logarithms of all components before the strokes, in the order of
-        `log`; log-normal prior.
-        """
+        `log`; log-normal prior."""
         total = self.discrepancy
         there = total > 2.0 * NOT_SEEN
         mean = (np.log(np.maximum(total, LEAST)) * there).sum(axis=1) / np.maximum(there.sum(axis=1), 1)
@@ -606,8 +605,7 @@ def _add_scores(
     slope: Array, information: Array, variance: Array, part: RandomEffectColumns, weight: Array, left: Array | None
 ) -> None:
     """Add to ``slope`` (k,) and ``information`` (k, k), in place, what one independent part says of its variance
-    components; without ``left`` there is no slope.
-    """
+    components; without ``left`` there is no slope."""
     for k, (i, rows, columns) in enumerate(part.component_blocks):
         for j, others, more in part.component_blocks[: k + 1]:
             across = columns.T @ weight[rows, others] @ more
@@ -648,8 +646,7 @@ def learn(
 
 def _take_step(marginal: Marginal, residuals: Sequence[Array], floor: float) -> Marginal | None:
     """Marginal model after the least damped scoring step that raises the posterior of the variance components; None
-    where none does.
-    """
+    where none does."""
     found, log = scores(marginal, residuals), marginal.sizes.log()
     middle, spread = marginal.sizes.belief()
     slope = found.slope + (log - middle) / spread**2

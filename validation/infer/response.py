@@ -520,8 +520,7 @@ class ModelResponse:
 
     def _run_by_force(self, members: Sequence[Sequence[Case]]) -> list[list[Array | None] | None]:
         """Curves of every trial for each list of cases, run under its force and kept, so that none is run twice; None
-        where a run fails.
-        """
+        where a run fails."""
         if len(self._known) > KEPT:
             self._known.clear()
         jobs: list[model.batch.Job] = []

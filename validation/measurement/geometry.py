@@ -73,8 +73,7 @@ class ActionGeometry:
 
     def absolute(self, change_rad: dict[int, Array]) -> Array:
         """Absolute angles (n, 5), rad, from changes since rest (n,), rad, by index of the body; the other bodies stay
-        at rest.
-        """
+        at rest."""
         n = len(next(iter(change_rad.values())))
         angle = np.tile(self.rest_angle_rad, (n, 1))
         for body, change in change_rad.items():
@@ -115,8 +114,7 @@ def geometry_of(action: model.Action, rest_angle_rad: Array) -> ActionGeometry:
 
 def touch_dip(rest_rad: Array, dip: Callable[[Array], Array], key_gap: Callable[[Array], Array]) -> float:
     """Key dip (m) at which the gap under the key front closes when the key alone turns from rest (5,), rad; ``dip`` and
-    ``key_gap`` return metres (n,) for absolute angles (n, 5).
-    """
+    ``key_gap`` return metres (n,) for absolute angles (n, 5)."""
     turn = np.linspace(0.0, -0.2, 401)  # rad: some four times a dip, half a milliradian a step
     angle = np.tile(rest_rad, (turn.size, 1))
     angle[:, KEY] += turn

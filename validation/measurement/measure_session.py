@@ -61,8 +61,7 @@ def usable_trials(
     session: Session, read: Callable[[Trial, TrialData], MeasuredTrial], only: int | None = None
 ) -> tuple[list[MeasuredTrial], dict[int, str]]:
     """Trials for which ``read`` succeeds (of all, or of the one numbered ``only``), and by number why each other one is
-    not used; warns of files that cannot be read.
-    """
+    not used; warns of files that cannot be read."""
     found, refused = [], {}
     for trial in session.trials if only is None else (session.trial(only),):
         if trial.rejected is not None:

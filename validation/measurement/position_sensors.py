@@ -153,8 +153,7 @@ class PositionSensors:
 
     def key_motion(self, rest_rad: float, away: Array | None = None) -> model.KeyMotion:
         """The key's angle (rad) as a cubic spline through averages, closer together the faster the stroke; ``away``
-        (10,) shifts the calibration errors by so many standard uncertainties.
-        """
+        (10,) shifts the calibration errors by so many standard uncertainties."""
         turn, interval = self.key_turn_rad(away), float(self.time_s[1] - self.time_s[0])
         reach = max(round(SPEED_OVER_S / interval), 1)
         fastest = float(np.abs(self.key_m[reach:] - self.key_m[:-reach]).max()) / (reach * interval)

@@ -188,8 +188,7 @@ def _count_rest_samples(data: TrialData, reading: Array, info: ChannelInfo, peri
 
 def smooth_to_noise(value: Array, u_noise: Array, wanted: float) -> Array:
     """``value`` (n,) averaged with Gaussian weights over as many neighbours, 40 at most, as bring its noise ``u_noise``
-    (n,) down to ``wanted``; all in one unit.
-    """
+    (n,) down to ``wanted``; all in one unit."""
     neighbours = np.clip((u_noise / wanted) ** 2, 1.0, MOST_NEIGHBOURS)
     width = neighbours / (2.0 * np.sqrt(np.pi))  # standard deviation, in samples, of Gaussian weights worth so many
     reach = int(np.ceil(3.0 * width.max()))

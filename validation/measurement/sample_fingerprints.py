@@ -55,8 +55,7 @@ def _channels(data: TrialData) -> Iterator[tuple[NDArray[np.uint64], NDArray[np.
 
 def _hashes(samples: NDArray[np.uint64], is_changing: NDArray[np.bool_]) -> list[int]:
     """Hashes of about one in 64 windows of ``samples``, chosen by their content; windows in which fewer than three
-    quarters of ``is_changing`` hold are skipped.
-    """
+    quarters of ``is_changing`` hold are skipped."""
     n = samples.size - WINDOW + 1
     if n < 1:
         return []

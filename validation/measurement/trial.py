@@ -38,8 +38,7 @@ class KeyHeads:
 
     def note(self, quiet: Quiet) -> str:
         """One sentence on the largest lift of the key's pivot and its uncertainty; ``quiet`` tells the samples at
-        rest.
-        """
+        rest."""
         rest = float(np.mean(self.lift_m[: max(quiet.stop, 1)]))
         largest = float(np.max(self.lift_m) - rest)
         u = float(np.hypot(self.u_lift_m, largest * self.u_radius_relative))
@@ -159,8 +158,7 @@ class MeasuredTrial:
 
 def _force_doubt(force: CorrectedForce) -> list[str]:
     """Notes on why the force is implausible as a blow, none if it is not; one that cannot be simulated is refused
-    later.
-    """
+    later."""
     known = np.isfinite(force.force_n)
     try:
         doubt = model.blow_implausibility(force.time_s[known], force.force_n[known], "force")
@@ -284,8 +282,7 @@ def encoder_change(angle_rad: Array, quiet: Quiet, resolution_rad: Array) -> tup
 
 def film_angles(table: pd.DataFrame | None, data: TrialData, quiet: Quiet) -> tuple[FilmAngles | None, list[str]]:
     """Film angles of a trial from its derived table (None without one), and notes on lost frames and on a zero that is
-    not at rest.
-    """
+    not at rest."""
     if table is None:
         return None, []
     needed = ["time_s"] + [f"{name}_relative{tail}" for name in FILM_CHANNELS for tail in ("_rad", "_u_rad")]

@@ -272,8 +272,7 @@ def select_one_kind(
     trials: Sequence[MeasuredTrial], findings: SessionFindings, ignored_kind: str = ""
 ) -> list[MeasuredTrial]:
     """Trials without faults, where those of ``ignored_kind`` do not count; of several kinds of stroke the trials of the
-    median trial's kind.
-    """
+    median trial's kind."""
     sound = select_sound_trials(trials, findings.faults, ignored_kind)
     if not sound or not findings.kinds:
         return sound

@@ -195,8 +195,7 @@ def _grid(time_s: Array) -> Array:
 
 def _evaluate_terms(kind: str, terms: Sequence[tuple[int, ...]], time_s: Array, drive: Array, at_s: Array) -> Array:
     """Values (m, f) of the terms at times ``at_s`` (m,), s, for an input ``drive`` (n,) over ``time_s``; before its
-    first sample it was what that shows.
-    """
+    first sample it was what that shows."""
     if kind == POLYNOMIAL:  # powers of the ninth degree are too alike
         at = np.clip(np.interp(at_s, time_s, drive), -1.0, 1.0)
         return np.asarray(np.polynomial.chebyshev.chebvander(at, len(terms) - 1), dtype=float)

@@ -59,8 +59,7 @@ def _draws(known: dict[str, tuple[float, float]], n: int, rng: np.random.Generat
 
 def _restore_normals(values: dict[str, float], action: model.Action) -> dict[str, float]:
     """Copy of drawn values by path, in which the drawn components of a contact's normal are scaled back to the length
-    that the action gives it.
-    """
+    that the action gives it."""
     out = dict(values)
     for path in values:
         stem, _, axis = path.rpartition(".")

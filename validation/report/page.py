@@ -124,8 +124,7 @@ def _rotation(result: ValidationResult, trial: int, channel: str, kind: str, at:
 
 def _packed(curves: dict[str, Any]) -> dict[str, Any]:
     """Curves of one channel (``m`` measured, ``p`` predicted, ``limit``) as base-64 text of 16-bit integers, with their
-    common scale.
-    """
+    common scale."""
     every = np.concatenate([np.ravel(np.asarray(part, dtype=float)) for part in curves.values() if len(part)])
     known = np.abs(every[np.isfinite(every)])
     scale = float(known.max()) / LARGEST if known.size and known.max() > 0 else 1.0
@@ -179,8 +178,7 @@ def _lines_left(result: ValidationResult) -> list[str]:
 
 def angles_caption(view: SessionView, is_first: bool = True) -> str:
     """Caption of the five angles: intervals and limits; of the first session also what is drawn, which holds for
-    all.
-    """
+    all."""
     n = len(view.first.traces)
     trials = "the trial" if n == 1 else f"all {n} trials"
     if n > MOST_LINES:

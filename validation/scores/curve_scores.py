@@ -58,8 +58,7 @@ def score_curve(time_s: Array, trial: Array, model: Array) -> dict[str, float]:
 
 def choose_trial_pairs(n: int, seed: int = PAIR_SEED, kinds: Sequence[int] | None = None) -> list[tuple[int, int]]:
     """Pairs (i, j) of column indices of n trials, both of one kind of stroke: all of them, or a seeded sample of
-    `MOST_PAIRS`.
-    """
+    `MOST_PAIRS`."""
     pairs = [(i, j) for i, j in combinations(range(n), 2) if kinds is None or kinds[i] == kinds[j]]
     if len(pairs) <= MOST_PAIRS:
         return pairs
@@ -171,8 +170,7 @@ def compute_scores(
 
 def pool_score(name: str, values: Array) -> float:
     """One number for a score of several trials or pairs: the root mean square of one in rad, else the mean
-    magnitude.
-    """
+    magnitude."""
     if SCORES[name].unit == "rad":
         return rms(values)
     known = values[np.isfinite(values)]

@@ -70,8 +70,7 @@ def iso_score(test: Array, cae: Array, step_s: float) -> IsoScore:
 
 def corridor_score(t: Array, c: Array) -> float:
     """Mean rating, 0 to 1, of the distance of the prediction ``c`` from the test ``t`` between an inner and an outer
-    corridor.
-    """
+    corridor."""
     top = float(np.abs(t).max())
     inner, outer = INNER * top, OUTER * top
     error = np.abs(t - c)

@@ -66,8 +66,7 @@ def _find_offset(t: Array, extent: float) -> tuple[str, int, int, float]:
 
 def _find_quiet_ends(t: Array, c: Array, extent: float) -> tuple[str, int, int, float]:
     """Note that both curves are quiet at the ends of the window (else empty), and the range of samples and zero (rad)
-    to score again.
-    """
+    to score again."""
     band = QUIET_SHARE * extent
     begin, end = _find_still(t, c, band), t.size - _find_still(t[::-1], c[::-1], band)
     quiet = 1 - max(end - begin, 0) / t.size
@@ -82,8 +81,7 @@ def _find_still(t: Array, c: Array, band: float) -> int:
 
 def _describe_periodicity(t: Array, c: Array, step: float, shift_s: float) -> str:
     """Note that the correlation has a peak nearer than the shift found, or that this lies at the end of the search;
-    else empty.
-    """
+    else empty."""
     shift = round(shift_s / step)
     if shift == 0:
         return ""

@@ -44,8 +44,7 @@ class Ceiling:
 
     def row(self, channel: str, score: str, value_of_same: float) -> dict[str, object]:
         """Cells of the score card: median and range over draws of a perfect model's score, their number, and how
-        ``value_of_same``, the model's score in the same trials, compares.
-        """
+        ``value_of_same``, the model's score in the same trials, compares."""
         known = self.scores.get((channel, score), np.empty(0))
         known = known[np.isfinite(known)]
         if not known.size:

@@ -51,8 +51,7 @@ def trace_session(
     predicted: PredictedSession, events: SessionEvents, store: ResultStore
 ) -> tuple[SessionTraces, tuple[str, ...]]:
     """Traces of every trial, whose speeds are written as a derived step of the session, and a note where that
-    failed.
-    """
+    failed."""
     encoder, film, failures = {}, {}, set()
     for m in predicted.trials:
         p = predicted.predictions[m.number]
@@ -69,8 +68,7 @@ def score_curves(
     traces: SessionTraces, u_encoder: dict[int, Array], channels: dict[int, tuple[str, ...]], store: ResultStore
 ) -> pd.DataFrame:
     """One row of scores for each trial and channel that is compared, inside the window, with the rivals' scores;
-    ``u_encoder`` (3,), rad, and ``channels`` by trial number.
-    """
+    ``u_encoder`` (3,), rad, and ``channels`` by trial number."""
     jobs = [
         (number, name, i, source, frame)
         for names, source in CHANNEL_GROUPS

@@ -59,8 +59,7 @@ def _slope_weights(window: int) -> Array:
 
 def _fit_slopes(values: Array, window: int) -> tuple[Array, Array]:
     """Slope (n,) per sample of one stretch of samples (n,), and the factor (n,) by which the samples' noise enters
-    it.
-    """
+    it."""
     weights, half = _slope_weights(window), window // 2
     gain = np.linalg.norm(weights, axis=1)
     slope, factor = np.empty(values.size), np.full(values.size, gain[half])

@@ -83,8 +83,7 @@ def estimate_time_scatter(curves: Array, u_sample: float = 0.0) -> Array:
 
 def _estimate_shifts(curves: Array, u_sample: float, rise_samples: float, window: Array) -> tuple[Array, Array]:
     """Standard deviation (n_samples,), in samples, of the shifts near each sample, and its weight, the squared slope; 0
-    where none is detectable or it exceeds half of ``rise_samples``, in which the mean covers its range.
-    """
+    where none is detectable or it exceeds half of ``rise_samples``, in which the mean covers its range."""
     n_samples, n = curves.shape
     mean = curves.mean(axis=1)
     slope = np.gradient(mean)

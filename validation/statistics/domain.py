@@ -98,8 +98,7 @@ def extract_features(time_s: Array, key: Array, unit: str, force_n: Array | None
 
 def _select_notes(key_depth: Array, strikes: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
     """Strikes (first sample, end) that count as notes: not a key bouncing on its front rail or pressed deeper;
-    ``key_depth``: (n,).
-    """
+    ``key_depth``: (n,)."""
     out = list(strikes[:1])
     for start, end in strikes[1:]:
         if key_depth[out[-1][1] : start + 1].min() < AGAIN * key_depth.max():
@@ -163,8 +162,7 @@ MOST_NAMED = 4  # in a sentence
 
 def describe_domain(action: str, places: pd.DataFrame, known: bool, lost: Collection[int] = ()) -> list[str]:
     """Sentences on which trials of the table ``places`` that were not fitted lie inside or outside of the training
-    domain; ``known``: whether the action says what it was fitted to, ``lost``: trials nearer to a rival.
-    """
+    domain; ``known``: whether the action says what it was fitted to, ``lost``: trials nearer to a rival."""
     if not known:
         return [
             f"Domain: not known, {action} does not say what the strokes it was fitted to were like; identify it again."

@@ -259,8 +259,7 @@ def _describe_claim(row: dict[str, object], tolerance: float) -> str:
 
 def _show_contradictions(rows: list[dict[str, object]]) -> None:
     """Replace the claim of rows, in place, where the whole window and the time before the impact claim different
-    models.
-    """
+    models."""
     claimed: dict[object, dict[object, str]] = {}
     for row in rows:
         if str(row["claim"]).endswith(CLAIMED):

@@ -75,8 +75,7 @@ def compute_skill(model: Array, rivals: Mapping[str, Array]) -> Skill | None:
 
 def describe_skills(skill: Mapping[str, Skill], fitted: str) -> tuple[str, ...]:
     """One sentence on the skills of all channels, in a tuple, empty without skills; ``fitted`` names what the black
-    boxes were fitted to.
-    """
+    boxes were fitted to."""
     if not skill:
         return ()
     of = []

@@ -104,8 +104,7 @@ def rows(comparison: Comparison) -> pd.DataFrame:
 
 def summary(comparison: Comparison) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Channel summary without scores, and mean, s_r, bands and difference of each channel over time; made once and kept
-    in ``comparison.made``.
-    """
+    in ``comparison.made``."""
     c = comparison
     if "spread" not in c.made:
         u_sample = c.table("uncertainty").groupby("channel")["u_rad"].mean().to_dict()

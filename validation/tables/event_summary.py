@@ -93,8 +93,7 @@ def area_floor(n_model: int, n_trial: int) -> tuple[float, float]:
 
 def _area_between_distributions(model: Array, trial: Array) -> Array:
     """Area (k,) between the empirical distribution functions of each row of ``model`` (k, n) and of ``trial`` (k,
-    m).
-    """
+    m)."""
     values = np.concatenate([model, trial], axis=1)
     order = np.argsort(values, axis=1, kind="stable")
     of_model = order < model.shape[1]

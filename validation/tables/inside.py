@@ -80,8 +80,7 @@ def inside_rows(predicted: PredictedSession, tested: ModelUnderTest, *, is_drawn
 
 def _make_rows(tested: ModelUnderTest, m: MeasuredTrial, draws: Sequence[JointDraw]) -> Iterator[dict[str, Any]]:
     """Yield rows of the largest loads and losses of a trial, with standard uncertainties by simulating it in every
-    draw.
-    """
+    draw."""
     force = m.force
     at = m.time_s[(m.time_s >= force.time_s[0]) & (m.time_s <= force.time_s[-1])]
     blow = tested.simulate(

@@ -213,8 +213,7 @@ def make_page_table(
     table: Table, page: Page, rows: Sequence[tuple[str, Row]], named: bool = False, prefix: str = ""
 ) -> PageTable | None:
     """Table of text from rows, less columns without a value; each row with the name of its model, which stands in the
-    first column where ``named``; None without rows.
-    """
+    first column where ``named``; None without rows."""
     if not rows:
         return None
     columns = [c for c in table.columns if (c.name in page.columns if page.columns else c.head)]

@@ -262,8 +262,7 @@ def _select_majority_branch(
     usable: Sequence[MeasuredTrial], found: Mapping[int, TrialErrors], conditions: Sequence[Collection[int]]
 ) -> tuple[list[list[MeasuredTrial]], dict[int, tuple[int, int]]]:
     """Trials of each condition on its most frequent branch, and by number the branch of each other trial with the bits
-    known of it.
-    """
+    known of it."""
     groups: list[list[MeasuredTrial]] = []
     other: dict[int, tuple[int, int]] = {}
     for numbers in conditions or [[m.number for m in usable]]:
@@ -328,8 +327,7 @@ class _TrialDrawing:
 
     def _run(self) -> dict[str, Any]:
         """Errors, branches and curves of the trial in every draw, by name, as the store keeps them (arrays in
-        base64).
-        """
+        base64)."""
         tested, m = self.tested, self.m
         every = [*(replace(d, has_own_errors=False) for d in self.common), *self.own[1:]]
         n, sparse = len(self.common), _sparse(m.time_s.size)

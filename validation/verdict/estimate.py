@@ -193,8 +193,7 @@ def quantile_by_rank(drawn: Array, share: float) -> float:
 
 def interval_by_rank(found: Array, drawn: Array, share: float) -> tuple[Array, Array]:
     """Ends (V,) of the interval of each model error of coverage ``share``, from what was found (V,) and drawn (N, V);
-    NaN with fewer than `FEWEST_FOR_INTERVAL` finite draws.
-    """
+    NaN with fewer than `FEWEST_FOR_INTERVAL` finite draws."""
     low, high = np.full((2, found.size), np.nan)
     for v in range(found.size):
         known = np.sort(drawn[np.isfinite(drawn[:, v]), v])
@@ -218,8 +217,7 @@ def rare_branches(branch: NDArray[np.int64], found: NDArray[np.int64]) -> tuple[
 
 def detectable_errors(drawn: Array, middle: Array, lower: Array, upper: Array, limit: float) -> Array:
     """Least negative and least positive error, (2, V), that the test resolves in 80 % of sessions; ``drawn`` (N, V),
-    ``limit``: of the ratio of a difference from ``middle`` and its scale ``lower`` or ``upper``.
-    """
+    ``limit``: of the ratio of a difference from ``middle`` and its scale ``lower`` or ``upper``."""
     out = np.full((2, middle.size), np.nan)
     known = np.isfinite(drawn).any(axis=0)
     if not np.isfinite(limit) or not known.any():

@@ -33,8 +33,7 @@ class ObservedDifference:
 
 def observed_differences(errors: Array, row_index: int | None = None) -> list[ObservedDifference]:
     """Differences of the primary quantities, SI, of errors (n, V) of trials: their mean, or that of trial
-    ``row_index``, and the scatter.
-    """
+    ``row_index``, and the scatter."""
     out = []
     for q, column in zip(QUANTITIES, np.asarray(errors, dtype=float).T, strict=True):
         known = column[np.isfinite(column)]

@@ -94,8 +94,7 @@ IS_PRIMARY = np.array([q.is_primary for q in QUANTITIES])
 
 def relevance_limits(given: Mapping[str, float]) -> dict[str, float]:
     """Limits of relevance by name in SI (shares as such), the defaults where none is given; raises an input error for
-    an unknown name or a limit not above 0.
-    """
+    an unknown name or a limit not above 0."""
     for name, value in given.items():
         if name not in RELEVANT:
             raise ValidationInputError(f"relevant: {name!r} is no limit; allowed {', '.join(RELEVANT)}")

@@ -201,8 +201,7 @@ def _explain_no_estimate(q: Quantity, one: Condition, found: float, low: float) 
 
 def decide_outcome(table: pd.DataFrame, *, is_branch_resolved: bool = False) -> str:
     """One of `validation.result.OUTCOMES`, from a table of quantities; a resolved branch of the motion is a
-    difference.
-    """
+    difference."""
     claim = table[table["primary"].astype(bool) & table["difference"].notna()]
     readings = {reading_of(row) for row in claim[claim["resolved"].astype(bool)].itertuples()}
     if is_branch_resolved or DIFFERS in readings:
@@ -226,8 +225,7 @@ def sort_by_importance(table: pd.DataFrame) -> pd.DataFrame:
 
 def shown_interval(row: Any, names: tuple[str, str] = ("low", "high")) -> tuple[float, float]:
     """Middle and half width of the interval between two columns of a row of the quantities, in the unit shown, with the
-    signs of the thesis.
-    """
+    signs of the thesis."""
     q = QUANTITIES[INDEX[str(row.quantity)]]
     sign = float(SIGN[q.channel]) if q.channel else 1.0
     low, high = (float(getattr(row, name)) for name in names)
@@ -440,8 +438,7 @@ def _percent(share: float) -> str:
 
 def curve_errors(verdict: Verdict, channel: int) -> tuple[Array, Array]:
     """Times (n,), s, and standard uncertainty (n,), rad, of the difference of one channel (an index) at each, from what
-    is common to the trials.
-    """
+    is common to the trials."""
     errors = verdict.errors
     if errors is None:
         return np.empty(0), np.empty(0)
@@ -460,8 +457,7 @@ def curve_errors(verdict: Verdict, channel: int) -> tuple[Array, Array]:
 
 def right_rmse(verdict: Verdict, channel: int, ends_s: Array) -> Array:
     """RMSE, rad, that a model without error reaches in one trial between two times ``ends_s``, one value a draw on the
-    observed branch; ``channel``: an index.
-    """
+    observed branch; ``channel``: an index."""
     errors = verdict.errors
     if errors is None:
         return np.empty(0)

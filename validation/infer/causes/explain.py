@@ -201,8 +201,7 @@ def _comparison_words(search: Search, trials: int) -> str:
 
 def _make_rows(search: Search, number: int, fit: Fit, best: Fit) -> list[CompatibleChange]:
     """One row for each cause of ``fit``, which is the set of this ``number``; the odds are relative to the fit
-    ``best``.
-    """
+    ``best``."""
     out = []
     scatter = np.array([search.source(i).scatter for i in fit.members]) / math.sqrt(search.noise.trials)
     u = np.hypot(np.sqrt(np.diag(search.covariance(fit))), scatter)

@@ -252,8 +252,7 @@ def _chunks(count: int) -> list[int]:
 
 def _condition_on(gram: Array, b: Array, held: Sequence[int], z: Array) -> tuple[Array, Array, float]:
     """Gram matrix (P, P) and products (P,) of the candidates without what the ``held`` ones at amounts z explain, and
-    twice the log posterior that an update of z gains.
-    """
+    twice the log posterior that an update of z gains."""
     if not held:
         return gram, b, 0.0
     inner = gram[np.ix_(held, held)] + np.eye(len(held))

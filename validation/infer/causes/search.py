@@ -310,8 +310,7 @@ class Search:
 
     def first_round(self) -> list[Fit]:
         """Fits of one cause each after one step of Gauss–Newton, the best first: every source in all trials, and the
-        best ones as only some trials may have them.
-        """
+        best ones as only some trials may have them."""
         gains, _ = self.gains()
         best: dict[tuple[int, bool], int] = {}
         for n in np.argsort(-gains, kind="stable"):
