@@ -40,7 +40,7 @@ from validation.infer.fit import Fitted, fit_multistart
 from validation.infer.further import HALF_KNOWN, SENSORS, Candidate, Prospect, further, prospects
 from validation.infer.hypotheses import ADDED, list_addable_effects
 from validation.infer.identify import FIT_SHARE, LEAST_EFFECT_RAD, default_budget_s
-from validation.infer.lacks import SIZE_U, fit_with_change, supported
+from validation.infer.lacks import SIZE_U, find_supported_estimates, fit_with_change
 from validation.infer.noise import Sizes, select_noise_model
 from validation.infer.observations import (
     ObservedTrial,
@@ -280,7 +280,7 @@ def in_spite(cell: str, k: int, options: Any) -> dict[str, Any]:
         budget = Budget(default_budget_s(problem))
         fitted = fit_multistart(problem, 1, None, budget.fraction(FIT_SHARE))[0]
         fit_s = time.process_time() - began
-        found = supported(problem, fitted, lambda text: None, budget)
+        found = find_supported_estimates(problem, fitted, lambda text: None, budget)
         assert found is not None
         took_s = time.process_time() - began - fit_s
         tried = [m for m in found.let_in if m.parameter is not None and m.parameter.name == one.name]

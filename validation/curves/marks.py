@@ -37,13 +37,7 @@ class Mark:
 
 
 def trial_marks(frame: pd.DataFrame, events: pd.DataFrame) -> list[Mark]:
-    """Marks of one trial in the order of time.
-
-    Parameters
-    ----------
-    frame : trace of the trial inside the evaluation window
-    events : events of this trial: event, value, status
-    """
+    """Marks of one trial in the order of time, from its trace inside the evaluation window and its table of events."""
     found = events[events["status"] != "absent"].set_index("event")["value"].dropna()
     marks = [
         Mark(EVENTS[name].title.lower(), float(found[name]), EVENTS[name].title) for name in MARKED if name in found

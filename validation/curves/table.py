@@ -39,13 +39,8 @@ COLUMNS = ["trial", "channel", "time_s", *VALUES, "left_out", "force_n"]
 
 
 def trial_curves(base_s: Array, encoder: pd.DataFrame, film: pd.DataFrame | None) -> dict[str, dict[str, Array]]:
-    """Curves of one trial by channel and column, on the base.
-
-    Parameters
-    ----------
-    base_s : (n,) s
-    encoder, film : `validation.result.ValidationResult.traces` and ``film_traces`` of the trial
-    """
+    """Curves (n,) of one trial by channel and column, at times ``base_s`` (n,), from its traces of encoders and of
+    film, which is None without one."""
     out = {}
     for channel in BODIES:
         frame = film if channel in FILM_CHANNELS else encoder

@@ -87,20 +87,11 @@ def select_first_after(times: list[float], after_s: float) -> float | None:
 def read_level_with_uncertainty(
     find: Callable[[float], float | None], level: float, u_level: float
 ) -> tuple[float | None, float]:
-    """Value of ``find(level)`` and its standard uncertainty, from the levels ``u_level`` above and below.
+    """Value of ``find(level)`` and its standard uncertainty, from the levels ``u_level`` above and below; NaN where
+    nothing is found at one of them.
 
     A finder that jumps to another oscillation when the level moves gets the large uncertainty it deserves;
     one that finds nothing at a moved level falls back on the other side.
-
-    Parameters
-    ----------
-    find : takes a level, returns a value or None
-
-    Returns
-    -------
-    value : float or None
-    u : float
-        NaN when nothing was found, at the level or at a moved one.
     """
     value = find(level)
     if value is None:

@@ -154,14 +154,7 @@ def check(
     motion: Motion, hold: Hold | None, *, struck: bool = True, read: LevelReading = read_level_with_uncertainty
 ) -> tuple[Event, Event]:
     """Events of the back check: time at which the hammer enters the band around its held height, and that height; both
-    absent, with the reason, where ``hold`` is None.
-
-    Parameters
-    ----------
-    hold : None when the hammer is never held
-    struck : without an impact there is no check
-    read : how a time at a level is read: with its uncertainty or without
-    """
+    absent, with the reason, where ``hold`` is None."""
     if hold is None:
         why = "hammer is never held" if struck else "no string impact"
         return make_absent_event("check_time", why), make_absent_event("check_height", why)

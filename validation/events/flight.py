@@ -200,8 +200,7 @@ def _fit_shaken_flight(
     stretch: Stretch, sigma: float, slowing: float, side: int
 ) -> tuple[float, float, float, float, float, str] | None:
     """Speed (m/s), its u, way (m), its u, deceleration (m/s²) at age 0, and a note on the fit: rigid flight with one
-    vibration over the longest of 3 to 6 ms that it describes; None if none. ``stretch`` returns ages (s) and ways (m)
-    between two ages.
+    vibration over the longest of 3 to 6 ms that it describes; None if none.
 
     Parameters
     ----------

@@ -35,12 +35,7 @@ class Rewired:
 
 def find_best_wiring(measured: Array, expected: Array) -> list[Rewired]:
     """Columns of ``measured`` (n, k) that are swapped or reversed, by the best match with ``expected`` (n, k); none
-    where nothing is predicted to move.
-
-    Parameters
-    ----------
-    measured, expected : (n, k), changes since rest; NaN where lost
-    """
+    where nothing is predicted to move."""
     known = np.isfinite(expected).all(axis=1) & np.isfinite(measured).all(axis=1)
     k = expected.shape[1]
     if not known.any():

@@ -175,11 +175,6 @@ def find_travel_differences(
     where both turn round sharply at the top. Stated from 5 %; without faults the ratios are within 1 %. From 20 % on a
     channel is left out where the other encoders' travel is the model's and it goes with the whippen all the way, as by
     a scale; key and whippen alike are the motion's. So is a hammer that only ends elsewhere.
-
-    Parameters
-    ----------
-    travels : Trial → `measure_travel`
-    excluded : (trial, channel) that something else is said of
     """
     hammer = {n: float(t.ratio[2]) for n, t in travels.items() if (n, "hammer") not in excluded}
     lower = {n: t for n, t in travels.items() if not {(n, "key"), (n, "whippen")} & set(excluded)}

@@ -82,15 +82,7 @@ def make_blocks(
     held: Sequence[Array] = (),
 ) -> list[Block]:
     """Linear model of every trial from its sensitivities ``jacobian`` (m, c, p), ``force_columns`` (m, c, 1 + n) and
-    those of fixed laws, ``held`` (m, c, h); ``laws`` (p,): which columns are laws.
-
-    Parameters
-    ----------
-    jacobian : (m, c, p) of each trial
-    force_columns : (m, 3, 1 + n) of each trial, see `model_runs.Response`
-    laws : (p,) bool, which columns are laws: their size is that of the response
-    held : (m, 3, h) of each trial, columns of laws that are fixed; they count for the size, too
-    """
+    those of fixed laws, ``held`` (m, c, h); ``laws`` (p,): which columns are laws."""
     out = []
     for k, t in enumerate(trials):
         m, c = t.change_rad.shape

@@ -247,14 +247,7 @@ def estimate_all(
     budget: Budget | None = None,
 ) -> list[Estimate]:
     """Estimates of all asked parameters in their order; profiles of those ``wanted``, each passed to ``keep`` as it is
-    made.
-
-    Parameters
-    ----------
-    wanted : names to make a profile of; None for all asked
-    say : called with a line of text
-    keep : called with each profile
-    """
+    made."""
     factor, jack, lack = factors(fitted), jackknife(fitted), discrepancy_u(fitted)
     strokes = jackknife_over_strokes(fitted)
     width = widen_by_jackknife(np.sqrt(np.diag(fitted.covariance)), jack, len(problem.trials))

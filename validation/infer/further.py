@@ -84,11 +84,6 @@ def list_candidate_strokes(
     like : a trial of the bench; sensors and preload are taken from it
     phases : how many times of a trial are compared
     levels : factors of the force
-
-    Returns
-    -------
-    candidates, refused : lists
-        The second says why a profile is not among the first.
     """
     found: list[Candidate] = []
     refused: list[str] = []
@@ -168,11 +163,6 @@ def rehearse_stroke(fitted: Fitted, planned: Marginal, block: Block, play: Play,
     block : linear model of one such trial
     play : what the model does with other laws
     trials : how many
-
-    Returns
-    -------
-    Marginal or None
-        None where the model cannot run the stroke with its laws scattered.
     """
     rng, sizes = np.random.default_rng(SEED), planned.sizes
     new = replace(block, session=len(sizes.common) - 1)
@@ -281,10 +271,6 @@ def prospects(
     candidates : strokes that could be recorded; more of each session's own kind are added
     trials : how many of each
     respond : what makes the model's response to some trials; by default the project's model
-
-    Returns
-    -------
-    prospects, refused : lists
     """
     held = problem.unknowns.held[: problem.held[0].shape[2] if problem.held else 0]
     make = respond or (lambda some: ModelResponse(problem.action, (*problem.unknowns.moved, *held), some))

@@ -215,11 +215,6 @@ def candidates(listed: Sequence[Source], numbers: Sequence[int]) -> tuple[Candid
 
     Of what may be wrong in one, a step at the second trial is the first trial alone, one at the last trial that trial
     alone.
-
-    Parameters
-    ----------
-    listed : sources
-    numbers : of the trials, in the order of the trials
     """
     found: list[Candidate] = []
     for k, source in enumerate(listed):

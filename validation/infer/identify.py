@@ -170,13 +170,7 @@ def identify(
 
 def check_identifiability(problem: Problem, columns: Columns) -> list[str]:
     """Sentences on identifiability from the derivatives at the start, before the fit; raises an input error where a
-    parameter has no effect.
-
-    Raises
-    ------
-    ValidationInputError
-        A parameter has no effect in these strokes, or there are fewer data than parameters.
-    """
+    parameter has no effect or data are fewer than parameters."""
     data = sum(t.change_rad.size for t in problem.trials)
     names = [p.name for p in problem.unknowns.asked]
     if data < len(names):

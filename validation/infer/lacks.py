@@ -107,22 +107,11 @@ class Supported:
         return f"What the model lacks {self.where}: {what}.", f"Known {inside}are: {listed}."
 
 
-def supported(
+def find_supported_estimates(
     problem: Problem, fitted: Fitted, say: Callable[[str], None], budget: Budget | None = None
 ) -> Supported | None:
-    """Estimates that hold in spite of the model's discrepancy, from fits with further parameters freed; or None.
-
-    Parameters
-    ----------
-    problem, fitted : a fit
-    say : called with a line of text
-    budget : changes that it does not allow to try are not among those tried
-
-    Returns
-    -------
-    Supported or None
-        None where nothing seems to be lacking, or another than a force drives a trial.
-    """
+    """Estimates that hold in spite of the model's discrepancy, from fits with further parameters freed as far as the
+    budget allows; None where nothing seems to be lacking, or another than a force drives a trial."""
     if not isinstance(problem.response, ModelResponse) or any(t.key is not None for t in problem.trials):
         return None
     budget = Budget(math.inf) if budget is None else budget
@@ -358,12 +347,7 @@ def _discrepancy_curves(problem: Problem, fitted: Fitted, best: LetIn) -> list[A
 
 def measure_separation(let_in: Sequence[LetIn], trials: Sequence[ObservedTrial]) -> Array:
     """Root mean square difference (trials,) of the fits in each stroke, in standard deviations of the sensors; 0 where
-    one cannot run.
-
-    Parameters
-    ----------
-    trials : as they would be observed
-    """
+    one cannot run."""
     out = np.zeros(len(trials))
     for k, trial in enumerate(trials):
         curves = []

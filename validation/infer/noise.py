@@ -492,16 +492,8 @@ LEAST_DAMPING, MARQUARDT = 0.03, 10.0  # of the curvature's diagonal; factor to 
 
 
 def box_step(marginal: Marginal, here: Sequence[Array], z: Array, box: tuple[Array, Array], damping: float) -> Array:
-    """Step (p,) to the linear model's minimum in a box, from residuals ``here``, with Marquardt's damping.
-
-    Parameters
-    ----------
-    marginal : the linear model at z
-    here : residuals at z, of each trial
-    z : (p,)
-    box : lowest and highest z
-    damping : of the diagonal of the curvature, that is added to it
-    """
+    """Step (p,) to the linear model's minimum in a ``box`` of lowest and highest z, from z with residuals ``here``;
+    ``damping`` times the curvature's diagonal is added to it (Marquardt)."""
     low, high = box
     slope, curvature = marginal.slope(here, z), marginal.curvature
     damped = curvature + damping * np.diag(np.diag(curvature))
@@ -619,16 +611,8 @@ def _add_scores(
 def learn(
     blocks: Sequence[Block], residuals: Sequence[Array], sizes: Sizes, rounds: int, floor: float = FLOOR
 ) -> Marginal:
-    """Marginal model with variance components estimated (REML) in at most ``rounds`` scoring steps.
-
-    Parameters
-    ----------
-    blocks : of all trials
-    residuals : at z = 0 of the linear model
-    sizes : to start from
-    rounds : at most
-    floor : smallest size of the discrepancy, of the response
-    """
+    """Marginal model with variance components estimated (REML) from ``sizes`` in at most ``rounds`` scoring steps, none
+    of the discrepancy below ``floor``; residuals at z = 0 of the linear model."""
     parts = make_parts(blocks, sizes)
     marginal = Marginal(blocks, sizes.at_least(floor), parts)
     for _ in range(rounds):

@@ -31,7 +31,7 @@ from validation.infer.causes.explain import (
 from validation.infer.estimates import Estimate, Profile
 from validation.infer.fit import Fitted
 from validation.infer.identifiability import Combination
-from validation.infer.lacks import Supported, supported
+from validation.infer.lacks import Supported, find_supported_estimates
 from validation.infer.observations import ObservedTrial
 from validation.infer.problem import Problem
 from validation.infer.scores import EventScore
@@ -60,11 +60,6 @@ def explained_lines(action: model.Action, sources: Sources) -> tuple[str, ...]:
     The question and the rule are those of `validate` (`validation.infer.causes`), so that page and report
     say the same of the same strokes. What the fit held or moved plays no part: everything that may be wrong is a
     candidate (docs/explanation/differences.md).
-
-    Parameters
-    ----------
-    action : values before the fit
-    sources : what was fitted
     """
     tested = ModelUnderTest(action)
     found = [(_name(trials[0][0]), _explained(tested, trials)) for trials in driven_by_force(sources)]
@@ -140,13 +135,6 @@ def joint_posterior(
 
     Correlations stay. With it what a comparison needs to know of the fit: the values before, what the strokes were
     like (with those of an earlier fit that these values started from), and the black boxes fitted to them.
-
-    Parameters
-    ----------
-    problem, fitted : the fit
-    estimates : of the asked parameters
-    sources : what was fitted
-    sensors : errors of position sensors, as found
     """
     wider = np.ones(fitted.covariance.shape[0])
     for j, e in enumerate(estimates):
@@ -201,7 +189,7 @@ class Details:
         """Estimates that hold in spite of the model's discrepancy; computed at first use."""
         if not self.fitted.converged:
             return None
-        return supported(self.problem, self.fitted, lambda line: None, Budget(self.left_s))
+        return find_supported_estimates(self.problem, self.fitted, lambda line: None, Budget(self.left_s))
 
 
 FITTED = "fitted trials"

@@ -70,13 +70,7 @@ def explain_rising_rmse(
     before: Mapping[str, float], found: Mapping[str, float], whole: Mapping[str, float]
 ) -> list[str]:
     """Line for each channel whose RMSE, rad, is larger with the identified values (``found``) than ``before``, with a
-    possible reason; ``whole``: with the errors found beside them.
-
-    Parameters
-    ----------
-    before, found : channel -> rad, of the values before and of those identified, which stand for all strokes
-    whole : the same with the errors of force and key's encoder that were found beside them, which do not
-    """
+    possible reason; ``whole``: with the errors found beside them."""
     lines = []
     for channel in (c for c in found if found[c] > RISES * before[c]):
         from_, to, beside = (f"{np.degrees(by[channel]):.2g}°" for by in (before, found, whole))
@@ -155,11 +149,6 @@ def score_events(
     ----------
     actions : name -> action
     tolerance : largest error of any angle of a run, rad
-
-    Returns
-    -------
-    dict
-        Name of an action, `NULL` or `CEILING` -> event -> EventScore, in the order of `SHOWN`.
     """
     runs: dict[str, tuple[ModelUnderTest, Callable[..., model.Solution]]] = {
         name: (ModelUnderTest(action, tolerance), model.simulate) for name, action in actions.items()

@@ -21,12 +21,8 @@ WHO = (("identified", "with the identified values"), ("before", "with those befo
 
 
 def plain_sentences(found: Identification, ranked: Sequence[Prospect] = ()) -> list[str]:
-    """Sentences of an identification for the head of its page.
-
-    Parameters
-    ----------
-    ranked : what could be recorded next; empty where it was not asked for
-    """
+    """Sentences of an identification for the head of its page; ``ranked``: what could be recorded next, empty where it
+    was not asked for."""
     said = [_describe_estimates(found)]
     said += [
         f"These strokes cannot tell the size of {d.words}: {100 * d.left:.0f} % of its uncertainty before is left."

@@ -60,13 +60,8 @@ class DisplacementReading:
 
 
 def measure_positions(data: TrialData, calibration: SensorCalibration, seal: str = "") -> MeasuredTrial:
-    """Measure key and hammer of one trial.
-
-    Parameters
-    ----------
-    calibration : errors of the sensors, of the action under test
-    seal : SHA-256 of the trial
-    """
+    """Measure key and hammer of one trial by position sensors with the errors of ``calibration``; ``seal``: SHA-256 of
+    the trial."""
     found = {}
     for body in ("key", "hammer"):
         names = [c.name for c in data.channels if c.ruler is not None and c.ruler.body == body]

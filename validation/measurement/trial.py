@@ -56,10 +56,6 @@ def join_key_heads(data: TrialData, key_rad: Array) -> KeyHeads | None:
 
     Head one reads the rotation plus lift over radius, head two minus; the error of a scale off its centre changes its
     sign as well. The shift of the pivot in its bushing moves the centre, too, and goes with the lift.
-
-    Parameters
-    ----------
-    key_rad : (n,) angle of the first head since the first sample
     """
     names = [channel.name for channel in data.channels]
     if KEY_OPPOSITE not in names or data.channel_values is None:
@@ -259,19 +255,6 @@ def encoder_change(angle_rad: Array, quiet: Quiet, resolution_rad: Array) -> tup
     Zero is the mean over the quiet interval.  The uncertainty holds the quantisation of the sample, the
     quantisation left in the zero (an encoder that stands still repeats the same rounding error) and the
     jitter seen while nothing moves.
-
-    Parameters
-    ----------
-    angle_rad : (n, m)
-    resolution_rad : (m,), one count
-
-    Returns
-    -------
-    change_rad : (n, m) array
-    u_rad : (m,) array
-        Standard uncertainty of one sample against its neighbours.
-    u_zero_rad : (m,) array
-        Standard uncertainty of the zero, common to all samples.
     """
     angle = np.asarray(angle_rad, dtype=float)
     still = angle[: quiet.stop]

@@ -39,11 +39,6 @@ def what_to_do(
     rivals : domain and skill
     outcome : one of `validation.result.OUTCOMES`
     source : who made the recording
-
-    Returns
-    -------
-    tuple of str
-        At most `MOST`; empty where nothing can be advised.
     """
     unusable = name_unusable(list_unusable_data(findings))
     said = [f"Record again or reject (pianorig annotate): {unusable}."] if unusable else []
@@ -86,12 +81,8 @@ def advise_on_causes(explained: Explained) -> list[str]:
 
 
 def advise_on_domain(outside: Mapping[int, str]) -> list[str]:
-    """Advice on what to record before predictions outside the training domain are trusted.
-
-    Parameters
-    ----------
-    outside : Trial that was not fitted → why it lies outside, empty for one that does not
-    """
+    """Advice on what to record before predictions outside the training domain are trusted; ``outside``: trial that was
+    not fitted → why it lies outside, empty for one that does not."""
     far = {number: why for number, why in outside.items() if why}
     if not far:
         return []

@@ -98,11 +98,6 @@ def run_many(
     tested : what simulates; a stand-in's function is called once for each run
     runs : None stands for a run that cannot be made
     use : given the place of a run and its solution, on a thread; what it returns is kept, the solution is not
-
-    Returns
-    -------
-    list
-        One for each run; None where it cannot be carried out.
     """
     out: list[T | None] = [None] * len(runs)
     todo = [i for i, run in enumerate(runs) if run is not None]

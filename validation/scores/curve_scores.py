@@ -74,13 +74,6 @@ def compute_pair_rmse(curves: Array, *, kinds: Sequence[int] | None = None) -> t
     ----------
     curves : (n_samples, n_trials)
     kinds : number of the kind of stroke of each trial; trials of different kinds are no pair
-
-    Returns
-    -------
-    rmse : float
-        NaN with fewer than two trials.
-    pairs : int
-        Number of pairs used.
     """
     pairs = np.array(choose_trial_pairs(curves.shape[1], kinds=kinds), dtype=int).reshape(-1, 2)
     difference = curves[:, pairs[:, 0]] - curves[:, pairs[:, 1]]

@@ -41,14 +41,8 @@ class IsoScore:
 
 
 def iso_score(test: Array, cae: Array, step_s: float) -> IsoScore:
-    """ISO/TS 18571 ratings of a predicted curve ``cae`` against the measured ``test``, each (n,), n ≥ 9, on one uniform
-    time base.
-
-    Parameters
-    ----------
-    test, cae : (n,), measured and predicted curve, n ≥ 9, finite, on the same uniform grid
-    step_s : sampling interval, s
-    """
+    """ISO/TS 18571 ratings of a predicted curve ``cae`` against the measured ``test``, each (n,), n ≥ 9, finite,
+    sampled every ``step_s`` seconds."""
     t, c = np.ascontiguousarray(test, dtype=float), np.ascontiguousarray(cae, dtype=float)
     if t.ndim != 1 or t.shape != c.shape or t.size < FEWEST_SAMPLES:
         raise ValueError(

@@ -27,16 +27,6 @@ def list_guard_notes(time: Array, trial: Array, model: Array, scores: Mapping[st
       the whole window;
     - *periodicity*: on a periodic curve the highest correlation may lie a whole period away, so that a small delay is
       charged as a large one; also when the highest correlation lies at the end of the search.
-
-    Parameters
-    ----------
-    time, trial, model : (n,)
-    scores : with ``iso_overall``, ``iso_phase`` and ``iso_shift_s`` of these curves
-
-    Returns
-    -------
-    list of str
-        One line per guard, with the numbers.
     """
     both = np.isfinite(trial) & np.isfinite(model)
     t, c = np.asarray(trial, dtype=float)[both], np.asarray(model, dtype=float)[both]

@@ -48,18 +48,8 @@ ROUND_SAMPLES = 0.05  # to which shifts are rounded: a twentieth of a sample
 
 
 def estimate_time_scatter(curves: Array, u_sample: float = 0.0) -> Array:
-    """Standard deviation of the shift in time of curves (samples, trials), at each sample, in samples; 0 if not found.
-
-    Parameters
-    ----------
-    curves : (n_samples, n_trials), without lost samples, two trials or more
-    u_sample : standard deviation of the noise of one sample
-
-    Returns
-    -------
-    (n_samples,) array
-        Not decreasing.
-    """
+    """Standard deviation (n_samples,) of the shift in time of curves (n_samples, n_trials), in samples, not decreasing,
+    0 where none is found; ``u_sample``: noise of one sample."""
     mean = curves.mean(axis=1)
     fastest = float(np.abs(np.gradient(mean)).max())
     if not fastest > 0:
@@ -107,14 +97,7 @@ def _estimate_shifts(curves: Array, u_sample: float, rise_samples: float, window
 
 def extend_in_time(mean: Array, scatter: Array, n_trials: int) -> Array:
     """Largest change (n_samples,) of a mean curve when it is shifted in time by as much as ``scatter`` (n_samples,), in
-    samples, lets a further trial be shifted.
-
-    Parameters
-    ----------
-    mean : (n_samples,)
-    scatter : (n_samples,), as of `estimate_time_scatter`
-    n_trials : trials
-    """
+    samples, lets a further trial be shifted."""
     factor = float(stdtrit(n_trials - 1, 0.5 + TIME_CONFIDENCE / 2)) * np.sqrt(1 + 1 / n_trials)
     # rounding keeps the number of different reaches small
     rounded = np.round(scatter / ROUND_SAMPLES) * ROUND_SAMPLES

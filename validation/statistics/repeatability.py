@@ -131,14 +131,6 @@ def compute_distance_ratios(curves: Array) -> Array:
 
     The distance of a trial is the root mean square of its difference from the median curve of the others; the ratio is
     to the median distance.  NaN with fewer than four trials, where one trial cannot be told from the others.
-
-    Parameters
-    ----------
-    curves : (n_samples, n_trials)
-
-    Returns
-    -------
-    (n_trials,) array
     """
     values = np.asarray(curves, dtype=float)
     n = values.shape[1]

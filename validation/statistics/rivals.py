@@ -71,14 +71,8 @@ def compare_rivals(
     tested: ModelUnderTest,
     without: Collection[tuple[int, str]],
 ) -> Rivals:
-    """Score the rivals that ``tested`` names, and locate each trial in the training domain.
-
-    Parameters
-    ----------
-    predicted, scored_session : the session with its predictions and scores
-    tested : the model
-    without : trials and channels that figures of several trials do not count
-    """
+    """Score the rivals that ``tested`` names, and locate each trial in the training domain; pairs (trial, channel) of
+    ``without`` do not count."""
     posterior = posterior_of(tested.action)
     compared = {m.number: m.channels for m in predicted.trials}
     faulty = {number for number, name in without if name in (*compared.get(number, ()), *FILM_CHANNELS)}

@@ -197,13 +197,8 @@ UNIT = Column("unit", "", "Unit of the row's values", str)
 
 
 def page_table(table: Table, page: Page, results: Sequence[ValidationResult], prefix: str = "") -> PageTable | None:
-    """A table of a session as text, of all its models below each other; None where it has no rows.
-
-    Parameters
-    ----------
-    results : of one session, one for each model
-    prefix : leads its id
-    """
+    """A table of a session as text, of all its models (``results``: one each) below each other, its id led by
+    ``prefix``; None where it has no rows."""
     chosen = results if table.of_model else results[:1]
     parts = [(r.action_name, shown_rows(page, r.tables.get(table.name, pd.DataFrame()))) for r in chosen]
     return make_page_table(table, page, [(name, row) for name, rows in parts for row in rows], len(chosen) > 1, prefix)

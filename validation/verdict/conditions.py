@@ -56,13 +56,7 @@ def separate_conditions(
 
 
 def find_change(found: Mapping[int, TrialErrors], limits: Mapping[str, float]) -> Change | None:
-    """Step in the errors ``found`` (by trial) of a stroke's trials on the most frequent branch; None if none.
-
-    Parameters
-    ----------
-    found : errors of the trials, by number
-    limits : of relevance, as of `quantities.relevance_limits`
-    """
+    """Step in the errors ``found`` (by trial) of a stroke's trials on the most frequent branch; None if none."""
     most = Counter(one.branch for one in found.values()).most_common(1)
     numbers = sorted(n for n in found if found[n].branch == most[0][0])
     n = len(numbers)

@@ -134,15 +134,10 @@ def estimate_errors(sample: ErrorSample) -> Estimates:
 def draw_trial_scatter(
     residuals: Array, own: Array, n_trials: NDArray[np.int64], n_draws: int, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Draws (n_draws, V) of the mean of trials' random errors ``own``, and its standard deviation (V,).
+    """Draws (n_draws, V) of the mean of trials' random errors, and its standard deviation (V,), from the trials'
+    ``residuals`` (n, V) and from errors ``own`` (K, V) of one trial as declared.
 
     Random combinations of the trials' residuals and of the declared errors, so that quantities stay correlated.
-
-    Parameters
-    ----------
-    residuals : (n, V), of the trials from their mean
-    own : (K, V), errors of one trial as declared
-    n_trials : (V,)
     """
     known = np.isfinite(own).sum(axis=0)
     declared = np.where(np.isfinite(own), own - _nan_mean(own), 0.0) / np.sqrt(np.maximum(known - 1, 1))
@@ -257,14 +252,8 @@ def divide_variance(errors: Array, inputs: Array, middle: Array, lower: Array, u
 
 
 def strongest_inputs(errors: Array, inputs: Array, names: Sequence[str]) -> list[str]:
-    """Name of the input that explains most of each quantity's draws by rank correlation, where that is `LEAST_SHARE`.
-
-    Parameters
-    ----------
-    errors : (N, V), NaN where not known
-    inputs : (N, q)
-    names : q texts
-    """
+    """Name of the input (N, q) that explains most of each quantity's draws ``errors`` (N, V) by rank correlation, where
+    that is `LEAST_SHARE` or more; else empty."""
     known = np.isfinite(errors)
     enough = known.sum(axis=0) >= FEWEST_FOR_INTERVAL
     if not len(names) or not enough.any():

@@ -104,14 +104,8 @@ def relevance_limits(given: Mapping[str, float]) -> dict[str, float]:
 
 
 def quantity_limits(limits: Mapping[str, float], travel: Mapping[str, float], values: Array) -> Array:
-    """Limit of relevance of each of `QUANTITIES` in its unit; NaN where it is not in the claim or not measured.
-
-    Parameters
-    ----------
-    limits : as of `relevance_limits`
-    travel : measured range of each channel, rad
-    values : measured events, of `QUANTITIES` after `ANGLES`
-    """
+    """Limit of relevance of each of `QUANTITIES` in its unit, from the ``travel`` of each channel, rad, and the
+    measured events ``values``; NaN where it is not in the claim or not measured."""
     out = np.full(len(QUANTITIES), np.nan)
     for i, q in enumerate(QUANTITIES):
         if q.is_primary:

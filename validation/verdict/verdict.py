@@ -73,13 +73,8 @@ def undecided_verdict(reason: str) -> Verdict:
 
 
 def judge_model(errors: SessionErrors | None, limits: Mapping[str, float]) -> Verdict:
-    """Estimate the errors of a model and decide on the outcome.
-
-    Parameters
-    ----------
-    errors : None where no trial is usable
-    limits : of relevance, as of `quantities.relevance_limits`
-    """
+    """Estimate the errors of a model and decide on the outcome; ``errors`` is None where no trial is usable, ``limits``
+    are those of relevance."""
     if errors is None:
         return undecided_verdict("no trial is usable")
     if errors.failed > MOST_FAILED * DRAWS:

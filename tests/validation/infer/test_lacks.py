@@ -15,7 +15,7 @@ from validation.infer import lacks
 from validation.infer.estimates import IDENTIFIED
 from validation.infer.fit import fit
 from validation.infer.further import Candidate, Prospect
-from validation.infer.lacks import LetIn, Supported, describe_lack_phase, measure_separation, supported
+from validation.infer.lacks import LetIn, Supported, describe_lack_phase, find_supported_estimates, measure_separation
 from validation.infer.sentences import describe_separating_stroke
 from validation.infer.sources import IdentifyOptions, collect
 from validation.infer.unknowns import parameter_of, single_names
@@ -113,4 +113,4 @@ def test_the_felt_of_a_contact_that_is_promising_otherwise_is_let_in_too() -> No
 
 def test_a_model_that_no_force_drives_is_not_asked() -> None:
     one = let_in(0.0)
-    assert supported(one.problem, one.fitted, lambda text: None) is None
+    assert find_supported_estimates(one.problem, one.fitted, lambda text: None) is None

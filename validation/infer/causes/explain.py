@@ -139,13 +139,7 @@ def _explain(tested: ModelUnderTest, trials: Sequence[ObservedTrial], effects: b
 
 
 def make_answer(found: Found, numbers: Sequence[int]) -> Explained:
-    """Sentence, table rows and findings that state what a search found.
-
-    Parameters
-    ----------
-    found : of the search
-    numbers : of the trials
-    """
+    """Sentence, table rows and findings that state what a search found in the trials of these ``numbers``."""
     search = found.search
     if search is None:
         return Explained()
