@@ -18,8 +18,9 @@ FILM_CHANNELS = ("jack", "repetition")
 CHANNEL_GROUPS = ((ENCODER_CHANNELS, "encoder"), (FILM_CHANNELS, "film"))
 ENCODER_BODIES = [BODIES.index(name) for name in ENCODER_CHANNELS]
 
-CONFIDENCE = 0.95  # of an interval or a band, where nothing else is said
-LEVEL = 0.05  # of a test: probability of a false alarm, 1 − `CONFIDENCE`
+LEVEL = 0.05  # of a test: probability of a false alarm, where nothing else is said
+CONFIDENCE = 1.0 - LEVEL  # of an interval or a band
+SIGMAS = 5.0  # standard uncertainties: Gaussian errors go beyond once in two million
 RECTANGULAR = 12.0**-0.5  # standard deviation of a uniform distribution, of its width
 WORKERS = 2  # threads: simulations and warping paths run without the interpreter's lock
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 DASH = "–"
-MOST_DECIMALS = 9  # those of `SMALLEST`
-SMALLEST = 1e-9  # in the unit shown: below it a number is rounding, and shown as 0
+MOST_DECIMALS = 9  # of a text: more than any measurement has
+SMALLEST = 10.0**-MOST_DECIMALS  # in the unit shown: below it a number is rounding, and shown as 0
 
 
 def number(value: object, digits: int = 3) -> str:

@@ -50,7 +50,8 @@ FELT_M = 0.5e-3
 # A hammer that turns round in flight stays within `FELT_M` for up to 2·√(2·0.5 mm/9 m/s²) ≈ 20 ms about the top of its
 # path: only what lasts longer is held. Half of that may be a check of short notes, and is reported as such. A time that
 # moves by as much within the uncertainty of its level says nothing about its order.
-LEAST_HOLD_S, DOUBTFUL_S = 0.02, 0.01
+LEAST_HOLD_S = 0.02
+DOUBTFUL_S = LEAST_HOLD_S / 2
 # Of the rest height: a hammer lower than this has fallen through the check onto the repetition lever or the rest rail.
 CHECK_LOWEST_SHARE = 0.85
 # A head this close to the string is not held but blocks it; the let-off distance of a regulated action is larger.

@@ -25,7 +25,7 @@ from validation.prediction.predict_session import PredictedAngles
 
 THIRD_DIFFERENCE = 4e7  # rad/s³; the hammer of a loud blow with a shank of 250 Hz has 3.3e7
 FEWEST_COUNTS = 6.0  # steps are rounded to counts: each of five is off by one at most
-NOISE = 8.0  # standard deviations of the steps at rest
+NOISE_SIGMAS = 8.0  # of single readings, of which a record has ten thousands, with noise that has tails
 FROM_REST = 3e3  # rad/s²: largest step from or to rest over (time between samples)²; a fortissimo has a sixth of it
 FEWEST_FROM_REST = 4.0  # counts; of 9,600 standstills of sound encoders none is left or entered by more than 2 at 5 kHz
 LEAST_S = 4e-3  # 20 samples at 5 kHz: a slow key stays on one count for less
@@ -87,7 +87,7 @@ def measure_step_from_rest(m: MeasuredTrial, expected: Array, i: int) -> tuple[A
 
 def _estimate_rest_noise(steps: Array, quiet_stop: int) -> float:
     at_rest = steps[: max(quiet_stop - 1, 0)]
-    return NOISE * float(at_rest.std()) if at_rest.size > 2 else 0.0
+    return NOISE_SIGMAS * float(at_rest.std()) if at_rest.size > 2 else 0.0
 
 
 def _find_standstills(change: Array, time_s: Array) -> list[tuple[int, int]]:

@@ -35,9 +35,9 @@ MINIMUM_SAMPLES = 4  # beyond the numbers of the smallest fit, so that its resid
 NEAR_MISS_M = 2e-3  # a string may be so much lower than the geometry says: choice, the range of an adjustment
 LEVEL = 0.01  # of each test of a flight: share of undisturbed ones that are taken for disturbed
 DECELERATION_M_PER_S2, FALL_M_PER_S2 = 10.5, 9.0  # in flight, and back, when friction holds against gravity
-U_DECELERATION_M_PER_S2 = 1.5  # friction of the joint, from none to twice the usual
+U_DECELERATION_M_PER_S2 = DECELERATION_M_PER_S2 - FALL_M_PER_S2  # friction of the joint, from none to twice the usual
 LOWEST_HZ, HIGHEST_HZ, STEP_HZ = 150.0, 800.0, 10.0  # of a shank's first mode (maple, 6 mm: 270 Hz); of its search
-DAMPING, U_DAMPING = 0.03, 0.03  # of critical damping: wood and glue 0.01, with felt more
+DAMPING = U_DAMPING = 0.03  # of critical damping: wood and glue 0.01, with felt more
 MODEL_SHARE = 0.01  # of the vibration's amplitude that one damped sine leaves undescribed
 HEAD_SHARE = 0.02  # of the butt's vibration that the head takes part in, about the ratio of their inertias
 ITERATIONS = 6  # of Gauss and Newton from the best of the search, which is half a step off at most

@@ -17,7 +17,7 @@ from validation.cache.result_store import ResultStore
 from validation.conventions import ENCODER_CHANNELS, Array
 from validation.errors import ValidationInputError
 from validation.events.definitions import Event
-from validation.events.detect import find_events
+from validation.events.detect import LONG_S, find_events
 from validation.events.key_lift import KeyLift, find_key_lifts
 from validation.measurement.geometry import ActionGeometry, Motion, motion_of
 from validation.measurement.trial import MeasuredTrial
@@ -25,7 +25,7 @@ from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedAngles, PredictedSession
 
 KEY_EVENTS = ("key_bottom", "key_release")
-LEAD_S, TAIL_S = 0.02, 0.05  # of the window before the first onset and after the last rest: choice, to see both
+LEAD_S, TAIL_S = 0.02, LONG_S  # of the window before the first onset and after the last rest: choice, to see both
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from validation.conventions import ENCODER_CHANNELS, Array, rms
+from validation.events.contact import SHARP_M_PER_S
 from validation.events.definitions import Event
+from validation.events.detect import LONG_S
 from validation.events.encoder_readings import MOVES_RAD
 from validation.events.key_lift import EXCESS_M, KeyLift
 from validation.events.miswired_encoders import MISSED, find_miswired_channels
@@ -28,7 +30,7 @@ from validation.findings.finding import (
     register_kinds,
     uncertainty_of_mean,
 )
-from validation.findings.limits import END_S, FAR, GROSS, SCALES_MAY
+from validation.findings.limits import FAR, GROSS, SCALES_MAY
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.trial import MeasuredTrial
 from validation.numbers import with_named_u
@@ -88,7 +90,6 @@ FEWEST_RISING = 5  # samples of which a slope is taken
 PRESSED = 0.25  # of the key's dip, in the prediction: less is play and felt
 ON_FELT_S = 0.01  # for which a key rests on its felt: a touch in passing is shorter
 SHARP_S = (1e-3, 4e-3)  # before and after a turn round: beyond the contact with a string, within the flight
-SHARP_M_PER_S = 0.15  # of each speed there: gravity makes 0.02
 
 
 @dataclass(frozen=True)
@@ -159,7 +160,7 @@ def _has_sharp_turn(time: Array, height: Array, step: float) -> bool:
         return False
     rise = (height[top - near] - height[top - far]) / ((far - near) * step)
     fall = (height[top + near] - height[top + far]) / ((far - near) * step)
-    return bool(min(rise, fall) > SHARP_M_PER_S)
+    return bool(min(rise, fall) > SHARP_M_PER_S / 2)
 
 
 @register_kinds({"gross travel difference": "Check decoding and lines per revolution of the encoder, and its place."},
@@ -252,14 +253,14 @@ def _format_mean(values: Mapping[int, float]) -> str:
     return with_named_u(mean, u) if np.isfinite(u) else f"{mean:.3f}"
 
 
-STILL_RAD = 0.3e-3  # within `END_S`, some eight counts of a scale on the key
+STILL_RAD = 0.3e-3  # within `LONG_S`, some eight counts of a scale on the key
 DRIFTS = 0.5  # choice, of the rate that leads from the first reading to the last
 MOVED_BY = (1, 0, 1)  # the encoder whose body moves with each: where both end elsewhere, it is the motion that does
 RETURNS_RAD = (3e-3, 5e-3, 1.5e-3)  # key, whippen, hammer: friction lets a soft stroke rest up to half of it away
 
 
 def select_last_samples(m: MeasuredTrial) -> slice:
-    return slice(int(np.searchsorted(m.time_s, m.time_s[-1] - END_S)), m.time_s.size)
+    return slice(int(np.searchsorted(m.time_s, m.time_s[-1] - LONG_S)), m.time_s.size)
 
 
 def is_standing_still(m: MeasuredTrial) -> NDArray[np.bool_]:

@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from rig.session.force_correction import correlation_inflation
-from validation.conventions import FILM_CHANNELS, WHIPPEN, Array
-from validation.events.miswired_encoders import find_best_wiring
+from validation.conventions import FILM_CHANNELS, SIGMAS, WHIPPEN, Array
+from validation.events.miswired_encoders import STILL, find_best_wiring
 from validation.findings.finding import CURVES, SessionFinding, register_kinds
-from validation.findings.limits import SCALES_MAY, SIGMAS
+from validation.findings.limits import SCALES_MAY
 from validation.measurement.trial import FilmAngles, MeasuredTrial
 from validation.prediction.predict_session import PredictedAngles
 
 CLOCK_S = 1e-4  # choice: a tenth of a frame at 1000/s
 RUNS_AWAY_S = 3e-4  # choice, between the first and the last motion
+LONGEST_STEP_S = 5e-3  # of the search for a delay: some frames, within which the motion is straight
 FEWEST_FRAMES = 10  # that a delay, a zero and a scale are fitted to
-MOVES = 0.02  # of the largest speed: a frame in which the whippen moves tells the clock
 
 
 @register_kinds(
@@ -57,7 +57,7 @@ def find_clock_drift(m: MeasuredTrial, film: FilmAngles, whippen_rad: Array) -> 
     """
     encoder = m.change_rad[:, WHIPPEN]
     speed = np.abs(np.interp(film.time_s, m.time_s, np.gradient(encoder, m.time_s)))
-    moving = speed > MOVES * float(speed.max(initial=0.0))
+    moving = speed > STILL * float(speed.max(initial=0.0))  # these frames tell the clock
     moves, weight = film.time_s[moving], speed[moving] ** 2
     if moves.size < FEWEST_FRAMES:
         return []
@@ -106,7 +106,7 @@ def estimate_clock_offset(film_s: Array, film_rad: Array, time_s: Array, angle_r
         residual = difference - design @ value
         variance = float(residual @ residual) / max(known.sum() - 3, 1) * correlation_inflation(residual)
         u = float(np.sqrt(variance * np.linalg.pinv(design.T @ design)[1, 1]))
-        delay += float(np.clip(value[1], -5e-3, 5e-3))  # s: some frames, within which the motion is straight
+        delay += float(np.clip(value[1], -LONGEST_STEP_S, LONGEST_STEP_S))
         if abs(value[1]) < 1e-9:
             break
     return delay, u

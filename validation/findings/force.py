@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from model.errors import ModelError
 from rig.session.force_correction import correlation_inflation
-from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, KEY, Array
+from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, KEY, SIGMAS, Array
 from validation.events.crossings import find_runs
 from validation.events.miswired_encoders import MISSED
 from validation.findings.encoders import is_at_rest_again, select_last_samples
@@ -23,7 +23,7 @@ from validation.findings.finding import (
     register_kinds,
     uncertainty_of_mean,
 )
-from validation.findings.limits import GROSS, SIGMAS
+from validation.findings.limits import GROSS
 from validation.findings.readings import COARSE, is_followed_by_jump
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
@@ -93,7 +93,7 @@ def _find_longest_run(flat: NDArray[np.bool_]) -> tuple[int, int]:
 
 
 LEAVES = 0.4  # of the error: choice, what a factor that explains it may leave
-STILL_MISSES = 0.7  # of the motion: more is no explanation
+STILL_MISSES = 1.0 - MISSED  # of the motion: more is no explanation
 LARGEST_N = 500.0  # beyond any stroke
 HARDLY = 0.25  # of the trial's turn of the key, the way the trial goes: choice
 LARGE_FACTOR = 4.0  # smallest one that a key which hardly moves is told by: friction cannot do that

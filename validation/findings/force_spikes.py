@@ -18,9 +18,8 @@ from scipy.ndimage import median_filter
 from model.errors import ModelError
 from validation.conventions import BODIES, Array, rms
 from validation.events.crossings import find_runs
-from validation.events.encoder_readings import measure_step_excess
+from validation.events.encoder_readings import NOISE_SIGMAS, measure_step_excess
 from validation.findings.finding import PREDICTION, SessionFinding, register_kinds
-from validation.findings.limits import NOISE_SIGMAS
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedAngles
@@ -33,7 +32,7 @@ LEAST_N = 0.3
 """A spike leaves the running median by so much, and by `NOISE_SIGMAS`: choice, smaller ones hardly turn a key."""
 AFTER_S = 8e-3
 """Over which the answer is compared; a key that is pushed freely turns by most of it in that time."""
-BEFORE_S = 4e-3
+BEFORE_S = AFTER_S / 2
 """The comparison begins that long before a spike: a straight line takes up by what the model drifts."""
 MISSED_S = BEFORE_S + AFTER_S
 """Time before a spike in which is seen by how much the model misses key and whippen anyway."""

@@ -21,10 +21,11 @@ from validation.measurement.geometry import ActionGeometry
 from validation.measurement.trial import MeasuredTrial
 from validation.numbers import with_named_u
 from validation.prediction.predict_session import PredictedAngles
+from validation.verdict.quantities import RELEVANT
 
 LET_OFF_M = 0.6e-3  # strokes without faults differ by less than 0.4 mm
 LET_OFF_SPEED = 1.0  # softer blows follow friction as well
-CHECK_M = 2e-3  # choice: an eighth of a usual height of check
+CHECK_M = RELEVANT["check_height"].default
 COVERAGE = 2.0  # standard uncertainties of a trial's difference that it must exceed as well
 CHECK_SPEED = 1.5  # softer blows come back too slowly to be caught the same way
 CHECKED_WITHIN_M = 0.025  # a hammer held lower was not caught by the back check

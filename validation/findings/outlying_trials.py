@@ -13,11 +13,12 @@ import numpy as np
 import pandas as pd
 
 from model.errors import ModelError
-from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, Array
+from validation.conventions import ENCODER_BODIES, ENCODER_CHANNELS, SIGMAS, Array
 from validation.events.definitions import EVENTS, Event
 from validation.events.session_events import SessionEvents
 from validation.findings.finding import BLOW, PREDICTION, SessionFinding, register_kinds
-from validation.findings.limits import FAR, SIGMAS
+from validation.findings.force import CLEAR_S
+from validation.findings.limits import FAR
 from validation.findings.stroke_kinds import onset_u_s, sustained_force_n
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
@@ -111,7 +112,6 @@ def estimate_force_effect(tested: ModelUnderTest, m: MeasuredTrial, start_s: flo
 
 
 SMALL_FORCE = 0.02  # of the force held for 20 ms, below which a difference explains nothing
-SMALL_TIME_S = 0.5e-3  # choice: the shortest lag of the force that is stated
 SCALE_EXPLAINS = 0.9  # of the squared distance
 
 
@@ -226,7 +226,7 @@ def _find_reasons(number: int, measured: Sequence[MeasuredTrial], scale: float) 
     usual = float(np.median(list(held.values())))
     if _is_unusual(held, number) and abs(held[number] - usual) > SMALL_FORCE * usual:
         reasons.append(f"its peak force is {peak[number]:.1f} N, usual are {middle:.1f} N")
-    small_s = max(SMALL_TIME_S, SIGMAS * max(onset_u_s(m) for m in measured))
+    small_s = max(CLEAR_S, SIGMAS * max(onset_u_s(m) for m in measured))
     if _is_unusual(onset, number) and abs(onset[number] - np.median(list(onset.values()))) > small_s:
         late = 1e3 * (onset[number] - float(np.median(list(onset.values()))))
         reasons.append(f"its blow begins {abs(late):.1f} ms {'later' if late > 0 else 'earlier'} than usual")

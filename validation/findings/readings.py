@@ -5,9 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from validation.events.crossings import find_equal_runs
-from validation.events.encoder_readings import are_simultaneous, find_reading_faults, measure_step_excess
+from validation.events.detect import LONG_S
+from validation.events.encoder_readings import (
+    NOISE_SIGMAS,
+    are_simultaneous,
+    find_reading_faults,
+    measure_step_excess,
+)
 from validation.findings.finding import BLOW, CURVES, SessionFinding, register_kinds
-from validation.findings.limits import END_S, NOISE_SIGMAS
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.predict_session import PredictedAngles
@@ -105,7 +110,7 @@ def find_missing_rest(m: MeasuredTrial, geometry: ActionGeometry) -> list[Sessio
 
     Conventions: the last 50 ms against the first samples; from 1 mm of key dip and 0.5 N, both.
     """
-    last = m.time_s >= m.time_s[-1] - END_S
+    last = m.time_s >= m.time_s[-1] - LONG_S
     dip = geometry.key_dip_m(geometry.absolute({0: m.change_rad[:, 0]}))
     rise, fall = -float(dip[last].mean()), m.force.preload_n - float(m.force.force_n[last].mean())
     if rise < RISES_M or fall < FALLS_N:

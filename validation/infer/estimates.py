@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtri
 
-from validation.conventions import Array
+from validation.conventions import CONFIDENCE, Array
 from validation.infer.budget import Budget
 from validation.infer.fit import Fitted
 from validation.infer.identifiability import HALF
@@ -17,7 +17,6 @@ from validation.infer.noise import OwnModes
 from validation.infer.problem import Problem, residuals_there
 from validation.infer.response import Own
 from validation.infer.scatter import (
-    COVERAGE,
     LEAST_TRIALS,
     discrepancy_u,
     factors,
@@ -233,7 +232,7 @@ def _interval_kind(z: Array, alone: Array, best: float, level: float) -> str:
 
 
 NEAR_BOUND = 0.02  # prior standard deviations: an estimate so near a bound lies on it
-NORMAL = float(ndtri(0.5 + 0.5 * COVERAGE))
+NORMAL = float(ndtri(0.5 + 0.5 * CONFIDENCE))
 LACKING = 0.01
 """Size of the discrepancy, of what all laws together could do, above which the model is said to lack something."""
 

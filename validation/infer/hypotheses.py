@@ -31,6 +31,7 @@ from validation.infer.noise import NULL_SCATTER
 from validation.infer.observations import ObservedTrial
 from validation.infer.unknowns import LAW_U, NORMAL, THRESHOLDS, lead_of, single_names
 from validation.prediction.posterior import posterior_of, principal_axes
+from validation.statistics.repeatability import FEWEST_TO_STAND_OUT
 
 MASS_WRONG, LENGTH_WRONG_M, DRIVE_WRONG_M = 0.1, 1e-3, 5e-3  # the arm is set on the key by hand
 LAWS = (".friction.A", ".joint_friction.A", ".normal.D", ".torque", ".stiffness")
@@ -38,7 +39,7 @@ MASSES = (".mass", ".inertia")
 STEP_SIZE, SMALL_STEP = 0.33, 0.1  # of ``wrong``, for differences
 LENGTH_SCATTER_M = 3e-6  # from trial to trial
 ALL, ONE, TREND, STEP = "all", "one", "trend", "step"
-FEWEST_TOLD_APART = 4  # trials, below which one trial cannot be told from a change between two of them
+FEWEST_TOLD_APART = FEWEST_TO_STAND_OUT  # trials, below which one cannot be told from a change between two
 ADDED = "added "
 MODES, MOST_MODES = "string.modes", 100.0  # so many, that it is as finely swung as any specimen
 STIFF = -1.0  # power of the amount that stiffness goes with

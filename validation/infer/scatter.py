@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import chdtri, stdtrit
 
-from validation.conventions import Array
+from validation.conventions import CONFIDENCE, Array
 from validation.infer.fit import Fitted
 from validation.infer.noise import Marginal, scores
 
-COVERAGE = 0.95  # of intervals
 LEAST_TRIALS = 3  # that are left when one is taken away, so that a jackknife has a spread
 LEAST_FREEDOM = 2.0  # degrees of freedom: Student's t has a mean and is not wider than 4.3
 BY_CHANCE = 0.99  # probability: a jackknife that is larger than chance makes it widens an interval
@@ -81,7 +80,7 @@ def factors(fitted: Fitted) -> Array:
     _, spread = fitted.marginal.sizes.belief()
     unknown = np.linalg.inv(found.information + np.diag(1.0 / spread**2))  # covariance of the logarithms of sizes
     varied = np.einsum("pi,ij,pj->p", found.shares, unknown, found.shares)
-    return np.asarray(stdtrit(np.clip(0.5 / np.maximum(varied, 1e-9), LEAST_FREEDOM, None), 0.5 + 0.5 * COVERAGE))
+    return np.asarray(stdtrit(np.clip(0.5 / np.maximum(varied, 1e-9), LEAST_FREEDOM, None), 0.5 + 0.5 * CONFIDENCE))
 
 
 def discrepancy_u(fitted: Fitted) -> Array:

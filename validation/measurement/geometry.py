@@ -20,6 +20,9 @@ import model
 from validation.conventions import HAMMER, KEY, WHIPPEN, Array
 from validation.errors import ValidationInputError
 
+STEP_RAD = 5e-4  # of the search for a touch, from rest on
+TURNS_RAD = (0.2, 0.8)  # of key and hammer that are searched: four times a dip, twice the way to the string
+
 
 @dataclass(frozen=True)
 class ActionGeometry:
@@ -43,7 +46,7 @@ class ActionGeometry:
     @cached_property
     def string_angle_rad(self) -> float:
         """Hammer angle at which the head touches the string, the first one on the way up from rest."""
-        turn = np.linspace(0.0, -0.8, 1601)  # rad: twice the way to the string, half a milliradian a step
+        turn = np.linspace(0.0, -TURNS_RAD[1], round(TURNS_RAD[1] / STEP_RAD) + 1)
         height = self.hammer_height_m(self.absolute({HAMMER: turn}))
         above = np.flatnonzero(height <= 0)
         if above.size == 0 or above[0] == 0:
@@ -115,7 +118,7 @@ def geometry_of(action: model.Action, rest_angle_rad: Array) -> ActionGeometry:
 def touch_dip(rest_rad: Array, dip: Callable[[Array], Array], key_gap: Callable[[Array], Array]) -> float:
     """Key dip (m) at which the gap under the key front closes when the key alone turns from rest (5,), rad; ``dip`` and
     ``key_gap`` return metres (n,) for absolute angles (n, 5)."""
-    turn = np.linspace(0.0, -0.2, 401)  # rad: some four times a dip, half a milliradian a step
+    turn = np.linspace(0.0, -TURNS_RAD[0], round(TURNS_RAD[0] / STEP_RAD) + 1)
     angle = np.tile(rest_rad, (turn.size, 1))
     angle[:, KEY] += turn
     gap = key_gap(angle)

@@ -17,7 +17,7 @@ from rig.session import Session, Trial, TrialData
 from validation.conventions import Array
 from validation.errors import TrialError, ValidationInputError
 from validation.measurement.geometry import ActionGeometry
-from validation.measurement.position_sensors import SensorCalibration
+from validation.measurement.position_sensors import SPEED_OVER_S, SensorCalibration
 from validation.measurement.positions import AS_FAR_AS_SEEN, measure_positions
 from validation.measurement.trial import MeasuredTrial, measure
 
@@ -158,6 +158,6 @@ def select_representative(trials: tuple[MeasuredTrial, ...] | list[MeasuredTrial
 
 
 def _largest_key_turn_rad(m: MeasuredTrial) -> float:
-    """Largest change of the key's angle within 5 ms, rad."""
-    key, reach = m.change_rad[:, 0], max(round(5e-3 / float(np.median(np.diff(m.time_s)))), 1)
+    """Largest change of the key's angle within `SPEED_OVER_S`, rad."""
+    key, reach = m.change_rad[:, 0], max(round(SPEED_OVER_S / float(np.median(np.diff(m.time_s)))), 1)
     return float(np.abs(key[reach:] - key[:-reach]).max()) if key.size > reach else 0.0

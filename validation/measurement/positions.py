@@ -19,7 +19,7 @@ from rig.session import TrialData
 from rig.session.force_correction import Quiet
 from rig.session.info import ChannelInfo
 from rig.session.ruler import Position, ruler_curve
-from validation.conventions import Array
+from validation.conventions import SIGMAS, Array
 from validation.errors import TrialError
 from validation.measurement.geometry import motion_of
 from validation.measurement.position_sensors import (
@@ -34,7 +34,6 @@ from validation.measurement.trial import MeasuredTrial, no_force
 
 QUIET_S = 0.25
 """What is taken for rest before the stroke, at most; at least a period of the mains, over which hum has no mean."""
-STILL_SIGMA = 5.0  # Gaussian noise goes beyond once in two million
 NORMAL = 1.4826
 """Standard deviation of a normal distribution over its median departure."""
 LEAST_SPAN = 1e-4
@@ -177,7 +176,7 @@ def _count_rest_samples(data: TrialData, reading: Array, info: ChannelInfo, peri
     bend = np.abs(np.diff(reading[:end], 2))  # of white noise six times its variance, of hum and drift next to nothing
     noise = max(NORMAL * float(np.median(bend)) / np.sqrt(6.0), info.u_noise) if bend.size else info.u_noise
     unsure = max(info.ruler.u_reading, LEAST_SPAN * float(np.ptp(info.ruler.reading)))
-    back = np.abs(mean - mean[0]) <= unsure + STILL_SIGMA * noise * np.sqrt(2.0 * step / period_s)
+    back = np.abs(mean - mean[0]) <= unsure + SIGMAS * noise * np.sqrt(2.0 * step / period_s)
     return int(np.count_nonzero(time_s < min(float(at[back][-1]) - period_s, QUIET_S)))
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rig.session import TrialData
 
 WINDOW = 64  # samples of a fingerprint: choice, so long a run is no chance
-ONE_IN = 64  # kept of them, for size: choice, some hundred of a record
+ONE_IN = WINDOW  # kept of them, for size: choice, some hundred of a record
 FEWEST_SHARED = 2  # one may be the same by chance: values of 48 bits, some hundred a record
 SHARE_OF_ONE_STROKE = 0.5  # of the fingerprints of the shorter record: beyond it most of one lies in the other
 MOVED_SHARE = 0.05  # of a reading's range: mains hum and noise of a quiet baseline stay below

@@ -303,6 +303,10 @@ def _u_column(table: pd.DataFrame, name: str) -> str:
     return total if total in table else f"{name}_relative_u_rad"
 
 
+MOST_NAMED = 4
+"""Trials that a sentence names."""
+
+
 def trials_in_words(numbers: Iterable[object], most: int | None = None) -> str:
     """Numbers of trials as a sentence names them: ``trial 3``, ``trials 3, 5``; of more than ``most`` how many more."""
     named = [str(number) for number in numbers]

@@ -29,7 +29,7 @@ EVERY_S = 0.002
 """Between the instants that are fitted and predicted; in between straight lines."""
 EDGES_S = (0.0, *(0.001 * 2.0**k for k in range(10)))
 """Ends of the stretches of the past over which the input is averaged: ten, the last to 0.5 s ago."""
-LAGS_S = tuple(0.002 * 2.0**k for k in range(6))
+LAGS_S = tuple(EVERY_S * 2.0**k for k in range(6))
 """How long ago the plain filter takes its input: six lags, the last 64 ms."""
 ORDERS = {POLYNOMIAL: tuple((0, degree) for degree in range(1, 10)),
           FIR: ((10, 1), (5, 2), (6, 2), (8, 2), (10, 2), (4, 3), (5, 3), (6, 3)),

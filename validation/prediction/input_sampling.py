@@ -13,7 +13,7 @@ from collections.abc import Iterator
 import numpy as np
 
 import model
-from validation.prediction.posterior import posterior_of
+from validation.prediction.posterior import CUT, posterior_of
 
 ASSUMED = "assumed"
 LARGE_RELATIVE_U = 0.25  # beyond it a Gaussian would draw below 0 once in thirty thousand
@@ -46,7 +46,7 @@ def _draws(known: dict[str, tuple[float, float]], n: int, rng: np.random.Generat
     """``n`` draws of parameters by path from (value, u): normal within 3 u, log-normal where u is large."""
     value, u = (np.array(column) for column in zip(*known.values(), strict=True))
     for _ in range(n):
-        z = np.clip(rng.standard_normal(value.size), -3.0, 3.0)
+        z = np.clip(rng.standard_normal(value.size), -CUT, CUT)
         drawn = value + u * z
         large = u > LARGE_RELATIVE_U * np.abs(value)
         with np.errstate(divide="ignore", invalid="ignore"):

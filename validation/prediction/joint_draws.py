@@ -33,7 +33,7 @@ CHANNELS = (*ENCODER_CHANNELS, *FILM_CHANNELS)
 FILM_CLOCK = len(ENCODER_CHANNELS)  # place of its error in `JointDraw.z_scale`: one clock moves all of a film
 MOVED_RAD = 1e-3  # turn over which the error of an encoder that does not grow with the angle comes about
 SEED = 65
-LEVELS, OWN, RULER = 2, 3, 4  # uses of the seed
+LEVELS, OWN, RULER = range(2, 5)  # uses of the seed
 # departures of position sensors' rulers, beside a scale and a zero of each
 RULERS = ("bow of the key's ruler", *(f"ruler of the hammer at {100 * at:.0f} %" for at in CURVE_AT))
 USES = ("force", "readings")

@@ -22,7 +22,7 @@ from validation.cache.content_hash import result_key
 from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, Array
 from validation.errors import PredictionError, ValidationInputError
 from validation.measurement.measure_session import NOT_PREDICTED, MeasuredSession
-from validation.measurement.trial import MeasuredTrial, trials_in_words
+from validation.measurement.trial import MOST_NAMED, MeasuredTrial, trials_in_words
 from validation.prediction.key_driven import run_key_driven, run_null_key_driven
 from validation.prediction.model_under_test import ModelUnderTest
 
@@ -193,10 +193,6 @@ def _load_prediction(
     return PredictedAngles(
         m.time_s, _turn(angle, rest), speed, rest, key, True, counters, error_rad, str(attributes.get("check_load", ""))
     )
-
-
-MOST_NAMED = 4  # in a sentence
-"""Trials named of those that share a reason."""
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ import pandas as pd
 from validation.conventions import BODIES, Array
 from validation.curves.table import force_on_base, trial_curves
 from validation.events.definitions import EVENTS
+from validation.numbers import MOST_DECIMALS
 from validation.report.files import check_folder, write_files
 from validation.report.page import ANIMATION, render_html
 from validation.report.view import SessionView, netcdf_names, shown_trials
@@ -89,7 +90,6 @@ def _plain(value: Any) -> Any:
 
 MOST_TRIALS = 8  # with a section of their own: choice
 CURVES = re.compile(rf"curves(_\d+)?\.nc|curves/(s\d+-)?({'|'.join(('force', *BODIES))})\.(csv|json)")
-DIGITS = 9  # after the point, in rad and N: far below a count
 SPREAD = ("mean_rad", "s_r_rad", "band95_rad", "difference_rad", "difference_u95_rad")
 
 
@@ -104,7 +104,7 @@ def curve_files(side: SideBySide) -> Iterator[tuple[str, str | bytes]]:
     for i, results in enumerate(side.sessions.values(), start=1):
         view = SessionView(tuple(results), f"s{i}-" if several else "")
         for channel, columns in view_curves(view).items():
-            texts = {name: _texts(np.round(values, DIGITS)) for name, values in columns.items()}
+            texts = {name: _texts(np.round(values, MOST_DECIMALS)) for name, values in columns.items()}
             rows = "\n".join(map(",".join, zip(*texts.values(), strict=True)))
             yield f"curves/{view.prefix}{channel}.csv", f"{','.join(texts)}\n{rows}\n"
 

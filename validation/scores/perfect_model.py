@@ -15,14 +15,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from validation.conventions import CHANNEL_GROUPS, Array
+from validation.conventions import CHANNEL_GROUPS, LEVEL, Array
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.joint_draws import CHANNELS, JointDraw, chosen_trials, each_draw, joint_draws, session_seed
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.scores.curve_scores import SCORES, compute_scores, pool_score
 from validation.scores.traces import SessionTraces, select_scored_angles
 
-DRAWS = 19  # a right model is worse than all of them once in twenty
+DRAWS = round(1.0 / LEVEL) - 1  # a right model is worse than all of them once in twenty
 MOVED = "moved_"
 PAIRED_SCORES = ("rmse_rad", "before_impact_rmse_rad", "iso_overall")
 NUISANCE_COLUMNS = ["trial", "channel", "draw", *PAIRED_SCORES]

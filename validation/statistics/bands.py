@@ -41,7 +41,7 @@ LONGEST = 0.5  # of the same time: a longer shift is not told from a difference 
 SCALES = (1, 3)  # times that time, over which the curves are smoothed (1: not)
 MOVES = 0.01  # of the largest speed
 EXPLAINED = 0.4  # of the squared deviations near an instant; half is what shifts explain of sharp steps
-CLEAR = 3.0  # times the rounding of its samples, over the window, that a slope must exceed
+CLEAR = 3.0  # times the noise of its samples: above it a slope is the motion's, and the scatter of trials is theirs
 IS_MOTION = 10.0  # times the variance of the mean's slope, all along: below, the mean is what is left of the scatter
 TIME_CONFIDENCE = 0.98  # for a further trial; with it the band of the mean covers about 95 % on the virtual bench
 ROUND_SAMPLES = 0.05  # to which shifts are rounded: a twentieth of a sample
@@ -122,7 +122,6 @@ LARGEST_U = 1e6  # beyond any factor that is used
 FEWEST_STEPS = 40  # of the path, however noisy the samples are
 CLEAR_OF_NOISE = 4.0  # squared step over that of noise alone: a length is then long by a seventh at most
 ROUNDING = np.sqrt(6.0)  # a count, in standard deviations of a rounded sample less its rounded zero
-CLEAR_SCATTER = 3.0  # times the noise of a sample: above it the scatter of a few trials is that of the trials
 
 
 @dataclass(frozen=True)
@@ -220,7 +219,7 @@ def repeatability_band(curves: Array, *, u_sample: float = 0.0) -> Repeatability
     residual = values[known] - mean[known, None]
     s = np.sqrt((residual**2).sum(axis=1) / (n - 1))
     scale = float(np.abs(values[known]).max())
-    is_clear = s > max(CLEAR_SCATTER * u_sample, 1e-12 * scale)
+    is_clear = s > max(CLEAR * u_sample, 1e-12 * scale)
     if not is_clear.any():
         half[known] = critical_value(n - 1, 0.0, 1) * u_sample / np.sqrt(n)
         return RepeatabilityBand(mean, half, float("nan"), 0.0, n)

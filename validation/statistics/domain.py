@@ -24,25 +24,26 @@ import pandas as pd
 from validation.conventions import Array
 from validation.events.crossings import find_runs
 from validation.events.strikes import RELEASE, find_key_phases, find_key_strikes
-from validation.measurement.trial import trials_in_words
+from validation.measurement.position_sensors import SPEED_OVER_S
+from validation.measurement.trial import MOST_NAMED, trials_in_words
 
 STEP_S = 1e-3
 """Between the samples that are looked at."""
-SPEED_OVER_S = 5e-3  # noise between two samples is no speed
 DOWN = 0.8  # of the deepest place, above which the key counts as down: choice
 BRIEF_S = 0.1
 """The key's time down counts as t / (t + this): whether a second or three, the hammer hangs in the back check."""
 REPEATED = "repetition"
 AGAIN = 0.5
 """A note is repeated where the key comes up to less than this share of its depth: about there the jack comes back."""
+LOUDER = math.log(1.25)  # choice: a quarter more
 FEATURES = {
-    "speed": ("fastest way down of the key", "{}/s", math.log(1.25)),
+    "speed": ("fastest way down of the key", "{}/s", LOUDER),
     "depth": ("deepest place of the key", "{}", math.log(1.12)),
     "hold": ("time the key is down", "s", 0.1),
     "release": ("fastest way up of the key", "{}/s", math.log(1.5)),
-    "rate": ("strikes a second", "1/s", math.log(1.25)),
+    "rate": ("strikes a second", "1/s", LOUDER),
     "return": ("how far down the key stays between strikes", "of its depth", 0.15),
-    "force": ("largest force", "N", math.log(1.25)),
+    "force": ("largest force", "N", LOUDER),
 }
 """Words, unit and widening of each property: of its logarithm (speed, depth, release, rate, force) or as it is."""
 LOGARITHMIC = ("speed", "depth", "release", "rate", "force")
@@ -155,9 +156,6 @@ def _scale(name: str, value: float) -> float:
     if name in LOGARITHMIC:
         return math.log(max(value, 1e-12))
     return value / (value + BRIEF_S) if name == "hold" else value
-
-
-MOST_NAMED = 4  # in a sentence
 
 
 def describe_domain(action: str, places: pd.DataFrame, known: bool, lost: Collection[int] = ()) -> list[str]:

@@ -9,6 +9,7 @@ the chi-square distribution.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
@@ -16,7 +17,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import chdtri, stdtrit
 
-from validation.conventions import CONFIDENCE, Array
+from validation.conventions import CONFIDENCE, LEVEL, Array
 from validation.curves.table import interpolate_to_base_times
 from validation.events.definitions import EVENTS, Event
 from validation.scores.traces import select_scored_angles
@@ -37,7 +38,7 @@ def interpolate_to_base(time_s: Array, frames: dict[int, pd.DataFrame], column: 
 
 
 RECOMMENDED_TRIALS = 10  # a standard deviation of so many is known to a quarter
-FEWEST_TRIALS = 6  # with which a test of signs can reach 5 %
+FEWEST_TRIALS = 1 + math.ceil(-math.log2(LEVEL))  # with which a test of signs can reach its level, 2^(1 − n)
 FEWEST_TO_STAND_OUT = 4  # of three, no one is told from the other two
 STANDS_OUT = 4.0  # fewer than 3 % of good sessions of six trials (simulated in the tests)
 

@@ -21,6 +21,7 @@ from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession
 from validation.tables.comparison import Comparison
 from validation.tables.table import Column, Page, Table
+from validation.verdict.error_draws import OWN_DRAWS
 
 COLUMNS = (
     Column("part", "", "Contact, joint, or what an energy or a way is of", str, head="part"),
@@ -40,7 +41,6 @@ COLUMNS = (
     Column("felt_j", "J", "Part of it lost in the felt; of contacts only", head="in felt"),
     Column("draws", "", "Draws of force and parameters that could be run; 0 without a budget", int),
 )  # fmt: skip
-DRAWS = 20  # a standard uncertainty is then known to a sixth
 ENERGIES = {
     "work_in": "work of the force on the key",
     "stored_change": "stored in the action, change since rest",
@@ -63,13 +63,13 @@ def rows(comparison: Comparison) -> list[dict[str, Any]]:
 def inside_rows(predicted: PredictedSession, tested: ModelUnderTest, *, is_drawn: bool) -> list[dict[str, Any]]:
     """Rows of the largest loads and losses of a prediction; none for a stand-in, nor where the key drives.
 
-    Standard uncertainties, where they are drawn, are those of `DRAWS` draws of force and parameters
+    Standard uncertainties, where they are drawn, are those of `OWN_DRAWS` draws of force and parameters
     (`validation.prediction.joint_draws`).
     """
     if not tested.own_model or any(m.driven_by_key for m in predicted.trials):
         return []
     m = select_representative(predicted.trials)
-    draws = joint_draws(tested.action, session_seed(predicted.trials), DRAWS, parameters=True) if is_drawn else []
+    draws = joint_draws(tested.action, session_seed(predicted.trials), OWN_DRAWS, parameters=True) if is_drawn else []
     found: list[dict[str, Any]] = tested.store.value(
         "inside the action",
         (tested.identity, m.number, m.time_s, m.force, draws),

@@ -36,12 +36,13 @@ class Relevance:
     """Whether it is a share of the measured quantity."""
 
 
+SHARE = 0.05  # of what was measured: choice
 RELEVANT = {
-    "travel": Relevance(0.05, "%", 100.0, of_value=True),
+    "travel": Relevance(SHARE, "%", 100.0, of_value=True),
     "check_height": Relevance(2e-3, "mm", 1e3),
     "let_off": Relevance(0.5e-3, "mm", 1e3),
     "time": Relevance(2e-3, "ms", 1e3),
-    "speed": Relevance(0.05, "%", 100.0, of_value=True),
+    "speed": Relevance(SHARE, "%", 100.0, of_value=True),
 }
 """Limits of relevance by name: shares of a channel's travel and of the speed at impact, lengths, a time."""
 

@@ -36,8 +36,8 @@ from validation.verdict.quantities import (
     quantity_limits,
 )
 
-FEWEST_DRAWS = 99  # choice: half of `DRAWS`
-SELDOM = 0.05  # share of the draws on the observed branch, below which the first line says so
+FEWEST_DRAWS = DRAWS // 2
+SELDOM = LEVEL  # share of the draws on the observed branch, below which the first line says so
 MOST_FAILED = 0.2  # of the draws: beyond, those that could be run are a selection
 MOST_NAMED = 3  # quantities in the first line
 UNTESTED = 10.0  # limits of relevance: where only a larger error would be shown, a session does not test a quantity
@@ -50,7 +50,7 @@ COLUMNS = [
     "alone", "detectable_low", "detectable_high", "u", "u_force", "u_sensors", "u_parameters", "u_repeat",
     "main_input", "state",
 ]  # fmt: skip
-FORCE_INPUTS = 3  # the first of `INPUTS` are of the force
+FORCE_INPUTS = sum(name.startswith("force ") for name in INPUTS)  # the first of them
 PARAMETERS, SCATTER = "parameters of the model as declared", "scatter of the trials"
 
 
