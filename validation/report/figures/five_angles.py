@@ -80,7 +80,7 @@ def _picture(view: SessionView, channel: str) -> str:
 
 
 def _draw(top: Panel, low: Panel, view: SessionView, channel: str) -> None:
-    """Angle above, difference below."""
+    """Draw one body's angle, measured and predicted, into ``top`` and model − trial into ``low``."""
     first = view.first
     base, color = first.base_s, BODY_COLORS[channel]
     measured = curves_of(first, channel, "measured")

@@ -94,13 +94,7 @@ def model_pen(i: int) -> Pen:
 
 
 def draw_trials(panel: Panel, time: Array, curves: Array, color: str, columns: int = 160) -> None:
-    """Every trial as a line; of many the median, and shades between 25 % and 75 % and between 5 % and 95 %.
-
-    Parameters
-    ----------
-    time : (n_samples,)
-    curves : (n_samples, n_trials), NaN is left out
-    """
+    """Draw every trial as a line; of many the median, and shades between 25 % and 75 % and between 5 % and 95 %."""
     if curves.shape[1] <= MOST_LINES:
         for curve in curves.T:
             panel.line(time, curve, Pen(color, 0.9, opacity=0.75), columns=columns)

@@ -92,7 +92,7 @@ def _of_event(events: pd.DataFrame, name: str) -> tuple[Array, Array]:
 
 
 def _draw_chart(panel: Panel, trials: Array, values: Array) -> list[int]:
-    """Draw one chart; the trials beyond its limits."""
+    """Draw one control chart; returns the numbers of the trials beyond its limits."""
     mean, reach = _limits(values)
     panel.level(mean, Pen(FORCE, 0.9))
     beyond = np.zeros(values.size, dtype=bool)

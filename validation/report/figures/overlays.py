@@ -149,7 +149,8 @@ def limit_of_trial(result: ValidationResult, channel: str, time: Array) -> Array
 
 
 def _residuals(panel: Panel, result: ValidationResult, channel: str, trial: int, number: int) -> float:
-    """Model minus trial for all trials with the band of their mean; its largest half width, 0 where there is none."""
+    """Draw model minus trial of all trials, with the band of their mean; returns the band's largest half width,
+    degrees, 0 where there is none."""
     base = result.base_s
     differences = differences_of(result, channel)
     draw_trials(panel, base, differences, BODY_COLORS[channel])
