@@ -13,7 +13,8 @@ import model
 from validation import compare as compare_session
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.tables import inside as module
-from validation.tables.inside import DRAWS, inside_rows
+from validation.tables.inside import inside_rows
+from validation.verdict.error_draws import OWN_DRAWS
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +41,7 @@ def test_forces_inside_the_action_have_a_place_a_time_and_an_uncertainty(inside,
     assert front["largest_n"] > 20.0  # the spike of `forte_n`, 33 N, and the key's own inertia
     assert 0.0 < front["u_largest_n"] < 0.2 * front["largest_n"]
     assert 0.455 < front["at_s"] < 0.480 and front["largest_m"] > 0.0
-    assert set(parts["draws"]) == {DRAWS} and set(parts["trial"]) <= set(compared.traces)
+    assert set(parts["draws"]) == {OWN_DRAWS} and set(parts["trial"]) <= set(compared.traces)
     assert set(parts["kind"]) == {"energy", "contact", "joint"}  # nothing gives, and the string is a bar
     assert parts.loc["work of the force on the key", "u_energy_j"] > 0.0
 
