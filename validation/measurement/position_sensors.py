@@ -21,7 +21,6 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.ndimage import gaussian_filter1d
 
 import model
-from model.elements.prescribed import ORDER
 from validation.conventions import HAMMER, Array
 from validation.errors import TrialError, ValidationInputError
 from validation.measurement.geometry import ActionGeometry, geometry_of
@@ -118,6 +117,7 @@ SPEED_OVER_S = 5e-3
 STEP_M = 3e-4
 """Displacement of the key between the knots of its motion at its fastest; at least two samples apart."""
 LONGEST_KNOT_S = SPEED_OVER_S
+ORDER = 6  # coefficients of a piece of `model.KeyMotion`
 
 
 @dataclass(frozen=True, eq=False)
