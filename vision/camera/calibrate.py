@@ -28,8 +28,7 @@ TARGETS = ("checkerboard", "dots")
 CORNER_SHARE = 0.3  # of the distance of corners, that the window of one reaches to each side: to no other edge
 CORNER_STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 50, 1e-4)  # iterations, last step in px: converged
 DOT_SHARE = 0.4  # of the distance of dots, that the window of one reaches: the next begins at a half
-LEAST_DOT_PX2, MOST_DOT_PX2 = 12.0, 1e5  # area of a dot: four pixels across, a third of a picture
-LEAST_DISTANCE_PX = 3.0  # of two dots: neighbours touch below
+LEAST_DOT_PX = 4.0  # diameter of a dot, and distance of two
 PAPER = 0.9  # quantile of the grey values around a dot, that is paper
 BRIGHTEST = 0.999  # quantile of the grey values, that is white: glints and defect pixels lie above
 LEAST_FREEDOM = 8  # degrees, with which the residual is known to a quarter
@@ -120,7 +119,7 @@ def find_points(picture: NDArray[Any], target: Target) -> NDArray[np.float64] | 
             points = cv2.cornerSubPix(grey, points.astype(np.float32), (half, half), (-1, -1), CORNER_STOP)
     else:
         found, points = cv2.findCirclesGrid(
-            grey, size, flags=cv2.CALIB_CB_SYMMETRIC_GRID, blobDetector=_create_dot_detector()
+            grey, size, flags=cv2.CALIB_CB_SYMMETRIC_GRID, blobDetector=_create_dot_detector(grey.size)
         )
         if found:
             points = _refine_dot_centres(grey, np.asarray(points, dtype=float).reshape(-1, 2))
@@ -267,10 +266,10 @@ def _spacing(points: NDArray[np.float64]) -> float:
     return float(np.median(apart.min(axis=1)))
 
 
-def _create_dot_detector() -> Any:
+def _create_dot_detector(n_pixels: int) -> Any:
     wanted = cv2.SimpleBlobDetector.Params()
-    wanted.minArea, wanted.maxArea = LEAST_DOT_PX2, MOST_DOT_PX2
-    wanted.minDistBetweenBlobs = LEAST_DISTANCE_PX
+    wanted.minArea, wanted.maxArea = 0.25 * np.pi * LEAST_DOT_PX**2, n_pixels / 3.0
+    wanted.minDistBetweenBlobs = LEAST_DOT_PX
     return cv2.SimpleBlobDetector.create(wanted)
 
 

@@ -94,8 +94,7 @@ of 0.002 px is a small part of that, and asking for it loses frames."""
 MAX_ITERATIONS = 80
 """Most fits take two; where noise in the template holds a body of weak texture back, the steps shrink slowly."""
 FAR_PX = MARGIN_PX - HALF_TAPS - 2  # a fit that ends further than this from where it began is repeated from there
-CHANGE_ROUNDS = 5  # fits of a frame, each under the light and scale of the one before
-LIGHT_ROUNDS = 4  # of them at most, that look at local light: choice
+CHANGE_ROUNDS = 5  # fits of a frame, each under the scale, or the local light, of the one before: choice
 QUIET = 0.7
 """The residuals of a body may be quieter than the still frames by this factor, since darker parts of a picture are."""
 
@@ -213,7 +212,7 @@ class IcgnFitter:
             if not result.converged or not self._update_slow_changes(result):
                 break
             result = self._fit_pose(coefficient, (y0, x0), result.pose, hidden)
-        for k in range(0 if self._clipped else LIGHT_ROUNDS):
+        for k in range(0 if self._clipped else CHANGE_ROUNDS):
             if not result.converged or not self._light.update(
                 result, self._work[1], self._work[2], self._changes, k == 0
             ):

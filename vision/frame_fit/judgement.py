@@ -33,7 +33,7 @@ LEAST_LIGHT, SAME_LEVEL, SAME_INLIER = 0.25, 1.3, 0.9
 """Unless only the light has changed, by the first factor at most: then the mean grey value has changed with the
 contrast (out of focus it does not), up to the second, and at least this share of the pixels agrees, as well as before.
 """
-COVERED_SHARE = 0.1  # share of visible pixels that do not agree; noise alone makes 0.003
+COVERED_SHARE = 0.1  # of the visible pixels that do not agree, or stop agreeing in a row; noise alone makes 0.003
 LOW_CORRELATION, ODD_GAIN = int(FrameFlag.LOW_CORRELATION), int(FrameFlag.ODD_GAIN)
 FEW_INLIERS, JUMP = int(FrameFlag.FEW_INLIERS), int(FrameFlag.JUMP)
 NO_COVARIANCE, COVERED = int(FrameFlag.NO_COVARIANCE), int(FrameFlag.COVERED)

@@ -144,7 +144,8 @@ def _matched_difference(
 LONGEST = 16  # frames of the windows whose means are compared, from 1 on in powers of two: slow motion shows in them
 GUARD = 2  # frames left out before a motion that is seen
 SCATTER_FRAMES = 12  # least static frames whose own scatter of poses is used
-FIRST, FIRST_LIMIT = 4, 8.0  # with fewer frames before it, only gross motion ends the run
+FIRST_AVERAGED = 4  # frames of the first average, by which the still frames are counted
+FIRST_LIMIT = 8.0  # standard deviations at which motion begins with fewer frames before it: only gross motion
 
 
 def count_still_frames(pose: NDArray[np.float64], u_pose: NDArray[np.float64]) -> int:
@@ -170,7 +171,7 @@ def count_still_frames(pose: NDArray[np.float64], u_pose: NDArray[np.float64]) -
             late = (total[end] - total[start]) / window
             early = total[start] / start
             spread = typical * np.sqrt(1.0 / window + 1.0 / start)
-            limit = SURE_U if start >= FIRST else FIRST_LIMIT
+            limit = SURE_U if start >= FIRST_AVERAGED else FIRST_LIMIT
             if np.any(np.abs(late - early) > limit * spread):
                 return max(1, start - window - GUARD)
             window *= 2

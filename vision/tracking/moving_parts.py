@@ -37,14 +37,15 @@ from vision.results.pose_table import PoseTable, pose_difference
 from vision.uncertainty.coherence import inflate_covariance
 
 TILE_PX = 24  # side of a tile
-LEAST_PIXELS = 150  # of a tile that is fitted by itself
+LEAST_PIXELS = TILE_PX**2 // 4  # of a tile that is fitted by itself: a quarter of it
 ROWS = 24  # of a body that are looked at, spread over its way
 ITERATIONS = 6  # of a tile's fit
 FITTED_PX = 0.02  # last step of a tile's fit, where it ends: a twenty-fifth of the least shift that counts
 MOST_LEFT, LEFT_CONTRAST = 2.5, 0.03  # of the noise's variance and of the texture's: a tile that fits leaves no more
 SEEN = 0.8  # share of a tile that lies in the picture
 MOST_GAIN = 2.5  # of the light: another surface has more, or less
-MOST_STEP_PX, MOST_TURN_RAD = 4.0, 0.15  # further from its last place a tile is not looked for
+MOST_STEP_PX = 4.0  # further from its last place a tile is not looked for
+MOST_TURN_RAD = MOST_STEP_PX / TILE_PX  # by which its rim moves about as far
 LEAST_PX, LEAST_U = 0.5, 6.0  # a tile has moved, a body sags, by more, and by more standard uncertainties
 EXPLAINED = 0.5  # share of what is left, beyond noise or a rigid motion, that a shift or a sag must explain
 OFTEN = 0.25  # share of the rows in which it has

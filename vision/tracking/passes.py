@@ -30,7 +30,7 @@ from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.icgn import IcgnFitter
 from vision.fitting.pose_covariance import predicted_u_angle
 from vision.fitting.template import Template, build_template
-from vision.frame_fit.judgement import SAME_INLIER
+from vision.frame_fit.judgement import COVERED_SHARE, SAME_INLIER
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FAILURE, FrameFlag
 from vision.results.pose_table import PoseTable, pose_difference, rotate_covariance
@@ -49,8 +49,6 @@ from vision.tracking.workers import wait_for_result, workers
 from vision.uncertainty.coherence import inflate_covariance, variance_factor
 
 BEFORE, AFTER = 12, 4  # rows before and after a doubtful row that are confirmed with it
-INLIER_CHANGE = 0.12
-"""Share of the pixels that may stop agreeing from one row to the next; more means that something covers the body."""
 SAME_PX = 0.5  # furthest that two fits of the same pixels are apart at the rim of a body
 
 
@@ -167,7 +165,7 @@ def doubtful_segments(table: PoseTable) -> list[tuple[int, int]]:
     seen = np.where(np.isfinite(table.inlier), table.inlier, 0.0)
     for row in np.flatnonzero(repeated.any(axis=1)):
         seen[row] = seen[row - 1]
-    doubt[1:] |= np.abs(np.diff(seen, axis=0)) > INLIER_CHANGE
+    doubt[1:] |= np.abs(np.diff(seen, axis=0)) > COVERED_SHARE
     wide = np.zeros(n, dtype=bool)
     for row in np.flatnonzero(doubt.any(axis=1)):
         wide[max(0, row - BEFORE) : row + AFTER + 1] = True

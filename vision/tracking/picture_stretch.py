@@ -31,13 +31,13 @@ from vision.reference.prepared_film import PreparedFilm
 from vision.reference.rectified_film import sample_spline
 from vision.results.pose_table import PoseTable
 from vision.tracking.options import FitSettings
+from vision.tracking.sensor_pattern import MOST_ROWS
 
 LEVEL = 1e-5  # probability that pixels are said not to be square of a film where they are
 U_NOT_STATED = 0.004
 """Of the pixel aspect of a file that does not state one. Nearly all cameras have square pixels; a picture that was
 resized is found by this test, and where texture and turn cannot tell, 2 % are within 5 u."""
 U_STATED = 0.0005  # of a stated one, or of a sensor's own pixels: what a lens and its mount add
-MOST_ROWS = 96  # of each body
 LEAST_ROWS = 4  # of a body: its own strain and that of its speed are fitted too
 LEAST_INLIER = 0.97
 """Share of a row's pixels that agree with the fit; 0.997 of white noise do. In others something else changes it:

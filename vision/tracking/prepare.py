@@ -31,7 +31,7 @@ from vision.reference.camera_faults import (
 from vision.reference.first_light import check_first_light
 from vision.reference.prepared_film import PreparedFilm
 from vision.reference.rectified_film import RectifiedFilm
-from vision.reference.still_average import Reference, average_still_frames, count_still_frames
+from vision.reference.still_average import FIRST_AVERAGED, Reference, average_still_frames, count_still_frames
 from vision.reference.temporal_noise import estimate_delay_frames
 from vision.tracking.film_tracker import FilmTracker, track_first_frames
 from vision.tracking.options import MAX_PIXELS
@@ -40,7 +40,6 @@ from vision.tracking.sensor_pattern import PatternCorrectedFilm
 WANTED_STILL = 10  # static frames that a reference should average
 U_FIELD_ORDER = 0.5 / math.sqrt(2.0)
 """Frames: the even rows of interlaced frames are exposed at their time or half a frame later."""
-FIRST_AVERAGED = 4  # frames averaged for the first templates, with which the still frames are counted
 
 
 def prepare(

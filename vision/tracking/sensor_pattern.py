@@ -32,7 +32,7 @@ from vision.tracking.film_tracker import FilmTracker
 INSIDE = 0.999  # of an interpolated mask: all four pixels around lie in the body, but for rounding
 MOVED_PX = 1.5  # in the middle or half way to the rim, from which a body has moved: a grain of texture and more
 LEAST_ROWS = 8  # of a body that has moved, for their median: choice
-MOST_ROWS = 120  # of each body that are looked at: the pattern is then known to a tenth of the noise
+MOST_ROWS = 100  # of each body that are looked at: the pattern is then known to a tenth of the noise
 SCATTER = 1.6  # of a pixel's differences over what noise and pattern explain: more, and something else moves there
 APART_PX = 3.0  # between the least and the most moved third of the rows: other texture lies there then
 COMMON = 0.7  # of the pattern's power, that both of these thirds show: what comes from the body, they do not
