@@ -33,15 +33,16 @@ from rig.simulated.bench.plant import ActionPlant, load_plant
 from validation.conventions import Array
 from validation.errors import ValidationError
 from validation.infer.blocks import INSTRUMENT, Block
-from validation.infer.budget import CONVERGED, Budget, End
+from validation.infer.budget import BIFURCATION, CONVERGED, Budget, End
 from validation.infer.channels import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL
 from validation.infer.estimates import IDENTIFIED, LACKING, NORMAL, estimate_all
 from validation.infer.fit import Fitted, fit_multistart
 from validation.infer.further import HALF_KNOWN, SENSORS, Candidate, Prospect, further, prospects
 from validation.infer.hypotheses import ADDED, list_addable_effects
+from validation.infer.identifiability import directions
 from validation.infer.identify import FIT_SHARE, LEAST_EFFECT_RAD, default_budget_s
 from validation.infer.lacks import SIZE_U, find_supported_estimates, fit_with_change
-from validation.infer.noise import Sizes, select_noise_model
+from validation.infer.noise import LEAST, Marginal, Sizes, select_noise_model
 from validation.infer.observations import (
     ObservedTrial,
     observe,
@@ -49,7 +50,7 @@ from validation.infer.observations import (
 from validation.infer.problem import Columns, Problem, linear_residuals, make_problem_at_start
 from validation.infer.response import ModelResponse
 from validation.infer.scatter import factors, lacking
-from validation.infer.unknowns import Parameter, Unknowns, unknowns
+from validation.infer.unknowns import LAW_U, Parameter, Unknowns, unknowns
 from validation.measurement.trial import measure
 from validation.prediction.model_under_test import ModelUnderTest
 
@@ -176,7 +177,7 @@ def acting_laws(kinds: tuple[str, ...]) -> tuple[str, ...]:
 def freed(start: model.Action, options: Any, rng: np.random.Generator) -> Unknowns:
     """What is free in one experiment."""
     if not options.free:
-        return unknowns(start, options.asked)
+        return unknowns(start, options.asked, getattr(options, "fixed", ()))
     some = rng.choice(acting_laws(tuple(options.kinds)), options.free, replace=False)
     return unknowns(start, [str(name) for name in some], ["*"])
 
@@ -203,8 +204,10 @@ def experiment(cell: str, k: int, options: Any) -> dict[str, Any]:
     start = model.load_action()
     free = freed(start, options, rng)
     truth, specimen = drawn_truth(start, free, options.spread, rng)
-    sensors, seed, began = Sensors(rng), int(rng.integers(1, 10**6)), time.process_time()
+    sensors, seed = Sensors(rng), int(rng.integers(1, 10**6))
     profiled = str(rng.choice([p.name for p in free.asked]))
+    if cell in LACKS:
+        specimen = planted(cell, start, free, options, rng)[3](specimen)
     trials: list[ObservedTrial] = []
     try:
         for i, kind in enumerate(options.kinds):
@@ -213,31 +216,42 @@ def experiment(cell: str, k: int, options: Any) -> dict[str, Any]:
             else:
                 data = played(specimen, kind, options.trials, sensors, rng)
             trials += observed(kind, i, data)
+        began = time.process_time()
         problem = problem_of(start, free, trials)
         budget = Budget(default_budget_s(problem))
         fits = fit_multistart(problem, 1, None, budget.fraction(FIT_SHARE))
         fitted = fits[0]
         fit_s = time.process_time() - began
         found = estimate_all(problem, fitted, [profiled], lambda text: None, budget=budget)
+        spent_s = time.process_time() - began
+        at_best = fisher_covariance(problem, fitted, truth_z(free, truth, sensors))
     except (ModelError, RigError, ValidationError) as error:
         return {"failed": str(error)}
-    rows = []
-    for e in found:
+    n, names, rows = len(found), [e.name for e in found], []
+    known, could = (len(directions(names, c)[1]) for c in (fitted.covariance[:n, :n], at_best))
+    for j, e in enumerate(found):
         p = next(p for p in free.asked if p.name == e.name)
         true = p.physical(start, truth[e.name])
         rows.append(
             {
                 "name": e.name, "true_z": truth[e.name], "z": e.z, "u": e.z_u, "u_lacking": e.u_form,
                 "u_jackknife": e.u_jackknife, "inside": bool(e.low <= true <= e.high), "profiled": e.profiled,
-                "interval": e.interval, "verdict": e.verdict,
+                "interval": e.interval, "verdict": e.verdict, "fisher": float(np.sqrt(at_best[j, j])),
             }
         )  # fmt: skip
     return {
         "estimates": rows, "converged": fitted.converged, "end": str(fitted.end), "steps": sum(f.steps for f in fits),
-        "fits": len(fits),
-        "lacking": lacking(fitted),
-        "processor_s": time.process_time() - began, "fit_s": fit_s,
+        "fits": len(fits), "lacking": lacking(fitted), "processor_s": spent_s, "fit_s": fit_s,
+        "known": known, "could": could, "cut": len(fitted.bifurcations),
     }  # fmt: skip
+
+
+def fisher_covariance(problem: Problem, fitted: Fitted, z: Array) -> Array:
+    """Covariance (n, n) of the requested parameters by the Fisher information at the truth z, noise as it was made."""
+    n, sizes = len(problem.unknowns.asked), fitted.marginal.sizes
+    none = [np.full_like(part, LEAST) for part in (sizes.by_family, sizes.own, sizes.common)]
+    none[0][:2] = SCATTER / LAW_U  # frictions scatter, nothing else does
+    return Marginal(Columns(problem).blocks(z), Sizes(sizes.families, *none)).covariance[:n, :n]
 
 
 LACKS = {
@@ -358,6 +372,62 @@ def main(run: Run) -> bool:
         (table_in_spite if c in lacks else table)(c, [row for key, row in kept if key[0] == c]) for c in run.cells
     ]
     return all(tables)
+
+
+FRICTIONS = ["contact01.friction", "contact04.friction", "contact07.friction", "contact10.friction"]
+DESIGNS: tuple[dict[str, Any], ...] = (
+    {"kinds": ["forte", "piano"], "free": 5, "trials": 5},
+    {"kinds": ["forte"], "asked": FRICTIONS, "trials": 5},
+    {"kinds": ["forte"], "free": 8, "trials": 5},
+    {"kinds": ["piano"], "free": 5, "trials": 10},
+    {"cell": "shank", "kinds": ["forte"], "asked": ["hammer.joint_friction"], "trials": 5},
+    {"kinds": ["double"], "free": 12, "trials": 10},
+    {"kinds": ["piano"], "asked": FRICTIONS, "trials": 10},
+    {"kinds": ["slow", "mf"], "free": 8, "trials": 5},
+    {"cell": "shank", "kinds": ["forte"], "asked": FRICTIONS, "trials": 10},
+    {"kinds": ["piano"], "asked": FRICTIONS, "trials": 5, "fixed": ["*"]},
+    {"kinds": ["fortissimo"], "free": 5, "trials": 10},
+    {"cell": "shank", "kinds": ["piano"], "asked": FRICTIONS[:2], "trials": 5},
+)
+"""Experiments in turn: many laws, soft strokes, four frictions beside all else, an action that lacks the shank."""
+EASY = (0, 2, 5, 7, 10, 3)  # of them, after the first turns: more values
+ALLOWED = 1.3  # of u by the Fisher information at the truth
+
+
+def identify_ends(run: Run) -> bool:
+    """How does `identify` end, how near is u to what the Fisher information allows, how often do values hold?
+
+    Right: 20 of the first 24 experiments converge or end at a bifurcation, none takes more than 60 s of processor time.
+    """
+
+    def one(k: int, seed: int) -> dict[str, Any]:
+        own = DESIGNS[k % len(DESIGNS) if k < run.sessions else EASY[k % len(EASY)]]
+        plain = {"cell": "nothing", "free": 0, "asked": [], "fixed": [], "spread": 0.5, "seed": seed}
+        options = SimpleNamespace(**{**plain, **own})
+        return experiment(options.cell, k, options) | {"cell": options.cell}
+
+    kept = [row for _, row in run.cases([(k, run.seed) for k in range(run.sessions + run.more)], one)]
+    kept = [row for row in kept if "failed" not in row]
+    first = kept[: run.sessions]
+    ends = Counter(str(row["end"]).partition(":")[0] for row in first)
+    settled = ends[CONVERGED] + ends[BIFURCATION]
+    most = max((row["processor_s"] for row in first), default=0.0)
+    table("all", kept)
+    right = [row for row in first if row["cell"] == "nothing"]
+    worst = [max(e["u"] / e["fisher"] for e in row["estimates"]) for row in right]
+    ratios = np.array([e["u"] / e["fisher"] for row in kept if row["cell"] == "nothing" for e in row["estimates"]])
+    known = [e for row in kept for e in row["estimates"] if e["verdict"] == IDENTIFIED]
+    held, near = sum(abs(e["z"] - e["true_z"]) < 2.0 * e["u"] for e in known), int(np.sum(ratios <= ALLOWED))
+    low, high = interval(held, len(known))
+    run.figure(
+        "identify-ends",
+        f"{settled} of {len(first)} converged or at a bifurcation, at most {most:.0f} s of processor time; u at most "
+        f"{ALLOWED} x what Fisher information at the truth allows in {sum(w <= ALLOWED for w in worst)} of "
+        f"{len(right)} experiments, {near} of {ratios.size} values (median {np.median(ratios):.2f}); "
+        f"directions known {sum(r['known'] for r in right)} for {sum(r['could'] for r in right)}; known values within "
+        f"2 u: {held} of {len(known)} ({100 * low:.1f} to {100 * high:.1f} %)",
+    )
+    return most <= 60.0 and 24 * settled >= 20 * len(first)
 
 
 NEAR = 0.2

@@ -89,7 +89,7 @@ def command(
         float | None,
         typer.Option(
             "--budget",
-            help="Processor time, s; by default 4 s a trial, at least 40. At its end, or at Ctrl-C, the best so far.",
+            help="Processor time, s; by default 5 s a trial, at least 50. At its end, or at Ctrl-C, the best so far.",
             min=1.0,
             metavar="SECONDS",
         ),

@@ -24,6 +24,7 @@ from validation.infer.noise import (
     FLOOR,
     LEAST_DAMPING,
     MARQUARDT,
+    ROUGH_FLOOR,
     Marginal,
     OwnModes,
     Sizes,
@@ -61,6 +62,7 @@ PROBES = ((0.3, 0.5), (0.03, 0.0))  # posterior u of a probe of nonlinearity; sh
 BENT = 2.8  # of a sample's noise: twice the error of a difference; more is a bifurcation of the motion
 MOST_BENT = 1 / 3  # of the trials: more with a bifurcation in their first half are an error of the model
 PARTS = (0.4, 0.7, 1.0)  # of each trial, fitted in turn
+FEW = 2  # trials of each session that are followed first, where they are no more than half of all
 MAX_CONTINUED = 2  # starts that are continued with each trial at its own mode
 
 
@@ -146,7 +148,7 @@ def fit(
         raise ValidationInputError("identify: the model cannot run at the start; use other values (`overrides`)")
     columns = Columns(problem) if columns is None else columns
     sizes, steps, idle = (Sizes.tight if tight else Sizes.start)(problem.families, problem.seen), 0, 0
-    floor, damping, learnt = (FLOOR if tight else FIRST_FLOOR), 0.0, False
+    floor, damping, learnt = (ROUGH_FLOOR if tight else FIRST_FLOOR), 0.0, False
     last: tuple[Array, list[Array], Marginal, list[Array], list[Array]] | None = None
     asked, watched = np.arange(len(problem.unknowns.asked)), np.arange(z.size) if tight else problem.watched
     end, near, largest = End(OUT_OF_BUDGET, "its steps did not become small"), False, np.inf
@@ -164,15 +166,15 @@ def fit(
             lacks = not tight and float(marginal.sizes.discrepancy.max()) > SLIGHT
             is_left = leave and near and (largest < NEAR or lacks)
             if near and not is_left and (largest < CLOSE or idle) and not learnt:
-                marginal, learnt = select_noise_model(blocks, linear, marginal.sizes, LAST_ROUNDS, not tight), True
+                marginal = select_noise_model(blocks, linear, marginal.sizes, LAST_ROUNDS, not tight, ROUGH_FLOOR)
+                learnt = True
                 largest = find_largest_step(marginal, here, z, (low, high), watched)
             sizes, last = marginal.sizes, (z, curves, marginal, linear, here)
-            limit = MAX_TIGHT_STEPS if tight else MAX_STEPS
             if is_left or (learnt and near and largest < CLOSE):
                 end = End(CONVERGED)
                 break
             lost = tight and steps >= HOPELESS_STEPS and _cost_per_datum(marginal, here, z) > HOPELESS
-            if lost or steps == limit or idle == 2 or budget.is_spent:
+            if lost or steps == (MAX_TIGHT_STEPS if tight else MAX_STEPS) or idle == 2 or budget.is_spent:
                 break
             steps += 1
             attempt = _search_damping(problem, marginal, here, z, damping)
@@ -186,13 +188,13 @@ def fit(
             elif near and not idle:
                 break
             damping, worth = attempt.damping, attempt.bent
-            floor = max(FLOOR, 0.5 * (worth if attempt.curves is not None else min(worth, floor)))
-            damping = damping / MARQUARDT if damping > LEAST_DAMPING and worth > FLOOR else 0.0
+            floor = max(ROUGH_FLOOR, 0.5 * (worth if attempt.curves is not None else min(worth, floor)))
+            damping = damping / MARQUARDT if damping > LEAST_DAMPING and worth > ROUGH_FLOOR else 0.0
     if last is None:
         raise KeyboardInterrupt
     z, curves, marginal, linear, here = last
     if tight:
-        marginal = learn(marginal.blocks, linear, marginal.sizes, ROUNDS)
+        marginal = learn(marginal.blocks, linear, marginal.sizes, ROUNDS, ROUGH_FLOOR)
     remaining = box_step(marginal, here, z, (low, high), 0.0)
     within = bool(np.max(np.abs(remaining[asked]) / marginal.width[asked], initial=0.0) < WITHIN)
     if end.kind == OUT_OF_BUDGET and near and within and not budget.is_spent:
@@ -573,11 +575,7 @@ def fit_multistart(problem: Problem, n: int = 1, say: Say | None = None, budget:
     pilots.sort(key=lambda pilot: pilot[0].badness)
     fits: list[Fitted] = []
     for pilot, share in pilots[:MAX_CONTINUED]:
-        first = None
-        with budget.interruptible():
-            first = fit_alike(problem, pilot.z, pilot.marginal.sizes)
-        first = first or fit_alike(problem, pilot.z, pilot.marginal.sizes)  # Ctrl-C keeps what the pilots found
-        fits.append(fit_conditional(problem, first, say, budget, share))
+        fits.append(_continue_pilot(problem, pilot, share, say, budget))
         if (fits[-1].converged and fits[-1].is_slight) or budget.is_spent:
             break
     best = max(fits, key=lambda f: (f.converged, -f.badness))
@@ -606,14 +604,31 @@ def _fit_pilots(problem: Problem, start: Array, say: Say, budget: Budget) -> lis
     return pilots
 
 
-def _typical_trials(trials: Sequence[ObservedTrial]) -> list[int]:
-    """Index of the trial of each session that is nearest to the median of its trials."""
+def _continue_pilot(problem: Problem, pilot: Fitted, share: float, say: Say, budget: Budget) -> Fitted:
+    """Fit of all trials, each at its own mode, from a pilot's values; of few trials first, whose steps cost less."""
+    few, at = _typical_trials(problem.trials, FEW), pilot
+    if 2 * len(few) <= len(problem.trials):
+        say(f"fit of {len(few)} of {len(problem.trials)} trials")
+        some = problem.of_trials(few)
+        with budget.interruptible():
+            at = fit_conditional(some, fit_alike(some, at.z, at.marginal.sizes), say, budget, share)
+        if len(at.bifurcations) < len(few):  # not all of them were left out before their end
+            share = 1.0
+    first = None
+    with budget.interruptible():
+        first = fit_alike(problem, at.z, at.marginal.sizes)
+    first = first or fit_alike(problem, at.z, at.marginal.sizes)  # Ctrl-C keeps what was found before
+    return fit_conditional(problem, first, say, budget, share)
+
+
+def _typical_trials(trials: Sequence[ObservedTrial], n: int = 1) -> list[int]:
+    """Indices of the ``n`` trials of each session that are nearest to the median of its trials."""
     out = []
     for session in dict.fromkeys(t.session for t in trials):
         those = [k for k, t in enumerate(trials) if t.session == session]
         change = np.array([trials[k].change_rad for k in those])
         away = np.nansum(np.abs(change - np.nanmedian(change, axis=0)), axis=(1, 2))
-        out.append(those[int(np.argmin(away))])
+        out += [those[int(i)] for i in np.argsort(away, kind="stable")[:n]]
     return out
 
 
@@ -624,7 +639,7 @@ def fit_alike(problem: Problem, z: Array, sizes: Sizes | None = None) -> Fitted:
         raise ValidationInputError("identify: the model cannot run at the start; use other values (`overrides`)")
     linear, here = linear_residuals(problem, blocks, curves, z), residuals(problem.trials, curves)
     sizes = Sizes.start(problem.families, problem.seen) if sizes is None else sizes
-    marginal = learn(blocks, linear, sizes, ROUNDS)
+    marginal = learn(blocks, linear, sizes, ROUNDS, ROUGH_FLOOR)
     return Fitted(z, curves, marginal, linear, marginal.objective(here, z), 1, End(OUT_OF_BUDGET))
 
 

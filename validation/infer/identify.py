@@ -39,7 +39,7 @@ PROVISIONAL = (
     "(docs/explanation/identification.md)"
 )
 MOST_ASKED = 25  # values at once: how often intervals of more hold the truth was not counted
-BUDGET_S_PER_TRIAL, LEAST_TRIALS, LEAST_ASKED = 4.0, 10, 12
+BUDGET_S_PER_TRIAL, LEAST_TRIALS, LEAST_ASKED = 5.0, 10, 12
 """Processor time by default: ten linearisations of 0.25 s a trial, and as much for runs, profiles and the rest."""
 FIT_SHARE = 0.75  # of the budget; profiles and changes of the model have the rest
 SAME = 6.0  # of twice the log likelihood: starts that end this close have found the same minimum

@@ -30,7 +30,8 @@ SCALES_S = (3e-3, 3e-2, 0.3)
 FAMILIES = ("friction of contacts", "friction of joints", "damping", "stiffness", "springs")
 LEAST = 1e-6  # of the response: a component's size below it is none
 NOT_SEEN, HELD = 1.5 * LEAST, 0.01  # of a channel that was not measured: its size, standard deviation of the logarithm
-FLOOR = 2e-3  # of the response: no model is taken to be closer, and no linear model of it is
+FLOOR = 1e-4  # of the response: least discrepancy of a converged fit; at its median as large as the error of runs
+ROUGH_FLOOR = 2e-3  # of the response: the same on the way and under the null, where the linear model is no closer
 # prior of a size: median, standard deviation of its natural logarithm; learning starts there but for the scatter
 SCATTER_PRIOR, SCATTER_SD = 0.05, 1.1  # 1.5 % of a law whose prior is 30 %, to a factor of three
 SCATTER = 0.07  # where learning starts
@@ -84,12 +85,12 @@ class Sizes:
     def null(families: NDArray[np.intp], own: float) -> Sizes:
         """Variance components without model discrepancy, for encoders; each trial deviates by the share ``own``."""
         seen = np.isin(range(len(CHANNEL_NAMES)), ENCODERS).astype(float)[None]
-        return Sizes._fill(families, seen, NULL_SCATTER, own, FLOOR)
+        return Sizes._fill(families, seen, NULL_SCATTER, own, ROUGH_FLOOR)
 
     @staticmethod
     def tight(families: NDArray[np.intp], seen: Array) -> Sizes:
         """Start values with a very small discrepancy, with which a fit follows the data closely."""
-        return Sizes._fill(families, seen, SCATTER, 2.0 * FLOOR, 2.0 * FLOOR)
+        return Sizes._fill(families, seen, SCATTER, 2.0 * ROUGH_FLOOR, 2.0 * ROUGH_FLOOR)
 
     @staticmethod
     def _fill(families: NDArray[np.intp], seen: Array, scatter: float, own: float, common: float) -> Sizes:
@@ -647,7 +648,12 @@ def _take_step(marginal: Marginal, residuals: Sequence[Array], floor: float) -> 
 
 
 def select_noise_model(
-    blocks: Sequence[Block], residuals: Sequence[Array], sizes: Sizes, rounds: int, anew: bool = True
+    blocks: Sequence[Block],
+    residuals: Sequence[Array],
+    sizes: Sizes,
+    rounds: int,
+    anew: bool = True,
+    floor: float = FLOOR,
 ) -> Marginal:
     """The likelier model of two, learnt from these sizes and, ``anew``, from next to no discrepancy.
 
@@ -656,13 +662,13 @@ def select_noise_model(
     """
     seen = (sizes.own > NOT_SEEN).astype(float)
     starts = [sizes, *([Sizes.tight(sizes.families, seen)] if anew else [])]
-    learnt = [learn(blocks, residuals, start, rounds) for start in starts]
+    learnt = [learn(blocks, residuals, start, rounds, floor) for start in starts]
     best = max(learnt, key=lambda m: m.log_evidence(residuals))
     if len(best.roots) == 1:
         return best
     score = held_out_score(best, residuals)
     for factor in GROWN:
-        other = Marginal(blocks, best.sizes.grown(factor).at_least(FLOOR), best.parts)
+        other = Marginal(blocks, best.sizes.grown(factor).at_least(floor), best.parts)
         found = held_out_score(other, residuals)
         if found > score + (SMALLER if factor < 1.0 else 0.0):
             best, score = other, found
