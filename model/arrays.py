@@ -16,7 +16,8 @@ from model.errors import InputError
 
 
 def as_numbers(values: ArrayLike, where: str, ndim: int | None = None, dtype: DTypeLike = np.float64) -> NDArray[Any]:
-    """``values`` as an array of ``dtype``; ``InputError`` where they are no real numbers, or not whole as asked.
+    """``values`` as an array of ``dtype`` with ``ndim`` dimensions (None: any); else `InputError`, which begins with
+    ``where``.
 
     What a mask hides is NaN; ``ndim`` is the number of dimensions allowed, by default any.
     """

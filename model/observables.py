@@ -24,7 +24,7 @@ def _column(angle_rad: ArrayLike, body: str) -> NDArray[np.float64]:
 
 
 def hammer_height_from_angle(action: ActionLike, hammer_rad: ArrayLike) -> NDArray[np.float64]:
-    """Distance from the hammer's striking surface to the string, 0 at touch; from the hammer's angle alone.
+    """Distance (m) from the hammer's striking surface to the string, 0 at touch; from the hammer's angle alone.
 
     Parameters
     ----------
@@ -59,7 +59,8 @@ def hammer_height_from_angle(action: ActionLike, hammer_rad: ArrayLike) -> NDArr
 def hammer_height_m(
     action: ActionLike, angle_rad: ArrayLike, shank_rad: ArrayLike | None = None, give_m: ArrayLike | None = None
 ) -> NDArray[np.float64]:
-    """Distance from the hammer's striking surface to the string, 0 at touch.
+    """Distance from the hammer's striking surface to the string, 0 at touch, at angles (..., 5), with the shank's bend
+    and what the pivot gives (..., 2).
 
     Where the shank bends, ``shank_rad`` is the head's angle from the straight shank; without it the height is that of a
     straight hammer, which is what an encoder at the pivot tells.
@@ -100,7 +101,8 @@ def hammer_height_m(
 
 
 def head_height_m(action: ActionLike, coordinates: Sequence[str], rows: ArrayLike) -> NDArray[np.float64]:
-    """Distance of the hammer's head from the string, with shank bending and joint compliance.
+    """Distance of the hammer's head from the string, with shank bending and joint compliance, at ``rows`` (..., k) of
+    the named coordinates.
 
     Parameters
     ----------
@@ -135,7 +137,7 @@ def head_height_m(action: ActionLike, coordinates: Sequence[str], rows: ArrayLik
 def head_approach_m_per_s(
     action: ActionLike, coordinates: Sequence[str], rows: ArrayLike, rates: ArrayLike
 ) -> NDArray[np.float64]:
-    """Speed of the hammer's head towards the string: the rate of `head_height_m`, by differences of order four.
+    """Speed of the hammer's head towards the string, at ``rows`` (..., k) of the named coordinates and their rates.
 
     Parameters
     ----------
@@ -199,7 +201,8 @@ def string_normal_component(action: ActionLike, way: ArrayLike) -> NDArray[np.fl
 
 
 def encoder_rad(angle_rad: ArrayLike, lift_m: ArrayLike, radius_m: float) -> NDArray[np.float64]:
-    """What an optical scale on a turning body reads when its centre has risen.
+    """Reading of an optical scale of a radius on a turning body whose centre has risen: too small a turn while a key is
+    down.
 
     The sensor stands on the key's front side, so that a lift reads as if the front had risen: too small a rotation
     while the key is down, as in the thesis (3.2.2).
@@ -225,7 +228,7 @@ def encoder_rad(angle_rad: ArrayLike, lift_m: ArrayLike, radius_m: float) -> NDA
 
 
 def key_front_height_m(action: ActionLike, angle_rad: ArrayLike) -> NDArray[np.float64]:
-    """Height of the point of the key where the force acts, in the ground frame.
+    """Height of the point of the key where the force acts, in the ground frame, at angles (m, 5).
 
     Parameters
     ----------
@@ -251,7 +254,7 @@ def key_front_height_m(action: ActionLike, angle_rad: ArrayLike) -> NDArray[np.f
 
 
 def key_dip_m(action: ActionLike, angle_rad: ArrayLike, rest_rad: ArrayLike | None = None) -> NDArray[np.float64]:
-    """How far the key front has gone down from rest.
+    """How far the key front has gone down from rest, at angles (m, 5); rest is by default the first row.
 
     Parameters
     ----------
@@ -279,7 +282,7 @@ def key_dip_m(action: ActionLike, angle_rad: ArrayLike, rest_rad: ArrayLike | No
 
 
 def key_front_gap_m(action: ActionLike, angle_rad: ArrayLike) -> NDArray[np.float64]:
-    """Gap between the key's underside and the felt under its front, 0 at first touch.
+    """Gap between the key's underside and the felt under its front, 0 at first touch, at angles (m, 5).
 
     Parameters
     ----------
@@ -311,7 +314,7 @@ def key_front_gap_m(action: ActionLike, angle_rad: ArrayLike) -> NDArray[np.floa
 
 
 def capstan_gap_m(action: ActionLike, angle_rad: ArrayLike) -> NDArray[np.float64]:
-    """Gap between capstan and whippen heel.
+    """Gap between capstan and whippen heel, negative where pressed, at angles (m, 5).
 
     Parameters
     ----------

@@ -95,7 +95,8 @@ def content_sha256(*values: Any, known: dict[int, bytes] | None = None) -> str:
 
 
 def _update_digest(digest: Any, value: Any, known: dict[int, bytes]) -> None:
-    """Add a value to ``digest``, with kind and length, so that no two values look alike; ``known`` caches digests."""
+    """Add a value to the hash ``digest``, with kind and length, so that no two values look alike; ``known`` caches
+    digests by id."""
     if isinstance(value, np.ndarray) or is_dataclass(value):
         if id(value) not in known:
             known[id(value)] = _content_digest(value, known)
@@ -154,7 +155,8 @@ def make_jobs(
     options: ForceDrivenOptions,
     initial: RestState | None = None,
 ) -> list[Job]:
-    """Jobs of every parameter set with every trial, in that order; a job of wrong input holds its error.
+    """Jobs of every parameter set (label -> path -> value) with every trial (name -> times s, forces N, or a record),
+    in that order; a job of wrong input holds its error.
 
     Parameters
     ----------
@@ -277,7 +279,8 @@ def prepare_run(job: Job) -> tuple[ForceDrivenRun, State]:
 
 
 def run_job(job: Job, sha256: str) -> Member:
-    """Compute one job, the same to the last bit as ``model.simulate`` with the same input; the member holds its error.
+    """Compute one job, the same to the last bit as ``model.simulate`` with the same input; the member carries
+    ``sha256`` and holds a solution or the error.
 
     Parameters
     ----------

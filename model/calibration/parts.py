@@ -32,7 +32,8 @@ SMALLEST_LOSS = 1e-9  # of the speed: below this damping cannot be distinguished
 
 
 def check_numbers(what: str, values: Mapping[str, float], uncertainties: Mapping[str, float], unit: str = "") -> None:
-    """Refuse values that are not above 0 and standard uncertainties that are negative."""
+    """Raise `InputError`, which begins with ``what``, for values by name that are not above 0 and standard
+    uncertainties below 0."""
     unit = f" {unit}" if unit else ""
     for name, value in values.items():
         if not (math.isfinite(value) and value > 0.0):

@@ -66,7 +66,8 @@ def mean_normal_speeds(
     speed_rad_per_s: ArrayLike | None = None,
     rest_share: float = REST_SHARE,
 ) -> MeanSpeeds:
-    """Average the absolute normal speed of each contact, while pressed, along a motion: angles and speeds (n, 5).
+    """Mean absolute normal speed of each contact along a motion, (n, 5) angles and speeds, while pressed and above
+    ``rest_share`` of its largest.
 
     Parameters
     ----------

@@ -35,8 +35,8 @@ def _evaluate(tables: Tables, what: str, shape: tuple[int, int], given: tuple[Ar
 def _state_rows(
     tables: Tables, angle: Array, speed: Array, memory: Array | None, value: Array | None, prescribed: Array | None
 ) -> tuple[Array, Array]:
-    """Check states; return rows of states (m, k), and of inputs with prescribed accelerations, as the kernels take
-    them."""
+    """Check states (m, n); return rows of states (m, k), and of inputs, ``value`` (m,) with ``prescribed``
+    accelerations, as the kernels take them."""
     m, n = len(angle), len(tables.parent)
     if angle.shape != (m, n) or speed.shape != angle.shape:
         raise InputError(

@@ -182,7 +182,8 @@ def _target_machine() -> Any:
 
 
 def link_kernels(tables: Kind, functions: dict[str, Any], lanes: int, machine: Any) -> Any:
-    """One LLVM module with the optimised kernels that ``functions`` names.
+    """One LLVM module with the optimised kernels that ``functions`` (name -> signature) names, each for ``lanes``
+    members.
 
     Like operations of one run that lie side by side become one of vectors: a blow takes 0.94 of its time. Not in
     ``linearise``, where that gains nothing and takes a third of a second.

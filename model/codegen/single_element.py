@@ -79,7 +79,7 @@ class SingleElement:
     # felt along a press ----------------------------------------------------------------------------------------------
 
     def press(self) -> Program:
-        """Force (N) and stored energy (J), (n, 2), at rows (n, 3) of time (s), depth (m) and its rate (m/s).
+        """Program of force (N) and stored energy (J), (n, 2), at rows (n, 3) of time (s), depth (m) and its rate (m/s).
 
         Numbers: n; a, b, c, or height and exponent of a power and 0; D; those of the law. Memories start as at a first
         touch and go from sample to sample in closed form: the value at which one would stay runs straight along its

@@ -109,8 +109,8 @@ class StepPrograms:
         return (W.P_ACC if self._s.pin else W.ACC) + i
 
     def _coordinates(self, row: int, q: int, v: int, prescribed: tuple[Row, Row]) -> tuple[Row, Row]:
-        """Coordinates and speeds of all: of what is solved for from the workspace at ``q`` and ``v`` (in pins at
-        ``row``), then ``prescribed``."""
+        """Coordinates and speeds of all: of what is solved for, from the workspace at ``q`` and ``v`` (joints that
+        give: after ``row``), and those ``prescribed``."""
         s, places = self._s, self._s.pin_places(row)
         own = range(s.own)
         return (
@@ -305,12 +305,12 @@ class StepPrograms:
         out: list[Statement] = [Assign(variable(f"turns{place}_{k}"), turn) for k, turn in turns.items()]
         return out + [Assign(variable(f"slides{place}_{k}"), slides.get(k, ZERO)) for k in turns]
 
-    def _second_rates(self, contact: Contact, place: int, prescribed: list[Expression]) -> list[Statement]:
+    def _second_rates(self, contact: Contact, place: int, prescribed_acceleration: list[Expression]) -> list[Statement]:
         """Statements for the rates of gap rate and sliding speed of the contact at index ``place``."""
         s = self._s
 
         def acceleration(k: int) -> Expression:
-            return read("w", self._acceleration(k)) if k in s.solved else prescribed[k - s.own]
+            return read("w", self._acceleration(k)) if k in s.solved else prescribed_acceleration[k - s.own]
 
         turn, slide = (
             total(value_of(f"{text}{place}_{k}") * acceleration(k) for k in list(contact.ways))
@@ -327,7 +327,8 @@ class StepPrograms:
     def _default_memories(
         self, contact: Contact, inverse_inertia: dict[int, Expression], chain: list[int]
     ) -> list[Statement]:
-        """Statements for a contact's internal variables while it does not press."""
+        """Statements for a contact's internal variables while it does not press: no push, and their error weights;
+        ``chain``: coordinates it acts on."""
         out: list[Statement] = []
         felt = contact.pressed_by(ZERO, contact.relative_speeds[0])
         for m, z, alone in zip(contact.memories, felt.memory, contact.law.recovery_rates(felt), strict=True):
@@ -755,7 +756,8 @@ Matrix = dict[tuple[int, int], Expression]
 
 
 def _invert_matrix(matrix: Matrix, rows: list[int]) -> tuple[Matrix, Expression]:
-    """Inverse of a matrix by factors without exchanges, and whether these lose less than six digits.
+    """Inverse of a matrix, entries by (row, column) of ``rows``, by LU factors without exchanges, and the condition
+    that these lose less than six digits.
 
     Its rows are sums that do not wait for each other, as steps of a substitution would.
     """

@@ -35,7 +35,8 @@ def draw_sheet(
     path: str | Path,
     events_s: Mapping[str, float] | None = None,
 ) -> None:
-    """Write the inside view of a blow to one sheet.
+    """Write the inside view of a blow, which the solution must hold, to one sheet; ``force_n`` (m,) at its times,
+    ``events_s`` name -> time.
 
     Parameters
     ----------
@@ -102,7 +103,8 @@ def _close_up(inside: Inside) -> tuple[float, float]:
 def _draw_motion(
     axes: Axes, action: Action, solution: Solution, force_n: Array, shown_s: tuple[float, float] | None, legend: bool
 ) -> None:
-    """Input, dip of the key's front and distance of the hammer from the string, in one panel."""
+    """Draw input, dip of the key's front and distance of the hammer from the string into one panel, between the times
+    ``shown_s`` (None: all)."""
     time = solution.time_s
     assert solution.inside is not None
     quantity, unit = input_label(solution.inside.scene)
@@ -120,7 +122,7 @@ def _draw_motion(
 
 
 def _draw_angles(axes: Axes, solution: Solution, legend: bool) -> None:
-    """Angle of each body since the first time, degrees, in its colour."""
+    """Draw the angle of each body since the first time, degrees, in its colour."""
     for i, body in enumerate(solution.bodies):
         if body in BODY_COLORS:
             turned = np.degrees(solution.angle_rad[:, i] - solution.angle_rad[0, i])
@@ -135,7 +137,8 @@ def _draw_angles(axes: Axes, solution: Solution, legend: bool) -> None:
 def _mark_events(
     panels: Sequence[Axes], events_s: Mapping[str, float], near: tuple[float, float], *, closer: bool
 ) -> None:
-    """A dotted line at each event, named in the lowest of the panels; those of the close-up are named there alone."""
+    """Draw a dotted line at each event, named in the lowest panel; those within ``near`` (s) are named in the close-up
+    (``closer``) alone."""
     for name, time in events_s.items():
         is_near = near[0] <= time <= near[1]
         if closer and not is_near:
@@ -151,7 +154,8 @@ def _mark_events(
 
 
 def _draw_contact(axes: Axes, inside: Inside, c: int, label: str | None) -> None:
-    """Normal force filled, friction as a line; the row's scale is its own largest force."""
+    """Draw a contact's normal force filled, friction as a line, on the scale of its own largest force; ``c``: its
+    index."""
     largest = float(inside.largest_normal_n[c])
     axes.fill_between(inside.time_s, inside.normal_n[:, c], color=NORMAL, alpha=0.55, linewidth=0)
     if np.any(inside.friction_n[:, c]):
@@ -222,7 +226,7 @@ def _intervals_to_label(found: Sequence[Any], size: Sequence[float], shown_s: tu
 
 
 def _draw_losses(axes: Axes, action: Action, inside: Inside) -> None:
-    """Energy lost by the end, per contact and joint."""
+    """Draw the energy (mJ) lost by the end, a bar each contact and joint."""
     names = [contact_label(action, n) for n in inside.contacts] + [f"joint of {b}" for b in inside.bodies]
     joints = np.zeros(len(inside.bodies))
     felt = 1e3 * np.concatenate([inside.felt_j[-1], joints])
@@ -242,7 +246,7 @@ def _draw_losses(axes: Axes, action: Action, inside: Inside) -> None:
 
 
 def _draw_sliding(axes: Axes, action: Action, inside: Inside) -> None:
-    """Sliding distance under pressure, of the contacts that have friction."""
+    """Draw the sliding distance (mm) under pressure over time, of the contacts that have friction."""
     sliding = [c for c in range(len(inside.contacts)) if np.any(inside.friction_n[:, c])]
     for c in sliding:
         label = f"{contact_label(action, inside.contacts[c])}: {1e3 * inside.slid_m[-1, c]:.2f} mm"
@@ -257,7 +261,7 @@ def _draw_sliding(axes: Axes, action: Action, inside: Inside) -> None:
 
 
 def _draw_speeds(axes: Axes, inside: Inside) -> None:
-    """Speed of each body's centre of mass."""
+    """Draw the speed (m/s) of each body's centre of mass over time."""
     for body in inside.turning_bodies:
         i = inside.bodies.index(body)
         speed = np.hypot(inside.center_m_per_s[:, i, 0], inside.center_m_per_s[:, i, 1])

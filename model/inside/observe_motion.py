@@ -53,8 +53,8 @@ def integrate_panels(
     allowed: Callable[[], float],
     rounds: int,
 ) -> Panels:
-    """Integrate the rates of ``sample`` over panels between ``edges`` (k + 1,), s, split up to ``rounds`` times where
-    their error exceeds ``allowed()``.
+    """Integrate rates (m, f) over panels between ``edges`` (k + 1,), s, split up to ``rounds`` times while their errors
+    exceed ``allowed()``; ``sample``: times -> rates and a level, which changes by ``sign`` (f,) times the integral.
 
     Parameters
     ----------

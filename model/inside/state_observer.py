@@ -26,7 +26,8 @@ class Observer:
         self.scene = scene
 
     def evaluate(self, q: ArrayLike, v: ArrayLike, u: ArrayLike, memory: ArrayLike | None = None) -> ObservedStates:
-        """Observed quantities at states (m, n) under inputs (m,); ``memory`` (m, z) are internal variables, if any.
+        """Observed quantities at angles ``q``, speeds ``v`` (m, n) and inputs ``u`` (m,); ``memory`` (m, z) are
+        internal variables, if any.
 
         Raises
         ------

@@ -78,7 +78,8 @@ N_WHOLE = 9
 
 @inlined_uncounted
 def write_row(lane, width, starts, members, space):
-    """Write angles, speeds and internal variables from these rows to the next output of a lane's member."""
+    """Write angles, speeds and internal variables, rows of the step's memory from ``starts`` on, to the next output of
+    a lane's member."""
     memory, at = space.step, space.whole[N_WHOLE * lane : N_WHOLE * lane + N_WHOLE]
     sizes = members.angle.shape[1], members.angle.shape[1], members.memory.shape[1]
     for k in range(3):
@@ -140,7 +141,7 @@ def clear_lane(lane, width, memory, number):
 
 @uncounted
 def retire_lane(lane, width, status, members, space):
-    """Take the member out of a lane and leave the lane idle."""
+    """Write a lane's state, times and ``status`` to its member, and leave the lane idle."""
     memory, _, number, whole, _, _ = space
     m = whole[N_WHOLE * lane + MEMBER]
     for i in range(members.angle.shape[1]):

@@ -64,7 +64,8 @@ GAUSS_WEIGHTS = (5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0)
 
 @inlined
 def fill_rest_outputs(until, k_out, out, w, n):
-    """Set all speeds to zero and fill the outputs up to ``until``; return how many are filled."""
+    """Set all speeds to zero and fill the outputs from number ``k_out`` up to the time ``until``; return the number of
+    the next."""
     for i in range(n):
         w[V + i] = 0.0
     while k_out < out.time.shape[0] and out.time[k_out] <= until:

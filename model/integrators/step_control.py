@@ -83,7 +83,8 @@ def next_step_size(step, power, rejected, fitted, h):
 
 @uncounted
 def is_at_rest(w, parent, parts, limit):
-    """Return whether no coordinate can ever move by more than ``limit`` (rad) while the input stays as it is.
+    """Return whether no coordinate can ever move by more than ``limit`` (rad) while the input stays as it is; ``parts``
+    is scratch.
 
     Near a balance the energy E = v M v / 2 + d S d / 2 cannot grow: S is the stiffness, d = S^-1 f the way left to the
     balance, friction and felt only take energy. Hence |d_i| <= sqrt(2 E S^-1_ii) for all later times. A hammer that

@@ -13,7 +13,8 @@ SETTLING = 60  # steps of a few delays each, until the current is where the firs
 
 @kernel
 def integrate_torque(amplifier_kernel, lumps, source_limit, command, turned, interval, softness, out):
-    """Fill ``out`` (p, k) with the motor's torque, N m, at the ends of all substeps, for rows of ``lumps`` (p, 7).
+    """Fill ``out`` (p, k) with the motor's torque, N m, at the ends of all substeps, for rows of ``lumps`` (p, 7);
+    ``command`` (V) by samples ``interval`` (s) apart.
 
     Equations: `model.drive.lumps`; ``amplifier_kernel`` is that of `model.codegen.single_element`; ``turned`` the angle
     of the motor, rad, at the ends of all substeps.

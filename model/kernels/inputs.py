@@ -62,7 +62,8 @@ def constant_until(t, k, t_end, first_row, last_row, drive):
 
 @uncounted
 def input_gain(w, lane, width, n):
-    """Return the largest acceleration of a coordinate by a unit of input, times `KINK_SHARE`.
+    """Return the largest acceleration of a coordinate by a unit of input, times `KINK_SHARE`, in a lane of the
+    workspace ``w``.
 
     ``w`` is a workspace of rows of ``width`` lanes, of which ``lane`` is read, with ``n`` coordinates.
     """
@@ -76,7 +77,8 @@ def input_gain(w, lane, width, n):
 
 @uncounted
 def fit_to_kinks(t, step, u0, k, last_row, drive, gain, bounds):
-    """Return ``step`` (s) from ``t`` in row ``k`` of the table, shortened so that no kink inside it can do harm.
+    """Return ``step`` (s) from ``t``, shortened so that no kink of the input inside it errs by more than ``bounds``
+    (rad, rad/s); ``gain``: acceleration per input.
 
     ``u0`` is the input at ``t``, ``k`` the row that `interpolate_input` returned, ``last_row`` the table's last,
     ``gain`` that of `input_gain`; ``bounds`` are the largest errors of an angle (rad) and a speed (rad/s).

@@ -43,7 +43,8 @@ else:
 
 @contextmanager
 def hold_lock(folder: Path | None, name: str) -> Iterator[None]:
-    """Hold ``name`` among the processes that use a cache folder; without a folder there is nothing to share."""
+    """Hold the lock ``name`` among the processes that use a cache folder, waiting for it; without a folder nothing is
+    locked."""
     with ExitStack() as held:
         if folder is not None:
             with suppress(OSError):  # a folder that cannot be written, a file system without locks

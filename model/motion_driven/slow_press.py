@@ -74,8 +74,8 @@ def key_angle_at_dip(action: Action, rest_rad: Array, dip_m: float) -> float:
 def _motion_through_stops(
     start: float, stops: Sequence[float], turn_rate: float, ramp_s: float, hold_s: float
 ) -> tuple[KeyMotion, list[float]]:
-    """The key's motion from the angle ``start`` (rad) through ``stops``, resting ``hold_s`` at each, and the times of
-    arrival, s.
+    """The key's motion from ``start`` through ``stops`` (rad) at ``turn_rate`` (rad/s), reached in ``ramp_s``, resting
+    ``hold_s`` at each; and the times of arrival, s.
 
     Speeds rise and fall as 3 x^2 - 2 x^3, so that the acceleration has no jump.
     """

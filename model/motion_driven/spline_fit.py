@@ -203,8 +203,8 @@ def _fit_spline(
     inner: Array,
     relaxation: float,
 ) -> tuple[tuple[float, float], Array, Array, tuple[Array, Array]]:
-    """Fit a spline with knots at the times ``inner``: noise (jitter rad, clock s), knots, coefficients, and the banded
-    factor and inverse of their normal matrix.
+    """Fit a spline with knots at ``inner`` (s) to ``samples`` (s, rad, equal readings, count's width): its noise
+    (jitter rad, clock s), knots, coefficients, banded factor and inverse.
 
     ``samples`` are times, angles from the first on, the run of equal readings of each, and the width of a count;
     ``noise_given`` the jitter of angle, None where it is to be estimated, and of the clock.

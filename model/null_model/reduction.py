@@ -128,7 +128,8 @@ def _penetration(scene: Scene, name: str, q: Array) -> float:
 
 
 def _catch_angle(scene: Scene, angle_rad: Array, rest: float, up: float, string: float) -> Array:
-    """Highest hammer angle (rad above rest) at which the back check touches a falling hammer, by key state."""
+    """Highest hammer angle (rad above rest) at which the back check touches a falling hammer, by key state (p, 5);
+    ``string``: that of the string, ``up``: its sense."""
     if BACK_CHECK not in scene.contacts:
         return np.full(len(angle_rad), -np.inf)
     column = scene.contacts.index(BACK_CHECK)

@@ -85,7 +85,8 @@ def _restitution(speed_m_per_s: float, damping: float) -> float:
 
 @inlined
 def _acceleration(table: Array, n: Constants, s: float, w: float, force: float, load: float) -> float:
-    """s'' (rad/s^2) on one path under ``force`` (N) on the key and ``load`` (N m) on the coordinate."""
+    """s'' (rad/s^2) at ``s``, ``w`` on one path, ``table``, under ``force`` (N) on the key and ``load`` (N m) on the
+    coordinate."""
     x = (s - n.start) * n.per_rad
     i = min(max(int(x), 0), len(table) - 2)
     a, b = table[i], table[i + 1]

@@ -50,7 +50,7 @@ def draw_side(ax: Axes, quantities: Mapping[str, Quantity], structure: Mapping[s
 
 
 def _surface(path: str, at: complex, quantities: Mapping[str, Quantity]) -> NDArray[Any]:
-    """Points (k,) of a circle, an arc or a line in its body's frame, m."""
+    """Points (k,), x + iy, m, of a circle, an arc or a line at ``at`` in its body's frame."""
     number = {name: quantities[key].value for name in ("radius", "arc_start", "arc_end", "normal.x", "normal.y")
               if (key := f"{path}.{name}") in quantities}  # fmt: skip
     if "radius" not in number:

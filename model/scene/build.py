@@ -205,7 +205,7 @@ def _body_numbers(action: Action, bodies: list[str], body: str) -> list[float]:
 
 
 def _springs(action: Action, choice: SceneChoice, bodies: list[str]) -> list[tuple[int, list[float]]]:
-    """Coordinate and numbers of each spring that has any torque."""
+    """Coordinate (index) and torque, stiffness and angle of each spring that has any torque."""
     out = []
     for b in (b for b in ("jack", "repetition") if b in bodies and f"{b}_spring" not in choice.without):
         numbers = [action[f"{b}_spring.{k}"] for k in ("torque", "stiffness", "angle")]

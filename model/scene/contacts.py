@@ -62,7 +62,8 @@ def _contact_numbers(action: Action, name: str) -> list[float]:
 
 
 def law_of_contact(action: Action, name: str, numbers: list[float]) -> tuple[int, list[float]]:
-    """Number of internal variables of a contact and its law's numbers; sets D to 0 for laws without it."""
+    """Number of internal variables of a contact and its law's numbers; sets D in ``numbers`` to 0 for laws without
+    it."""
     law = LAWS[action.law(name)]
     values = {k: action[f"{name}.{law.name}.{k}"] for k in law.numbers}
     if not law.damped:

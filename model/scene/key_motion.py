@@ -73,7 +73,8 @@ class KeyMotion(ArrayRecord):
         return KeyMotion(self.break_s, rows)
 
     def pack_numbers(self, front: tuple[float, float] | None = None) -> list[float]:
-        """The block of the parameter vector that kernels read; see `model.elements.prescribed`.
+        """Number of pieces, their times and coefficients, as kernels read them; a motion that lifts the ``front`` (x,
+        y) too far is refused.
 
         A ``front`` of the key's frame that it moves must stay where bounds on gaps hold.
         """

@@ -35,7 +35,8 @@ def sensitivities(
     options: SensitivityOptions | None = None,
     inputs: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> Sensitivities:
-    """Differentiate a blow with respect to parameters: angles, speeds, events, contact forces, the rest state included.
+    """Differentiate a blow (table or record) by parameters: angles, speeds, events, contact forces, the rest state;
+    ``inputs``: also along changes (k, m) of its force.
 
     Parameters
     ----------

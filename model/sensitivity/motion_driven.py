@@ -41,7 +41,8 @@ def motion_sensitivities(
     from_rest: bool = True,
     options: SensitivityOptions | None = None,
 ) -> Sensitivities:
-    """Differentiate what follows from a measured motion: the other bodies' motion, and the force that holds to it.
+    """Differentiate what follows from a motion (times s, angles rad) of the key: the other bodies' motion, and the
+    force that holds to it; ``from_rest``: angles are from rest.
 
     In every scene: of the key, of its front where it lifts or its joint gives, of a motor arm or a finger, as
     `simulate_motion` has it.

@@ -334,7 +334,8 @@ class RecordedMotion:
         return max(1, round(STRIDE * (STRIDE_AT / self.simulation.tolerance) ** STRIDE_EXPONENT))
 
     def follow(self, times: Array, tolerance: float, forces: bool = False) -> TangentResult:
-        """Integrate the tangents; return derivatives at times (m,) in any order, and work counters."""
+        """Integrate the tangents; return derivatives at times (m,) in any order, those of channels with ``forces``, and
+        work counters."""
         run, motion = self.run, self.motion
         n, p = self._d_rest.shape
         filled, count = _pad_to_lanes(p), len(run.space.channels.many)

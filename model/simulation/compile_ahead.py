@@ -28,8 +28,8 @@ _BESIDE = f"import sys; sys.path.insert(0, {_ROOT!r}); from model.simulation.com
 def compile_ahead(
     choices: Sequence[SceneChoice], *, loop: bool = False, then: str = ""
 ) -> subprocess.Popen[bytes] | None:
-    """Start a process that compiles scenes, then calls ``then`` ('module:function'), where this machine has not
-    compiled kernels yet; None if not started.
+    """Start a process that compiles the step loop (``loop``) and scenes, then calls ``then`` ('module:function'); None
+    where nothing is to be compiled, or it cannot start.
 
     Halves the wait of a first run: call it before what integrates is first used.
 

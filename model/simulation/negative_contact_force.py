@@ -33,7 +33,8 @@ def check_pushes(scene: Scene, time_s: Array, contact: Array, memory: Array | No
 
 
 def describe_force(scene: Scene, time_s: float, c: int, contact: Array, memory: Array) -> str:
-    """One sentence about contact ``c``, from its columns (c, 11) and its internal variables."""
+    """One sentence about contact ``c`` of the columns of all (C, 11) and of the internal variables: its law's force,
+    depth and rate."""
     law = Structure(scene.tables).law(c)
     force = law_force_n(scene, c, contact, memory)
     return (
@@ -43,7 +44,8 @@ def describe_force(scene: Scene, time_s: float, c: int, contact: Array, memory: 
 
 
 def law_force_n(scene: Scene, c: int, contact: Array, memory: Array) -> float:
-    """Force (N) of the law of contact ``c``, of either sign; 0 out of contact."""
+    """Force (N) of the law of contact ``c``, of either sign, from the columns of all (C, 11) and the internal
+    variables; 0 out of contact."""
     s, p = Structure(scene.tables), scene.vector
     law, first = s.law(c), s.offset[1] + L.CONTACT_SIZE * c
     with_numbers = tuple(constant(float(p[n.args[1]])) for n in s.law_numbers(c))

@@ -145,7 +145,8 @@ def check_input(
     values: NDArray[np.float64],
     outputs: NDArray[np.float64],
 ) -> None:
-    """Refuse an input table that does not cover ``span_s``, is not increasing or not finite."""
+    """Refuse a span that ends before it begins, an input table that is not finite and increasing, and output times
+    outside the span."""
     now, until = span_s
     if not until >= now - TIME_SLACK or np.isinf(until):
         raise InputError(f"end of the run: found {until:g} s, allowed a finite time from now on ({now:g} s)")
@@ -259,7 +260,8 @@ class Simulation:
         held: bool = False,
         output_time_s: ArrayLike | None = None,
     ) -> Plan:
-        """Arguments of the step loop for `advance`; refuses input that does not cover the span."""
+        """Arguments of the step loop for `advance`; an input or output times that cannot be used are refused
+        (`check_input`)."""
         method = get_method(self.method)
         local = method.share * self.tolerance * min(1.0, (self.tolerance / REFERENCE_TOLERANCE) ** EXTRA_POWER)
         if np.any(self.scene.tables.prescribed):

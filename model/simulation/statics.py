@@ -184,7 +184,8 @@ def _minimise_energy(
 def rest_state(
     action: ActionLike, force_n: float = 0.0, scene: Scene | None = None, near: RestState | None = None
 ) -> RestState:
-    """Static balance of an action under a constant force on the key.
+    """Static balance of an action under a constant force on the key; the search begins at ``near`` and keeps to its
+    contacts, if it can.
 
     Parameters
     ----------

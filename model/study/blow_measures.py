@@ -53,7 +53,8 @@ class BlowMeasures:
 
 
 def measure_blow(action: ActionLike, solution: Solution, force_n: ArrayLike) -> BlowMeasures:
-    """Measures of a blow from its solution.
+    """Measures of a blow, from strike to hold and bounces, from its solution with contact forces and the force (m,) at
+    its times.
 
     Parameters
     ----------

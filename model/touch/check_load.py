@@ -58,7 +58,8 @@ class CheckLoad:
 
 
 def find_check_load(action: ActionLike, time_s: ArrayLike, force_n: ArrayLike, **keywords: Any) -> CheckLoad | None:
-    """Load of the back check on the hammer before it first strikes, or before its highest point where it does not.
+    """Load of the back check on the hammer before it first strikes, or before its highest point where it does not; None
+    where there is none.
 
     Parameters
     ----------

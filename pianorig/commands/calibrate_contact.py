@@ -123,7 +123,8 @@ def calibrate_contact(
 def contact_friction(
     order: PadOrder, action: model.Action, bare: workflows.Swings, braked: workflows.Swings
 ) -> dict[str, Any]:
-    """Return the coefficient, what it is made of, and at what slip speeds it was found."""
+    """Coefficient of friction from swings without and with the pad, its uncertainty and what it is made of;
+    `CommandInputError` where the slip was too slow."""
     moment, u_moment = workflows.weight_moment(action, order.body)
     more = braked.share - bare.share
     arm_n = order.load_n * order.radius_m

@@ -95,7 +95,8 @@ def _format_uncertainty(e: model.drive.Estimate) -> str:
 
 
 def scene_text(found: model.drive.DriveIdentified, length_m: float) -> str:
-    """A scene file with what was determined; the rest keeps the values of `model/parameters/effects.toml`."""
+    """Text of a scene file with what was determined and the arm's length; the rest keeps the values of
+    `model/parameters/effects.toml`."""
     arm, drive = ["[motor_arm]", f"length = {length_m!r}"], ["[motor_drive]"]
     for name in ("inertia", "joint_friction", "spring_stiffness"):
         e = found[name]

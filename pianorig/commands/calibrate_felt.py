@@ -153,7 +153,8 @@ class Calibrated(NamedTuple):
 def _blow_speeds(
     action: model.Action, forces: Sequence[Path], motions: Sequence[Path]
 ) -> tuple[dict[str, model.calibration.MeanSpeeds], Calibrated]:
-    """Mean normal speed of each contact in blows, simulated from forces or read, by name of the file."""
+    """Mean normal speeds of the contacts in blows, by name of the file, simulated from ``forces`` or read from
+    ``motions``; and their facts and lines."""
     blows: dict[str, model.calibration.MeanSpeeds] = {}
     for path in [*forces, *motions]:
         if path.stem in blows:
@@ -208,7 +209,8 @@ def _fit_felt(
     blows: dict[str, model.calibration.MeanSpeeds],
     figure: Path | None,
 ) -> Calibrated:
-    """The felt's cubic from a loading experiment, its damping from the mean speeds, drawn if a figure is named."""
+    """Fit the felt's cubic to a loading experiment, and its damping at ``speed`` (text, m/s) and in each of ``blows``;
+    draw it where a figure is named."""
     if blows and contact is None:
         raise CommandInputError("--contact: missing; it says whose mean speed in the blow counts")
     curve = model.calibration.read_curve(path)
@@ -260,7 +262,7 @@ def _fit_felt(
 
 
 def _describe_misfit(fit: model.calibration.FeltFit) -> list[str]:
-    """What the measured points say against the law of eqs 2.5 and 2.7."""
+    """Lines on what the measured points say against the law of eqs 2.5 and 2.7; none where it fits."""
     lines = []
     if not fit.law_fits:
         lines.append(

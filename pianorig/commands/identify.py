@@ -265,7 +265,8 @@ def reading_lines(
     refused: list[str],
     most: int = 5,  # lines on a screen
 ) -> list[str]:
-    """Lines printed of an identification, and of the trials whose recording would tell most, best first."""
+    """Lines printed of an identification, and of the ``most`` strokes whose recording would tell most, best first, and
+    those refused."""
     # start-up: --help needs none of it
     from validation.infer.sentences import group_by_reason, plain_sentences
 

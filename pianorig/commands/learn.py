@@ -130,7 +130,7 @@ def draw_recorded(path: Path, targets: Sequence[rig.TargetForce]) -> None:
 
 
 def draw_learned(folder: Path, learned: rig.Learned) -> None:
-    """Draw pianist and motor (after Figs 3.7, 3.8) and the error of each blow into ``folder``."""
+    """Write a picture of pianist and motor (after Figs 3.7, 3.8) and of the error of each blow into ``folder``."""
     from matplotlib.figure import Figure  # start-up: 0.4 s that --help does not need
 
     target, best = learned.target, learned.best

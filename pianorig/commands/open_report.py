@@ -38,7 +38,7 @@ def command(
 
 
 def find_report(where: Path | None = None) -> Path:
-    """The report in a folder, the file itself, or the newest one below ``sessions/``."""
+    """The report in a folder, the file itself, or (None) the newest one below ``sessions/``."""
     if where is None:
         reports = sorted(SESSIONS.glob(f"*/{REPORT}"), key=lambda path: path.stat().st_mtime)
         if not reports:

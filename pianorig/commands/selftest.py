@@ -64,7 +64,8 @@ def check_bench(
     ask: Callable[[str], str | None],
     show: Callable[[rig.SelftestFinding], None] = lambda finding: None,
 ) -> tuple[Path, rig.SelftestRecord]:
-    """Test a bench and write the record into a folder; the motor pushes gently, so hardware needs confirmation."""
+    """Test a bench, ``show`` each finding, and write the record into a folder; the motor pushes gently, so hardware
+    needs confirmation. Its path, and the record."""
     from rig.safety.interrupts import termination_as_interrupt  # start-up: 0.2 s of nidaqmx that --help does not need
     from rig.safety.permission import confirm  # start-up: as above
 

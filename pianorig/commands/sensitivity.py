@@ -76,7 +76,8 @@ def command(
 
 
 def _find_force_file(blow: Path, trial: int | None) -> Path:
-    """File of the force: of a session the trial wanted, by default its first that is not rejected."""
+    """File of the force: of a session folder that of a trial (number), by default its first that is not rejected; of a
+    file itself."""
     if not blow.is_dir():
         if trial is not None:
             raise CommandInputError(f"--trial {trial}: goes with a session; {blow} is no folder")

@@ -240,7 +240,8 @@ def _judge_blow(
 
 
 def missed_request(solution: model.Solution) -> str:
-    """What to say where the request is missed by more than ten times; empty where it is not, or was not estimated."""
+    """Sentence on a solution whose error exceeds the requested one more than tenfold; empty where it does not, or was
+    not estimated."""
     if solution.error_rad is None or not solution.misses_tolerance:
         return ""
     return (

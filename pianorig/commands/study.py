@@ -87,8 +87,8 @@ def _report(
     study: Callable[[model.Action, Any, Any], Found],
     output: tuple[Path | None, bool],
 ) -> None:
-    """Make a study under a force table of the user's, or a built-in one; print what it found, and write tables and
-    figures to a folder where one is named."""
+    """Run ``study`` on a force table of the user's, or the ``built_in`` one, and print what it found; ``output``:
+    folder to write it to or None, as JSON or not."""
     out, as_json = output
     make_folder(out)
     driving = None if force is None else workflows.read_driving_force(force, model.choice_of(action).input_column)

@@ -18,16 +18,16 @@ def _to_plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
-def _finite(content: Any) -> Any:
+def _make_json_ready(content: Any) -> Any:
     """Copy of nested content in which arrays are lists, and numbers that are not finite None, as JSON wants."""
     if hasattr(content, "tolist"):
         content = content.tolist()
     if isinstance(content, float):
         return content if math.isfinite(content) else None
     if isinstance(content, dict):
-        return {key: _finite(value) for key, value in content.items()}
+        return {key: _make_json_ready(value) for key, value in content.items()}
     if isinstance(content, list | tuple):
-        return [_finite(value) for value in content]
+        return [_make_json_ready(value) for value in content]
     return content
 
 
@@ -36,7 +36,7 @@ def json_text(content: Any) -> str:
     try:
         return json.dumps(content, default=_to_plain, allow_nan=False)
     except ValueError:
-        return json.dumps(_finite(content), default=_to_plain)
+        return json.dumps(_make_json_ready(content), default=_to_plain)
 
 
 def print_json(item: Mapping[str, Any]) -> None:

@@ -81,7 +81,8 @@ def read_row(folder: Path) -> SessionRow:
 
 
 def open_session(folder: Path) -> Session:
-    """The session, unless its text files are too large to be what they say, or something in it is no plain file.
+    """Open a session; `ValueError` where its text files are too large to be what they say, or something in it is no
+    plain file.
 
     A pipe or a device in place of a trial, a film or a table would hold whoever reads it for ever.
     """
@@ -302,7 +303,8 @@ class Catalogue:
 
     @staticmethod
     def _served_file(report: Path, path: str) -> tuple[Path, str]:
-        """File of a report's folder and its media type; refuses names outside it and other kinds."""
+        """File ``path`` in the folder ``report``, and its media type; `UnknownName` for a name outside it or another
+        kind."""
         folder, name = report.resolve(), report.name
         try:
             file = (folder / path).resolve()

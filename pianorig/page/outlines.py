@@ -147,8 +147,8 @@ def worst_frames(subject: FilmSubject) -> list[dict[str, Any]]:
 
 
 def track_again(subject: FilmSubject, frame: Any, places: Any) -> dict[str, Any]:
-    """Fit one frame again, bodies from ``places`` (name -> angle rad, x px, y px) where given, and put it into the
-    table and session."""
+    """Fit one frame again, bodies from ``places`` (name -> angle rad, x px, y px) where given, and put it into table
+    and session; the bodies lost in it."""
     if type(frame) is not int or not isinstance(places, dict):
         raise CommandInputError("allowed a frame number, and the places of bodies")
     read = {}

@@ -144,7 +144,8 @@ class Reply(Guarded):
         return control
 
     async def _answer(self, method: str, names: Sequence[str], content: dict[str, Any]) -> None:
-        """Do some work in a thread and send what it returns; an error that a user can cause is one line."""
+        """Do the work of this address for ``method`` in a thread and send what it returns; an error that a user can
+        cause is sent as one line."""
         work = self._work[method]
         if work is None:
             raise HTTPError(405)

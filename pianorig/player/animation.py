@@ -41,7 +41,7 @@ class Animation:
 
 
 def animation_html(animation: Animation) -> str:
-    """The file's text; it spans the times of the first drawing."""
+    """Text of the animation's HTML file; it spans the times of the first drawing."""
     first = animation.drawings[0][1]
     times, pose = unpack(first["time_s"]), unpack(first["pose"])
     data = {

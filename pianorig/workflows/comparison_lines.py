@@ -19,7 +19,7 @@ HEAD = ("quantity", "model error, 95 %", "limit", "reading")
 
 
 def comparison_lines(side: SideBySide) -> list[str]:
-    """Lines of a comparison, at most 80 columns wide."""
+    """Lines of a comparison, quantities, findings, advice and verdicts, at most 80 columns wide."""
     # start-up: 1 s of pandas, which an unchanged report does not need
     from validation.report.overview import quantity_rows, verdict_parts
 

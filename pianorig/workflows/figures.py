@@ -51,7 +51,8 @@ def draw_session(session: rig.Session, path: Path) -> None:
 
 
 def draw_targets(rows: Sequence[dict[str, Any]], before: str, path: Path) -> None:
-    """Draw each target of a regulation: how far it was from what is wanted, and is after regulating, mm."""
+    """Draw how far each target of a regulation was (key ``before`` of a row), and is after regulating, from what is
+    wanted, mm."""
     with new_sheet(path, 8.0, 1.1 + CHECK_IN * len(rows)) as figure:
         axes = figure.subplots()
         for name, marker, color in ((before, "o", BAD), ("after_m", "s", GOOD)):

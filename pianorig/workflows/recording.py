@@ -79,7 +79,7 @@ class BenchAccess:
 
 @contextmanager
 def report_interrupt(folder: Path, *, resumed: bool = False) -> Iterator[None]:
-    """Turn Ctrl-C during a recording into ``folder`` into a message that says what it did."""
+    """Turn Ctrl-C during a recording into ``folder`` into `Interrupted`, whose message says what it did."""
     others = folder.is_dir() and any(folder.iterdir()) and not resumed  # the recorder would have refused it
     try:
         yield

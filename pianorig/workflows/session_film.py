@@ -123,7 +123,8 @@ class SessionFilm:
 
     @property
     def doubt_about_times(self) -> str | None:
-        """What to tell of times that rest on the rate a video file states, which is often that of play-back."""
+        """Text on times that rest on the rate a video file states, which is often that of play-back; None where they do
+        not."""
         # start-up: 0.1 s of every recording, which reads no film
         from vision.film.open import VIDEO_SUFFIXES
 

@@ -60,7 +60,7 @@ def preview_track(film: SessionFilm, picture: Path, count: int, **options: Unpac
 
 @contextmanager
 def report_tracking_interrupt(unfinished: Path) -> Iterator[None]:
-    """Turn Ctrl-C during a tracking into a message that says what is kept in the file ``unfinished``."""
+    """Turn Ctrl-C during a tracking into `Interrupted`, whose message says what is kept in the file ``unfinished``."""
     try:
         yield
     except KeyboardInterrupt as interrupt:

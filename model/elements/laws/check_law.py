@@ -83,7 +83,7 @@ def call_method(law: Law, method: str, *arguments: Any) -> Any:
 
 
 def _check_number(law: Law, what: str, value: Any) -> Expression:
-    """Return a law's value as an expression; `InputError` for anything that is no number."""
+    """Return a law's value as an expression; `InputError`, naming ``what`` it is, for anything that is no number."""
     if isinstance(value, bool) or not isinstance(value, Expression | int | float):
         raise InputError(f"{locate(law)}: {what}: found {_show(value)}, allowed an expression of felt or a number")
     found = as_expression(value)
@@ -93,7 +93,8 @@ def _check_number(law: Law, what: str, value: Any) -> Expression:
 
 
 def _check_expression(law: Law, what: str, value: Any) -> Expression:
-    """Return a law's value; `InputError` for a plain number, which no kernel can differentiate."""
+    """Return a law's value; `InputError`, naming ``what`` it is, for a plain number, which no kernel can
+    differentiate."""
     found = _check_number(law, what, value)
     if not isinstance(value, Expression):
         raise InputError(

@@ -107,11 +107,11 @@ def checked_force(of: Law, felt: Felt) -> tuple[Expression, Expression]:
     return pressing, where(force < -PULL_N, constant(math.nan), force) if of.added else force
 
 
-def evaluate_law(of: Callable[[Felt], Any], felt: Felt) -> tuple[Expression, ...]:
-    """Values of a law at a felt's state, differentiated once by depth, rate and internal variables."""
+def evaluate_law(method: Callable[[Felt], Any], felt: Felt) -> tuple[Expression, ...]:
+    """Values of a law's ``method`` at a felt's state, differentiated once by depth, rate and internal variables."""
 
     def evaluate(given: Arguments) -> tuple[Expression, ...]:
-        return tuple(of(replace(felt, depth=given[0], rate=given[1], memory=given[2:])))
+        return tuple(method(replace(felt, depth=given[0], rate=given[1], memory=given[2:])))
 
     out: tuple[Expression, ...] = differentiate_once(evaluate)((felt.depth, felt.rate, *felt.memory))
     return out

@@ -23,7 +23,8 @@ def relaxation_force(x: Expression, h: Expression, curve: Curve, epsilon: Expres
 def surface_energy(
     label: str, x: Expression, h: Expression, curve: Curve, epsilon: Expression, tau: Expression
 ) -> tuple[list[Statement], Expression, Expression]:
-    """Statements, stored energy (J) and dissipated power (W) of felt with the internal variable ``h`` (N)."""
+    """Statements, stored energy (J) and dissipated power (W) of felt at depth ``x`` with the internal variable ``h``
+    (N); ``label`` ends the statements' names."""
     outer, behind = solve_depth(f"outer{label}", epsilon * h, curve)
     within, inner = solve_depth(f"inner{label}", h, curve)
     surface = maximum(x, behind)

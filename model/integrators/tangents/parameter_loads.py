@@ -95,7 +95,8 @@ NORMAL_SLOPES = types.void(MOVED, _numbers, _i, SOURCES, LOADS, _numbers, _table
 
 @uncounted_loop(NORMAL_SLOPES)
 def normal_force_derivatives(moved, p, n_free, sources, loads, w, normal, out):
-    """Fill ``normal`` (m, c), N, and add its derivatives to ``out`` (m, c, P), zeros before.
+    """Fill ``normal`` (m, c), N, at the states of ``moved``, and add its derivatives, by those of ``moved``, to ``out``
+    (m, c, P), zeros before.
 
     ``n_free`` coordinates stand in a row of states before their speeds and what is remembered; ``w`` is a workspace.
     """

@@ -69,7 +69,8 @@ def factor(space, n):
 
 @inlined
 def substitute(space, n, x, first, blocks):
-    """Replace ``n`` rows of ``x``, ``blocks`` apart, in the factors' order, by the solution with the factors."""
+    """Replace ``n`` rows of ``x`` from ``first`` on, ``blocks`` apart, in the factors' order, by the solution with the
+    factors."""
     a, lower = space.matrix, space.lower
     for i in range(n):
         sum_ = x[first + i * blocks]
@@ -85,7 +86,8 @@ def substitute(space, n, x, first, blocks):
 
 @inlined
 def substitute_four(space, n, x, first, blocks):
-    """Replace four blocks of ``n`` rows of ``x`` by their solutions with the factors, computed together for speed."""
+    """Replace four blocks of ``n`` rows of ``x`` from ``first`` on by their solutions with the factors, computed
+    together for speed."""
     a, lower = space.matrix, space.lower
     for i in range(n):
         k = first + i * blocks
