@@ -124,7 +124,10 @@ Integers = NDArray[np.int64]
 DEGREE, PRIOR = 5, 4  # of the spline; of the derivative that the prior keeps small
 WINDOW_S = 1.0e-3  # half width over which the prior's variance is the same: shorter than a key's bump
 WINDOW_SAMPLES = 5  # least number of samples in a window of the noise estimate
-ITERATIONS, CONVERGED, OVER_RELAXATION = 150, 0.01, 1.4  # of the variance; change at which they end; step factor
+MOST_ITERATIONS, OVER_RELAXATION = 400, 1.4  # of the variance; step factor in its logarithm: choice
+# of an acceleration's standard uncertainty: by at most so much do acceleration and uncertainty change in the last
+# iteration; the variance itself falls on by a constant factor where there is no information, and nothing follows it
+CONVERGED = 0.02
 SLOWEST_RAD_PER_S = 700.0  # bandwidth that the fit follows at least: a window holds no information on slower motion
 SMALLEST_RATIO = 1e-15  # smallest variance of the prior over the largest that double precision can resolve
 NOISELESS_RAD = 1e-8  # below this noise the motion between the samples dominates the uncertainty
@@ -210,7 +213,7 @@ def _fit_spline(
     ``noise_given`` the jitter of angle, None where it is to be estimated, and of the clock.
 
     The prior's variance is what the data show of the fourth derivative, averaged over a window (expectation
-    maximisation, each step taken ``relaxation`` times), but never so small that the window would contain less than one
+    maximisation, each step taken ``relaxation`` times, until no acceleration changes by `CONVERGED`), but never so small that the window would contain less than one
     independent value: the fit would then assume more smoothness than the data can show.
     """
     (times, y, runs, resolution), (given, clock) = samples, noise_given
@@ -221,6 +224,8 @@ def _fit_spline(
     size = len(knots) - DEGREE - 1
     rows, first = _design_rows(knots, times)
     rows_speed, first_speed = _design_rows(knots, times, 1)
+    rows_acceleration, first_acceleration = _design_rows(knots, times, 2)
+    acceleration, u = np.full(len(times), np.inf), np.zeros(len(times))
     speed = np.zeros(len(times))
     prior, at = _difference_matrix(knots, PRIOR), np.arange(size - PRIOR)
     place = np.array([knots[PRIOR + k : PRIOR + k + len(prior)] for k in range(DEGREE - PRIOR + 1)]).mean(axis=0)
@@ -231,7 +236,7 @@ def _fit_spline(
     low, high = np.searchsorted(place, place - reach), np.searchsorted(place, place + reach, side="right")
     intensity = np.full(len(prior), 1e12)
     factor = inverse = c = np.empty(0)
-    for _ in range(ITERATIONS):
+    for _ in range(MOST_ITERATIONS):
         share = repeated_share(resolution, jitter) if rounding > 0.0 else 0.0
         readings = 1.0 / (1.0 - share + share * runs)  # of the rounding, how many readings each sample is
         noise = jitter**2 + (clock * speed) ** 2
@@ -251,7 +256,7 @@ def _fit_spline(
         expected = banded.multiply_rows(c, at, prior) ** 2 + banded.row_variances(inverse, at, prior)
         for _ in range(2):
             expected = banded.window_means(expected, low, high)
-        before, intensity = intensity, intensity * (expected / intensity) ** relaxation
+        intensity = intensity * (expected / intensity) ** relaxation
         lowest = SLOWEST_RAD_PER_S ** (2 * PRIOR) * step * (rounding + jitter**2)
         intensity = np.maximum(intensity, max(lowest, SMALLEST_RATIO * float(intensity.max())))
         if given is None:
@@ -261,7 +266,10 @@ def _fit_spline(
             speed = banded.multiply_rows(c, first_speed, rows_speed)
             jitter, clock = fit_noise(seen, speed, readings / (rounding + noise) ** 2)
             jitter = max(floor, jitter)
-        if np.max(np.abs(intensity - before) / before) < CONVERGED:
+        before, u_before = acceleration, u
+        acceleration = banded.multiply_rows(c, first_acceleration, rows_acceleration)
+        u = np.sqrt(np.maximum(banded.row_variances(inverse, first_acceleration, rows_acceleration), 0.0))
+        if np.all(np.maximum(np.abs(acceleration - before), np.abs(u - u_before)) <= CONVERGED * u):
             break
     return (jitter, clock), knots, c, (factor, inverse)
 
