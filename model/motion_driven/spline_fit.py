@@ -213,8 +213,9 @@ def _fit_spline(
     ``noise_given`` the jitter of angle, None where it is to be estimated, and of the clock.
 
     The prior's variance is what the data show of the fourth derivative, averaged over a window (expectation
-    maximisation, each step taken ``relaxation`` times, until no acceleration changes by `CONVERGED`), but never so small that the window would contain less than one
-    independent value: the fit would then assume more smoothness than the data can show.
+    maximisation, each step taken ``relaxation`` times, until no acceleration changes by `CONVERGED`), but never so
+    small that the window would contain less than one independent value: the fit would then assume more smoothness than
+    the data can show.
     """
     (times, y, runs, resolution), (given, clock) = samples, noise_given
     rounding = resolution**2 / 12.0

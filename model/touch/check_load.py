@@ -17,9 +17,10 @@ from model.force_driven import simulate
 from model.parameters.action import BACK_CHECK, Action, ActionLike, as_action
 from model.simulation.hand_set_rest import hand_set_rest
 from model.simulation.run import State
+from model.simulation.solution import Solution
 from model.touch.hammer_speed import RISE, SHORTEST, blow_length_s, string_contact_starts
 
-RATE_HZ = 10_000.0  # a catch lasts milliseconds
+RATE_HZ, COARSE_S = 10_000.0, 1e-3  # a catch lasts milliseconds; the strike is told to one
 LONGEST_RISE_S = 1.0  # before the strike, in which it is looked for
 LOAD_N = 0.1  # the hammer's own weight: less takes no speed that can be measured
 RISING_M_PER_S = 0.05  # of the hammer, above which it still rises
@@ -57,7 +58,9 @@ class CheckLoad:
         )
 
 
-def find_check_load(action: ActionLike, time_s: ArrayLike, force_n: ArrayLike, **keywords: Any) -> CheckLoad | None:
+def find_check_load(
+    action: ActionLike, time_s: ArrayLike, force_n: ArrayLike, whole: Solution | None = None, **keywords: Any
+) -> CheckLoad | None:
     """Load of the back check on the hammer before it first strikes, or before its highest point where it does not; None
     where there is none.
 
@@ -65,6 +68,7 @@ def find_check_load(action: ActionLike, time_s: ArrayLike, force_n: ArrayLike, *
     ----------
     action : parameter set
     time_s, force_n : (k,) force table, as of `model.simulate`
+    whole : solution of the same blow, every millisecond or finer, from which the strike is read; run where left out
     keywords : ``initial``, ``scene``, ``tolerance`` and ``method``, as of `model.simulate`
 
     Returns
@@ -85,10 +89,11 @@ def find_check_load(action: ActionLike, time_s: ArrayLike, force_n: ArrayLike, *
     """
     action = as_action(action)
     times, forces = check_force_table(time_s, force_n)
-    coarse = simulate(action, times, forces, output_time_s=_time_grid(times[0], times[-1], 1e-3), **keywords)
-    strike = string_contact_starts(coarse.hammer_height_m)
-    end = int(strike[0]) if len(strike) else int(np.argmin(coarse.hammer_height_m))
-    last = float(coarse.time_s[min(end + 2, len(coarse.time_s) - 1)])
+    if whole is None:
+        whole = simulate(action, times, forces, output_time_s=_time_grid(times[0], times[-1], COARSE_S), **keywords)
+    strike = string_contact_starts(whole.hammer_height_m)
+    end = int(strike[0]) if len(strike) else int(np.argmin(whole.hammer_height_m))
+    last = float(min(whole.time_s[end] + 2 * COARSE_S, whole.time_s[-1]))
     outputs = _time_grid(max(float(times[0]), last - LONGEST_RISE_S), last, 1.0 / RATE_HZ)
     blow = simulate(action, times, forces, output_time_s=outputs, contact_forces=True, **keywords)
     if blow.contact_normal_n is None or BACK_CHECK not in blow.contacts:

@@ -109,12 +109,10 @@ class ResultStore:
             os.utime(self.session.derived_path(step, trial).parent)
         return found
 
-    def write_table(
-        self, step: str, trial: int, seal: str, table: pd.DataFrame, attributes: dict[str, Any], *, versioned: bool
-    ) -> str:
-        """Write a derived step of one trial; the reason why it could not be written, or an empty string.
+    def write_table(self, step: str, trial: int, seal: str, table: pd.DataFrame, attributes: dict[str, Any]) -> str:
+        """Write a derived step ``<step>_<version>`` of a trial; the reason why it could not be written, or "".
 
-        Of a ``versioned`` step, ``<step>_<version>``, the oldest versions are removed when a new one begins.
+        The oldest versions are removed when a new one begins.
         """
         if self.session is None:
             return ""
@@ -122,7 +120,7 @@ class ResultStore:
         is_new = not folder.is_dir()
         try:
             self.session.write_derived(step, trial, table, attributes, {f"trial_{trial:04d}.h5": seal})
-            if versioned and is_new:
+            if is_new:
                 _remove_oldest_versions(folder)
         except (RigInputError, OSError) as error:
             return str(error)

@@ -165,7 +165,8 @@ def _list_suspects(m: MeasuredTrial, miss_counts: Array, like: LikeTrials | None
     for spike in _find_stretches(m.force.force_n - usual_n, least, round(LONGEST_UNLIKE_S / _step_s(m))):
         part = _select_window(m, spike, -BEFORE_S, AFTER_S)
         if part.size >= FEWEST:
-            scatter = rms([_subtract_line(m.time_s[part], one) for one in (like.off - usual)[:, part]])
+            apart = np.swapaxes((like.off - usual)[:, part], 0, 1)
+            scatter = rms(_subtract_line(m.time_s[part], apart.reshape(part.size, -1)))
             missed = max(scatter * float(np.sqrt(len(like.off) / (len(like.off) - 1))), ROUNDING)
             yield _Suspect(
                 spike, part, (miss_counts - usual)[part], missed, FEWEST_SCATTERS, "else differ from other trials by"
@@ -271,5 +272,6 @@ def _simulate_without_spike(
 
 def _subtract_line(time_s: Array, values: Array) -> Array:
     """Values (n, k) less the straight line through each column."""
-    fitted = np.polyfit(time_s - time_s[0], values, 1)
-    return np.asarray(values - np.outer(time_s - time_s[0], fitted[0]) - fitted[1])
+    along = time_s - time_s.mean()
+    left = values - values.mean(axis=0)
+    return np.asarray(left - np.outer(along, along @ left / (along @ along)))

@@ -141,7 +141,7 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
     rivals = compare_rivals(predicted, scored, tested, findings.left_out)
     made = Comparison(predicted, events, scored, findings, verdict, rivals, tested, chosen, changes)
     tables = made.tables
-    warnings = [*_warnings(predicted, findings), *scored.notes, *made.motion[2], *tested.store.save()]
+    warnings = [*_warnings(predicted, findings), *made.motion[2], *tested.store.save()]
     warnings += identified_warnings(action)
     name = session.info.name or session.path.name
     if explained.sentence:

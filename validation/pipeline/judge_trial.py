@@ -155,8 +155,8 @@ class TrialJudge:
         known = self._known[condition] = [*known, (m, predicted.predictions[number])][-MOST_TRIALS:]
         every = PredictedSession(tuple(one for one, _ in known), {one.number: p for one, p in known}, {})
         events = find_session_events(every, tested)
-        traces, notes = trace_session(every, events, tested.store)
-        scored = ScoredSession(traces, pd.DataFrame(), notes)
+        traces = trace_session(every, events)
+        scored = ScoredSession(traces, pd.DataFrame())
         limits = relevance_limits({})
         errors_found = errors_of_trials(every, traces, events, tested)
         findings = find_faults(every, events, scored, tested, errors_found, limits)

@@ -27,8 +27,8 @@ from validation.prediction.key_driven import run_key_driven, run_null_key_driven
 from validation.prediction.model_under_test import ModelUnderTest
 
 STEP = "prediction"
-# what drives and what predicts, and how the derived step of each begins
-VARIANTS = {"model": STEP, "raw_force": f"{STEP}_raw_force", "null": f"{STEP}_null"}
+# what drives and what predicts
+VARIANTS = ("model", "raw_force", "null")
 KEY_DRIVEN = ("model", "null")
 COLUMNS = [f"{body}_rad" for body in BODIES], [f"{body}_rad_per_s" for body in BODIES]
 
@@ -84,7 +84,7 @@ def _turn(angle_rad: Array, rest_rad: Array) -> Array:
 
 
 def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "model") -> PredictedAngles:
-    """Predict one trial and store the prediction, or read it when nothing it depends on has changed.
+    """Predict one trial and store the model's prediction, or read it when nothing it depends on has changed.
 
     Conventions: angles on the DAQ's sample times (and, by the same cubic, on film times); changes since the model's own
     rest under the declared preload, rad; NaN where the force is not known yet, that is for the last group delay of the
@@ -92,7 +92,8 @@ def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "mode
 
     Parameters
     ----------
-    tested : its store keeps predictions as the derived step ``prediction_<action>``
+    tested : its store keeps predictions of the model, and all of a stand-in, as derived steps ``prediction_<action>``;
+        other rivals are computed in the time in which they would be read
     variant : {"model", "raw_force", "null"}, which force drives, and whether the null model takes the place of the
         model
     """
@@ -103,8 +104,9 @@ def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "mode
     force_s, force_n = (m.time_s, m.raw_force_n) if variant == "raw_force" else (m.force.time_s, m.force.force_n)
     inputs = (tested.action_hash, float(tested.tolerance), variant, force_s, force_n, m.time_s, rest)
     key = result_key("predictions", tested.version, inputs)
-    step = f"{VARIANTS[variant]}_{tested.action_hash[:12]}"
-    stored = _load_prediction(tested, m, step, key, rest)
+    is_kept = variant == "model" or (variant == "raw_force" and tested.stand_ins.predict is not None)
+    step = f"{STEP if variant == 'model' else f'{STEP}_{variant}'}_{tested.action_hash[:12]}"
+    stored = _load_prediction(tested, m, step, key, rest) if is_kept else None
     if stored is not None:
         tested.store.count("predictions", reused=True)
         return stored
@@ -132,6 +134,9 @@ def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "mode
     angle[inside], speed[inside] = got, np.asarray(solution.speed_rad_per_s, dtype=float)[:, : len(BODIES)]
     counters = {name: float(value) for name, value in dict(getattr(solution, "counters", {})).items()}
     counters["seconds"] = took_s
+    turn = _turn(angle, rest)
+    if not is_kept:
+        return PredictedAngles(m.time_s, turn, speed, rest, key, False, counters)
     columns = {"time_s": m.time_s} | dict(zip([*COLUMNS[0], *COLUMNS[1]], [*angle.T, *speed.T], strict=True))
     error = getattr(solution, "error_rad", None)
     error_rad = float("nan") if error is None else float(error)
@@ -141,12 +146,12 @@ def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "mode
     check_load = ""
     if variant == "model" and tested.stand_ins.predict is None:
         found = model.touch.find_check_load(
-            tested.action, force_s, force_n, tolerance=tested.tolerance, initial=load.rest
+            tested.action, force_s, force_n, solution, tolerance=tested.tolerance, initial=load.rest
         )
         check_load = attributes["check_load"] = "" if found is None else str(found)
-    failure = tested.store.write_table(step, m.number, m.seal, pd.DataFrame(columns), attributes, versioned=True)
+    failure = tested.store.write_table(step, m.number, m.seal, pd.DataFrame(columns), attributes)
     tested.store.count("predictions", reused=False, failure=failure)
-    return PredictedAngles(m.time_s, _turn(angle, rest), speed, rest, key, False, counters, error_rad, check_load)
+    return PredictedAngles(m.time_s, turn, speed, rest, key, False, counters, error_rad, check_load)
 
 
 def _predict_by_key(m: MeasuredTrial, tested: ModelUnderTest, variant: str) -> PredictedAngles:
@@ -157,8 +162,8 @@ def _predict_by_key(m: MeasuredTrial, tested: ModelUnderTest, variant: str) -> P
     sensors = None if m.sensors is None else (m.sensors.calibration, m.sensors.hammer_travel_m)
     inputs = (tested.action_hash, float(tested.tolerance), variant, m.time_s, m.change_rad, m.resolution_rad, sensors)
     key = result_key("predictions by key", tested.version, (*inputs, rest))
-    step = f"{VARIANTS[variant]}_by_key_{tested.action_hash[:12]}"
-    stored = _load_prediction(tested, m, step, key, rest)
+    step = f"{STEP}_by_key_{tested.action_hash[:12]}"
+    stored = _load_prediction(tested, m, step, key, rest) if variant == "model" else None
     if stored is not None:
         tested.store.count("predictions", reused=True)
         return stored
@@ -170,11 +175,14 @@ def _predict_by_key(m: MeasuredTrial, tested: ModelUnderTest, variant: str) -> P
     else:
         turn, speed, counters = run_key_driven(tested.action, m, rest, tested.tolerance)
     counters["seconds"] = thread_time() - began_s
+    turn = np.asfortranarray(turn)
+    if variant == "null":
+        return PredictedAngles(m.time_s, turn, speed, rest, key, False, counters)
     columns = {"time_s": m.time_s} | dict(zip([*COLUMNS[0], *COLUMNS[1]], [*(turn + rest).T, *speed.T], strict=True))
     attributes = {"input_sha256": key, "counters": counters}
-    failure = tested.store.write_table(step, m.number, m.seal, pd.DataFrame(columns), attributes, versioned=True)
+    failure = tested.store.write_table(step, m.number, m.seal, pd.DataFrame(columns), attributes)
     tested.store.count("predictions", reused=False, failure=failure)
-    return PredictedAngles(m.time_s, np.asfortranarray(turn), speed, rest, key, False, counters)
+    return PredictedAngles(m.time_s, turn, speed, rest, key, False, counters)
 
 
 def _load_prediction(

@@ -26,7 +26,6 @@ from validation.scores.traces import (
     make_speed_table,
     make_trace_table,
     select_scored_angles,
-    store_speeds,
 )
 
 
@@ -36,32 +35,27 @@ class ScoredSession:
 
     traces: SessionTraces
     scores: pd.DataFrame
-    notes: tuple[str, ...]
 
 
 def score_session(predicted: PredictedSession, events: SessionEvents, store: ResultStore) -> ScoredSession:
     """Put together the traces of every trial and score every curve inside the evaluation window."""
-    traces, notes = trace_session(predicted, events, store)
+    traces = trace_session(predicted, events)
     channels = {m.number: (*m.channels, *FILM_CHANNELS) for m in predicted.trials}
     scores = score_curves(traces, {m.number: m.u_rad for m in predicted.trials}, channels, store)
-    return ScoredSession(traces, scores, notes)
+    return ScoredSession(traces, scores)
 
 
-def trace_session(
-    predicted: PredictedSession, events: SessionEvents, store: ResultStore
-) -> tuple[SessionTraces, tuple[str, ...]]:
-    """Traces of every trial, whose speeds are written as a derived step of the session, and a note where that
-    failed."""
-    encoder, film, failures = {}, {}, set()
+def trace_session(predicted: PredictedSession, events: SessionEvents) -> SessionTraces:
+    """Traces of every trial."""
+    encoder, film = {}, {}
     for m in predicted.trials:
         p = predicted.predictions[m.number]
         speeds = make_speed_table(m, events.trial[m.number])
         encoder[m.number] = make_trace_table(m, p, events.lifts[m.number], speeds)
-        failures.add(store_speeds(store, m, speeds))
         filmed = make_film_trace_table(m, p)
         if filmed is not None:
             film[m.number] = filmed
-    return SessionTraces(encoder, film, events.window, events.impact_s), tuple(sorted(failures - {""})[:1])
+    return SessionTraces(encoder, film, events.window, events.impact_s)
 
 
 def score_curves(

@@ -16,7 +16,6 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from validation.cache.result_store import ResultStore
 from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, Array
 from validation.events.contact import REVERSAL_S
 from validation.events.crossings import up_crossings
@@ -26,7 +25,6 @@ from validation.events.session_events import Window
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.predict_session import PredictedTrial
 
-STEP = "speeds"
 # of cubics through samples (Savitzky and Golay): choice; at 5 kHz 4 ms, near a contact as few as bend nothing
 WINDOW, FEWEST, ORDER = 21, 5, 3
 # events at which a body is struck or stopped, beside the hammer's leaving the string
@@ -115,13 +113,6 @@ def make_speed_table(m: MeasuredTrial, events: dict[str, Event]) -> pd.DataFrame
         columns[f"{name}_rad_per_s"] = speed
         columns[f"{name}_u_rad_per_s"] = np.hypot(u, m.scale_relative_u[i] * speed)
     return pd.DataFrame(columns)
-
-
-def store_speeds(store: ResultStore, m: MeasuredTrial, table: pd.DataFrame) -> str:
-    """Write the derived step ``speeds`` of one trial; the reason why it could not be written, or an empty text."""
-    attributes = {"window": WINDOW, "order": ORDER, "unit": "rad/s"}
-    failure = store.write_table(STEP, m.number, m.seal, table, attributes, versioned=False)
-    return f"speeds not kept: {failure}" if failure else ""
 
 
 # how the columns of a rival begin

@@ -32,6 +32,7 @@ def predict(monkeypatch):
     monkeypatch.setattr(model, "simulate", counting)
     # it does not move as the trials do: each would be run under other signs and units of the force
     monkeypatch.setattr("validation.findings.force.FACTORS", {})
+    monkeypatch.setattr(model.touch, "find_check_load", lambda *_, **__: None)  # it has no hammer that strikes
     # how often is counted here, not what comes out
     monkeypatch.setattr("validation.scores.perfect_model.DRAWS", 5)
     return counting
@@ -44,6 +45,7 @@ def compared_once(make, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(model, "simulate", Heavy())
         patch.setattr("validation.findings.force.FACTORS", {})
+        patch.setattr(model.touch, "find_check_load", lambda *_, **__: None)
         compare_session(session, truth.action, **SIMPLE)
     return session.path, truth.action
 

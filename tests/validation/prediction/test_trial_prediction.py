@@ -84,7 +84,7 @@ def test_the_version_used_longest_ago_goes_first(make, tmp_path):
     seal = session.trial(1).sha256
 
     def write(name):
-        assert not store.write_table(f"step_{name}", 1, seal, table, {"input_sha256": name}, versioned=True)
+        assert not store.write_table(f"step_{name}", 1, seal, table, {"input_sha256": name})
         for folder in (session.path / "derived").glob("step_*"):  # an hour passes
             at = folder.stat().st_mtime - 3600.0
             os.utime(folder, (at, at))

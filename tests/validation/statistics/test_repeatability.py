@@ -79,6 +79,16 @@ def trial(speed):
     return events
 
 
+@pytest.mark.parametrize("n", [4, 5, 30])
+def test_the_distance_is_from_the_median_of_the_other_trials_ties_and_gaps_included(n):
+    curves = np.round(np.random.default_rng(n).normal(size=(200, n)), 1)
+    curves[3, 1] = np.nan
+    known = np.delete(curves, 3, axis=0)
+    apart = [known[:, i] - np.median(np.delete(known, i, axis=1), axis=1) for i in range(n)]
+    distance = np.sqrt(np.mean(np.square(apart), axis=1))
+    np.testing.assert_allclose(compute_distance_ratios(curves), distance / np.median(distance), rtol=1e-12)
+
+
 def test_event_repeatability_counts_presence_and_uses_found_events_only():
     table = event_repeatability({1: trial(2.0), 2: trial(2.2), 3: trial(None)}).set_index("event")
     row = table.loc["hammer_speed"]
