@@ -128,9 +128,10 @@ class ResultStore:
 
     def count(self, kind: str, *, reused: bool, failure: str = "") -> None:
         """Count a table that was reused or made, and note why it could not be stored."""
-        self._counts[kind, reused] += 1
-        if failure:
-            self._failures.setdefault(kind, []).append(failure)
+        with self._lock:
+            self._counts[kind, reused] += 1
+            if failure:
+                self._failures.setdefault(kind, []).append(failure)
 
     def summary(self) -> dict[str, str]:
         """Texts by kind on how many results were reused, such as ``4 of 5``."""

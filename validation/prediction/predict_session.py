@@ -6,7 +6,9 @@ A trial the model cannot predict is refused with the reason; a rival that cannot
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import chain
 from time import thread_time
 from typing import Any
 
@@ -19,7 +21,7 @@ import model
 from model.errors import ModelError
 from model.simulation.solution import MISSED
 from validation.cache.content_hash import result_key
-from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, Array
+from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, WORKERS, Array
 from validation.errors import PredictionError, ValidationInputError
 from validation.measurement.measure_session import NOT_PREDICTED, MeasuredSession
 from validation.measurement.trial import MOST_NAMED, MeasuredTrial, trials_in_words
@@ -233,18 +235,21 @@ def predict_session(
     measured: MeasuredSession, tested: ModelUnderTest, progress: Callable[[str], None] | None = None
 ) -> PredictedSession:
     """Predict every measured trial; unchanged ones are read, not simulated."""
-    refused = dict(measured.refused)
-    predictions = {}
-    for m in measured.trials:
-        if progress is not None:
-            progress(f"predicting trial {m.number}")
-        try:
-            predictions[m.number] = _predict_with_rivals(m, tested)
-            missed = _describe_missed_tolerance(predictions[m.number].model, tested.tolerance)
+    refused, predictions = dict(measured.refused), {}
+    # a user's function need not bear threads, nor be called in another order
+    with ThreadPoolExecutor(WORKERS if tested.own_model else 1) as pool:
+        first = [_predict_with_rivals(m, tested) for m in measured.trials[:1]]  # alone: what all trials share is made once
+        every = chain(first, pool.map(lambda m: _predict_with_rivals(m, tested), measured.trials[1:]))
+        for m, found in zip(measured.trials, every, strict=True):
+            if progress is not None:
+                progress(f"predicted trial {m.number}")
+            if isinstance(found, ModelError):
+                refused[m.number] = f"{NOT_PREDICTED} {found}"
+                continue
+            predictions[m.number] = found
+            missed = _describe_missed_tolerance(found.model, tested.tolerance)
             if missed and progress is not None:
                 progress(f"trial {m.number}: {missed}")
-        except ModelError as error:
-            refused[m.number] = f"{NOT_PREDICTED} {error}"
     if not predictions:
         raise ValidationInputError(
             f"{measured.session.path}: no usable trial ({_describe_refused(refused)}); record or accept at least one"
@@ -252,9 +257,15 @@ def predict_session(
     return PredictedSession(tuple(m for m in measured.trials if m.number in predictions), predictions, refused)
 
 
-def _predict_with_rivals(m: MeasuredTrial, tested: ModelUnderTest) -> PredictedTrial:
-    """Prediction of a trial by the model and by its rivals, with notes on those that cannot predict it."""
-    found = predict_trial(m, tested)
+def _predict_with_rivals(m: MeasuredTrial, tested: ModelUnderTest) -> PredictedTrial | ModelError:
+    """Prediction of a trial by the model and by its rivals, with notes on those that cannot predict it.
+
+    The error where the model cannot.
+    """
+    try:
+        found = predict_trial(m, tested)
+    except ModelError as error:
+        return error
     missed = _describe_missed_tolerance(found, tested.tolerance)
     notes, rivals = [text for text in (missed, found.check_load) if text], {}
     for name in (name for name in tested.rivals if name in (KEY_DRIVEN if m.driven_by_key else VARIANTS)):
