@@ -238,7 +238,9 @@ def predict_session(
     refused, predictions = dict(measured.refused), {}
     # a user's function need not bear threads, nor be called in another order
     with ThreadPoolExecutor(WORKERS if tested.own_model else 1) as pool:
-        first = [_predict_with_rivals(m, tested) for m in measured.trials[:1]]  # alone: what all trials share is made once
+        first = [
+            _predict_with_rivals(m, tested) for m in measured.trials[:1]
+        ]  # alone: what all trials share is made once
         every = chain(first, pool.map(lambda m: _predict_with_rivals(m, tested), measured.trials[1:]))
         for m, found in zip(measured.trials, every, strict=True):
             if progress is not None:

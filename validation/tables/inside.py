@@ -81,8 +81,7 @@ def inside_rows(predicted: PredictedSession, tested: ModelUnderTest, *, is_drawn
 def _make_rows(tested: ModelUnderTest, m: MeasuredTrial, draws: Sequence[JointDraw]) -> Iterator[dict[str, Any]]:
     """Yield rows of the largest loads and losses of a trial, with standard uncertainties by simulating it in every
     draw."""
-    force = m.force
-    at = m.time_s[(m.time_s >= force.time_s[0]) & (m.time_s <= force.time_s[-1])]
+    force, at = m.force, m.force.time_s  # the force bends there, and integrals stop at bends and outputs
     blow = tested.simulate(
         tested.action, force.time_s, force.force_n, tolerance=tested.tolerance, output_time_s=at,
         initial=tested.load(force.preload_n).rest, inside=True, energy=True,
