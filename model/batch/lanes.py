@@ -23,7 +23,7 @@ from model.simulation.lanes import advance_lanes, lane_kind
 from model.simulation.run import Plan, Simulation, State
 
 # of one structure and method. Lanes win from 2 members on; loading what is compiled takes as long as 15 to 20 members
-LEAST_MEMBERS = 16
+LEAST_MEMBERS = 2 * LANES
 UNIT = 64  # most members computed by one call: the last of them wait for each other in half-empty lanes
 SUPPORTED = {"contact_forces"}  # outputs beyond angles and speeds
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from model.errors import InputError
 
-RATE_HZ = 5000
+RATE_HZ = 5000  # as the bench samples
 DURATION_S = 0.7
 
 # corners (s, N), straight lines between them

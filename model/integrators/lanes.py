@@ -11,11 +11,11 @@ from typing import Any
 
 from numba import int64
 
-from model.integrators.rosenbrock import WAKING_STEP
 from model.integrators.step_control import (
     BOUND_SLACK,
     DONE,
     FAILED,
+    FIRST_STEP,
     NOT_FINITE,
     SMALLEST_STEP,
     STEP_TOO_SMALL,
@@ -210,7 +210,7 @@ def skip_resting_lanes(bits, width, parent, members, space):
                 fill_lane_outputs(lane, width, quiet, members, space)
                 number[AT_REST * width + lane] += quiet - t
                 number[TIME * width + lane] = quiet
-                number[WANTED * width + lane] = WAKING_STEP
+                number[WANTED * width + lane] = FIRST_STEP
                 members.counters[whole[at + MEMBER], N_RESTS] += 1
                 rested |= 1 << lane
     return rested

@@ -13,6 +13,7 @@ from numba import int64
 from model.integrators.step_control import (
     DONE,
     FAILED,
+    FIRST_STEP,
     FULL,
     NOT_FINITE,
     SMALLEST_STEP,
@@ -56,7 +57,6 @@ from model.kernels.workspace import (
     Z,
 )
 
-WAKING_STEP = 1e-5  # s, first step of an action that was at rest
 STAGE = 2 * WIDTH
 GAUSS_NODES = (-0.3872983346207417, 0.0, 0.3872983346207417)
 GAUSS_WEIGHTS = (5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0)
@@ -163,7 +163,7 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
                     times[0] += quiet - t
                     counters[N_RESTS] += 1
                     t = quiet
-                    h = WAKING_STEP
+                    h = FIRST_STEP
                     fresh = True
                     continue
         h = min(h, limits.longest_step)

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import BSpline, PPoly
 from scipy.linalg import cho_solve_banded, cholesky_banded, solve_banded
 
+from model.elements.prescribed import ORDER
 from model.errors import InputError
 from model.files.csv_columns import read_columns
 from model.files.time_table import check_rows, two_columns
@@ -121,7 +122,7 @@ def read_motion_table(path: str | Path, scene: SceneChoice | str | Path = "whole
 
 Integers = NDArray[np.int64]
 
-DEGREE, PRIOR = 5, 4  # of the spline; of the derivative that the prior keeps small
+DEGREE, PRIOR = ORDER - 1, 4  # of the spline; of the derivative that the prior keeps small
 WINDOW_S = 1.0e-3  # half width over which the prior's variance is the same: shorter than a key's bump
 WINDOW_SAMPLES = 5  # least number of samples in a window of the noise estimate
 MOST_ITERATIONS, OVER_RELAXATION = 400, 1.4  # of the variance; step factor in its logarithm: choice

@@ -34,7 +34,7 @@ from model.regulation.screws import (
 )
 
 ITERATIONS = 25  # of a secant or of Newton's method, then a search over the travel follows
-SMALL_TURN = 10e-6  # m, least turn for a slope: half of `TOLERANCE`
+SMALL_TURN = 0.5 * TOLERANCE  # m, least turn for a slope
 NOT_MEASURABLE = {"let_off": -2e-3, "check": 5e-3}  # error (m) assumed then: jack stuck, hammer free
 FINER = 8  # steps from the nearest of these to each of their neighbours
 NEAREST = 3  # places so refined, as often; the last steps are some micrometres

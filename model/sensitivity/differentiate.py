@@ -15,7 +15,13 @@ from model.force_driven import COMPANION, Recorded, check_output_times, force_ta
 from model.parameters.action import Action, ActionLike, as_action
 from model.sensitivity.events import Events
 from model.sensitivity.options import SensitivityOptions
-from model.sensitivity.parameter_names import describe_parameters, directions, find_parameters, refuse_idle
+from model.sensitivity.parameter_names import (
+    LENGTH_STEP,
+    describe_parameters,
+    directions,
+    find_parameters,
+    refuse_idle,
+)
 from model.sensitivity.result import Sensitivities
 from model.sensitivity.tangents import RecordedMotion
 from model.simulation.run import Simulation, State, complete_memory
@@ -23,8 +29,6 @@ from model.simulation.statics import RestState, rest_state, with_pins
 
 Array = NDArray[np.float64]
 Blow = tuple[ArrayLike, ArrayLike]
-
-JUST_TOUCHES_M = 1e-8  # what a felt is pressed in, or misses by, that a difference would step over
 
 
 def sensitivities(
@@ -162,7 +166,7 @@ def _check_input_changes(inputs: Blow, rows: int) -> tuple[Array, Array]:
 
 
 def _is_at_kink(start: RestState) -> tuple[str, ...]:
-    near = np.abs(start.penetration_m) < JUST_TOUCHES_M
+    near = np.abs(start.penetration_m) < LENGTH_STEP  # a difference would step over it
     return tuple(name for name, it_is in zip(start.contacts, near, strict=True) if it_is)
 
 

@@ -12,18 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.parameters.action import Action
-from model.sensitivity.parameter_names import Directions, Parameter, as_action_type, shift_parameter
+from model.sensitivity.parameter_names import LENGTH_STEP, Directions, Parameter, as_action_type, shift_parameter
 
 Array = NDArray[np.float64]
-# rad and rad/s that a difference may move a coordinate: felt is pressed in by more
-SMALL_TURN, SMALL_SPEED = 1e-8, 1e-6
+SMALL_SPEED = 1e-6  # rad/s that a difference may change a speed by; by `LENGTH_STEP` it may turn a coordinate
 # where nothing but lengths and angles matter: a speed, itself a difference, would be rounded away in smaller steps
 SMOOTH_TURN, SMOOTH_SPEED, SMOOTH_STEPS = 1e-4, 1e-2, 1e3
 
 
 def difference_step(parameter: Parameter, d_angle: Array, d_speed: Array, smooth: bool) -> float:
     """Step of a difference in a parameter's unit along these derivatives (..., n), of what is ``smooth`` or presses."""
-    most, turns, speeds = (SMOOTH_STEPS, SMOOTH_TURN, SMOOTH_SPEED) if smooth else (1.0, SMALL_TURN, SMALL_SPEED)
+    most, turns, speeds = (SMOOTH_STEPS, SMOOTH_TURN, SMOOTH_SPEED) if smooth else (1.0, LENGTH_STEP, SMALL_SPEED)
     turn, speed = (float(np.max(np.abs(d), initial=0.0)) for d in (d_angle, d_speed))
     return min(most * parameter.step, turns / max(turn, 1e-300), speeds / max(speed, 1e-300))
 

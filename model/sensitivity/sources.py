@@ -11,7 +11,7 @@ from model.integrators.tangents.parameter_loads import Sources
 from model.kernels import layout as L
 from model.scene.build import Scene
 from model.scene.pressing import Command
-from model.sensitivity.parameter_names import Directions, shifted_commands
+from model.sensitivity.parameter_names import SHARE_STEP, Directions, shifted_commands
 
 Array = NDArray[np.float64]
 
@@ -38,9 +38,6 @@ def mode_derivatives(directions: Directions, first: int, count: int) -> Array:
     return np.asarray(np.moveaxis(slope.reshape(len(slope), 3, count), 0, -1))
 
 
-INPUT_STEP = 1e-6  # of the largest input: a command is cut off beyond its limits
-
-
 def _input_slopes(
     directions: Directions, kernel_input: Callable[[Command | None, Array], Array], value: Array, input_changes: Array
 ) -> Array:
@@ -53,7 +50,7 @@ def _input_slopes(
         if any(end != own for end in ends):
             out[..., j] = (kernel_input(ends[0], value) - kernel_input(ends[1], value)) / (2.0 * parameter.step)
     for j, change in enumerate(input_changes.T, count):
-        step = INPUT_STEP * (1.0 + np.max(np.abs(value))) / max(float(np.max(np.abs(change))), 1e-300)
+        step = SHARE_STEP * (1.0 + np.max(np.abs(value))) / max(float(np.max(np.abs(change))), 1e-300)
         out[..., j] = (kernel_input(own, value + step * change) - kernel_input(own, value - step * change)) / (
             2.0 * step
         )

@@ -16,18 +16,12 @@ from model.integrators.step_control import FULL
 from model.integrators.tangents.channels import Channels, Modes
 from model.integrators.tangents.integrate import NODE, STEP_TOO_SMALL, TOO_MANY_STEPS, Landings, integrate_tangents
 from model.integrators.tangents.linearised_nodes import Linear, Space, linearise_node
-from model.integrators.tangents.parameter_loads import (
-    LANES,
-    Loads,
-    MotionDerivatives,
-    Sources,
-    normal_force_derivatives,
-)
+from model.integrators.tangents.parameter_loads import Loads, MotionDerivatives, Sources, normal_force_derivatives
 from model.integrators.tangents.radau import STAGES, TangentOutputs
 from model.integrators.tangents.recorded_motion import Motion, RegimeDetector, find_kinks, interpolate_states
 from model.kernels import layout as L
 from model.kernels import workspace as W
-from model.kernels.lanes import allocate_aligned
+from model.kernels.lanes import LANES, allocate_aligned
 from model.kernels.signatures import SceneNumbers, StepKernels
 from model.scene.pressing import steady_current
 from model.sensitivity.parameter_names import Directions

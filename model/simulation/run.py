@@ -19,7 +19,7 @@ from model.codegen.observable_columns import DEPTH, FRICTION, NORMAL, TIP_FORCE
 from model.elements.structure import Structure
 from model.errors import InputError, IntegrationError
 from model.integrators.methods import DEFAULT_METHOD, RosenbrockTableau, get_method
-from model.integrators.step_control import NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS
+from model.integrators.step_control import FIRST_STEP, NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS
 from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.kernels.signatures import Account, InputTable, Limits, Outputs, SceneNumbers, Span, StepKernels
@@ -74,7 +74,7 @@ class State(ArrayRecord):
     time_s: float
     angle_rad: NDArray[np.float64]
     speed_rad_per_s: NDArray[np.float64]
-    step_s: float = 1e-5  # s: the first step of a blow from rest
+    step_s: float = FIRST_STEP
     memory: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
     def copy(self) -> State:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from model.arrays import ArrayRecord
 from model.batch.run import simulate_many
 from model.errors import InputError, ModelError
+from model.files.force_library import RATE_HZ
 from model.files.force_table import check_force_table
 from model.force_driven import output_times
 from model.parameters.action import BODIES, STRING, Action, ActionLike, as_action
@@ -22,7 +23,6 @@ from model.tolerance import DEFAULT_TOLERANCE
 
 Array = NDArray[np.float64]
 
-RATE_HZ = 5000.0  # as the bench samples
 AS_GIVEN = "as given"
 
 

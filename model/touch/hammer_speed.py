@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.arrays import as_numbers
 from model.errors import InputError
+from model.files.force_library import RATE_HZ
 from model.force_driven import simulate
 from model.parameters.action import ActionLike, as_action
 from model.scene.selection import choice_of
@@ -24,7 +25,7 @@ Array = NDArray[np.float64]
 FORCES = (1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 50.0)  # N
 RISE = 0.02  # s; in faster rises the back check meets the rising hammer from 30 N on (`check_load`)
 LONGEST = 0.6  # s, time limit of the softest blow
-SAMPLE = 2e-4  # s, as the bench samples
+SAMPLE = 1.0 / RATE_HZ
 SHORTEST = 0.1  # s, of a blow: choice, so that the hardest has time to strike
 
 

@@ -44,7 +44,7 @@ def command(
     Example:  pianorig calibrate contact --contact contact04 --load 0.1 --radius 0.012 --out my_pair.toml
     """
     check_writable(figure, *FIGURE_ENDINGS)
-    order = PadOrder(contact, load, u_load, radius, u_radius, body, swings)
+    order = PadOrder(contact, load, u_load, radius, u_radius, swings, body)
     facts = calibrate_contact(order, rig_name, backend, out, action, type_answer)
     lines = (
         f"{contact}: friction {facts['friction']:.4g} (standard uncertainty {facts['u_friction']:.2g})",
@@ -73,8 +73,8 @@ class PadOrder:
     u_load_n: float
     radius_m: float
     u_radius_m: float
+    swings: int
     body: str = "hammer"
-    swings: int = 3  # as the option
 
 
 def calibrate_contact(

@@ -73,8 +73,8 @@ class CalibrationOrder:
     """What is calibrated: ``null``, ``shunt`` or ``weights``, for which masses, kg, and who does it."""
 
     kind: str
-    masses_kg: tuple[float, ...] = ()
-    u_mass_kg: float = 1e-5  # as the option
+    masses_kg: tuple[float, ...]
+    u_mass_kg: float
     gravity: float | None = None
     operator: str = "unknown"
 

@@ -210,8 +210,8 @@ def learn_profile(
     out: Path,
     access: workflows.BenchAccess,
     *,
-    blows: int = 8,  # as the option
-    goal: float = 0.03,  # as the option
+    blows: int,
+    goal: float,
     operator: str = "unknown",
     progress: Callable[[rig.Blow], None] | None = None,
 ) -> rig.Learned:

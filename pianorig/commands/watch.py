@@ -144,7 +144,7 @@ def follow_session(
     session: Path,
     show: Callable[[LiveView], None],
     *,
-    every_s: float = 0.5,  # as the option
+    every_s: float,
     once: bool = False,
     wait: Callable[[float], None] = time.sleep,
 ) -> LiveView | None:

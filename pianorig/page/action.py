@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import model
-from model.files.force_library import KNOTS
+from model.files.force_library import KNOTS, RATE_HZ
 from model.inside.body_poses import observe_poses
 from model.parameters.action import action_text
 from model.parameters.quantity import allowed_range
@@ -161,7 +161,6 @@ def toml_of(action: model.Action) -> str:
     return action_text(action, [f"{action.name}, changed on the page of `pianorig bench`:", *words])
 
 
-RATE_HZ = 5000.0  # of a blow drawn on the page: as the built-in rig records
 EVERY, DRAWN = 5, 2  # a pose and a drawn sample for so many samples
 QUIET_S = 0.02  # every built-in blow begins later than this
 BLOWS = tuple(KNOTS)

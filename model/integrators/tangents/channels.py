@@ -13,10 +13,9 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from model.integrators.tangents.parameter_loads import LANES
 from model.kernels import workspace as W
 from model.kernels.compile import inlined_uncounted, uncounted_loop
-from model.kernels.lanes import broadcast_like, rows
+from model.kernels.lanes import LANES, broadcast_like, rows
 
 Array = NDArray[np.float64]
 

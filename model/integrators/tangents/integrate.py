@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
-from model.integrators.step_control import WHOLE
+from model.integrators.step_control import FIRST_STEP, WHOLE
 from model.integrators.tangents.channels import (
     advance_channels,
     interpolate_channels,
@@ -24,7 +24,6 @@ MOST_STEPS = 50  # attempts for each step of the motion; a blow of the printed a
 # as `model.integrators.step_control`, for steps of another order; s
 SAFETY, GROW, SHRINK, SMALLEST_STEP = 0.8, 6.0, 0.1, 1e-10
 POWER = -1.0 / (STAGES + 1)  # of the step in the estimated error
-FIRST_STEP = 1e-5  # s
 
 
 class Landings(NamedTuple):

@@ -10,8 +10,6 @@ from model.kernels.kernel_value import KernelType
 from model.kernels.signatures import OBSERVE
 from model.kernels.workspace import Q, V, Z
 
-LANES = 8  # parameters side by side; their number is filled up to a multiple of it
-
 
 class Sources(NamedTuple):
     """Numbers of a scene that parameters change, (s,), increasing; ``first`` (s + 1,) where each begins in the rest.

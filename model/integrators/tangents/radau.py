@@ -25,9 +25,8 @@ from model.integrators.tangents.channels import (
     prepare_channels,
 )
 from model.integrators.tangents.linearised_nodes import SPACE
-from model.integrators.tangents.parameter_loads import LANES
 from model.kernels.compile import inlined, uncounted_loop
-from model.kernels.lanes import broadcast_like, rows
+from model.kernels.lanes import LANES, broadcast_like, rows
 
 
 @inlined
