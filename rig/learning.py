@@ -88,7 +88,7 @@ def make_target(
     scale: float = 1.0,
     key_bottom_s: float | None = None,
 ) -> TargetForce:
-    """Put a recorded force on the rig's sample clock.
+    """Return a recorded force on the rig's sample clock, with its first command, onset and key bottom.
 
     Parameters
     ----------
@@ -177,7 +177,7 @@ def make_target(
 
 
 def _resample_force(force_n: NDArray[np.float64], interval_s: float, rate_hz: float) -> NDArray[np.float64]:
-    """Linear between samples; a faster recording is averaged over each interval of the clock."""
+    """Force (m,) on the clock of ``rate_hz``, (n,): linear between samples, averaged where it was sampled faster."""
     time_s = np.arange(force_n.size) * interval_s
     n = int(np.floor(time_s[-1] * rate_hz + 1e-6)) + 1
     wanted = np.arange(n) / rate_hz
@@ -304,7 +304,7 @@ def late_share(target: TargetForce, measured: Measured) -> float:
 def correct_command(
     command_n: NDArray[np.float64], target: TargetForce, measured: Measured, gain: float, rate_hz: float
 ) -> NDArray[np.float64]:
-    """Return the next command, (n,), N; zero at both ends."""
+    """Return the next command (n,), N: this one plus ``gain`` times its filtered error; zero at both ends."""
     time_s, inside = target.time_s, window(target, measured)
     error = target.force_n - measured.force_n
     error[time_s < target.onset_s - FADE_S] = 0.0

@@ -93,22 +93,28 @@ def read_record(path: Path) -> SelftestRecord:
 
 
 def valid_record(
-    rig: Rig, place: Path, now: datetime | None = None, *, address: str = "ADDRESS"
+    rig: Rig, records_path: Path, now: datetime | None = None, *, address: str = "ADDRESS"
 ) -> tuple[Path, SelftestRecord]:
-    """Find the newest record of this rig file and refuse it unless it passed and is recent enough.
+    """Return the newest record of this rig file, and its path; refuse one that did not pass or is too old.
 
     Parameters
     ----------
-    place : a record, or the folder of records
+    records_path : a record, or the folder of records
     address : of the bench, for the advice
     """
     now = now or datetime.now(UTC)
     advice = f"run  pianorig selftest --backend {address} --rig {rig.source}"
-    files = [place] if place.is_file() else sorted(place.glob("*.toml")) if place.is_dir() else []
+    files = (
+        [records_path]
+        if records_path.is_file()
+        else sorted(records_path.glob("*.toml"))
+        if records_path.is_dir()
+        else []
+    )
     records = [(path, read_record(path)) for path in files]
     mine = [(path, record) for path, record in records if record.rig_sha256 == rig.sha256]
     if not mine:
-        raise NotPermitted(f"{place}: no self-test of rig file {rig.source} as it is; {advice}")
+        raise NotPermitted(f"{records_path}: no self-test of rig file {rig.source} as it is; {advice}")
     path, record = max(mine, key=lambda item: _utc(item[1].created_utc))
     failed = [finding.check for finding in record.findings if not finding.passed]
     if not record.passed:
@@ -136,7 +142,7 @@ class SelftestBackend(Backend, Protocol):
     def count_edges(self, config: RigConfig, counter: str, terminal: str, duration_s: float, pulses: bool) -> int:
         """Return the rising edges on a terminal."""
 
-    def loopback_read(self, config: RigConfig, channel: str, command_v: ArrayLike) -> NDArray[np.float64]:
+    def read_loopback(self, config: RigConfig, channel: str, command_v: ArrayLike) -> NDArray[np.float64]:
         """Return what an input wired to the motor's output reads, V."""
 
     def let_watchdog_expire(self, n_samples: int, blocks: int) -> Expiry:
@@ -156,7 +162,7 @@ def push_train(volts: float, rate_hz: float) -> NDArray[np.float64]:
 
 
 def push_response(force_n: NDArray[np.float64], rate_hz: float, delay: int) -> tuple[NDArray[np.float64], float]:
-    """Return the mean response to one push, N above the force before it, from the push on, and its plateau, N."""
+    """Return the mean response to one push, N above the force before, from ``delay`` samples on, and its plateau, N."""
     lead, push = int(LEAD_S * rate_hz), int(PUSH_S * rate_hz)
     period = 2 * push
     rows = [force_n[lead + i * period + delay :][:period] for i in range(PUSHES)]
@@ -219,8 +225,8 @@ class Edge:
     ringing_hz: float
 
 
-def without_hum(force_n: Array, rate_hz: float, mains_hz: float, delay: int) -> Array:
-    """Return the force less mains hum, fitted where nothing pushes: before the pushes and late in each pause."""
+def subtract_hum(force_n: Array, rate_hz: float, mains_hz: float, delay: int) -> Array:
+    """Return the force (n,), N, less mains hum, fitted where nothing pushes; pushes come ``delay`` samples late."""
     lead, push = int(LEAD_S * rate_hz), int(PUSH_S * rate_hz)
     quiet = np.zeros(force_n.size, dtype=bool)
     quiet[:lead] = True
@@ -373,29 +379,29 @@ class Checks:
             advice = f"{channel} reads a push as a pull: exchange its signal wires, or the signs of force.physical_n"
         self.add("load cell by hand", self._push_felt, f"{felt:+.3f} N", "above 0.5 N", advice)
 
-    def _push(self, *, enable_drive: bool) -> tuple[NDArray[np.float64], float]:
-        """Push gently; return the mean response to one push, N, and its plateau, N."""
+    def _push_gently(self, *, enable_drive: bool) -> tuple[NDArray[np.float64], float]:
+        """Push with the motor several times; return the mean response to one push (n,), N, and its plateau, N."""
         volts = push_train(self.expected.push_n / self.config.motor.force_per_volt_n, self.rate)
         timing, block = self._acquire(volts, enable_drive=enable_drive)
         self._delay_samples = timing.force_group_delay_s * self.rate
         late = int(np.floor(self._delay_samples)) - EDGE_LEAD
-        force_n = without_hum(block.force_n, self.rate, self.config.mains_frequency_hz, late)
+        force_n = subtract_hum(block.force_n, self.rate, self.config.mains_frequency_hz, late)
         return push_response(force_n, self.rate, late)
 
-    def pushed_disabled(self) -> None:
+    def check_push_disabled(self) -> None:
         """Push gently with the drive disabled and add the check that no force reaches the key."""
         if self.config.drive_enable is None:
             self.add("drive-enable line", False, "none in the rig file", "a line", "add [drive_enable] and wire it")
             return
-        _, force = self._push(enable_drive=False)
+        _, force = self._push_gently(enable_drive=False)
         most = ABSENT_SHARE * self.expected.push_n
         self.add("drive disabled", abs(force) < most, f"{force:+.4f} N", f"below {most:.3g} N",
                  f"the motor pushes though its drive-enable is low: {self.config.drive_enable.line} does not reach "
                  "the drive, or is bridged")  # fmt: skip
 
-    def pushed_enabled(self) -> None:
+    def check_push_enabled(self) -> None:
         """Enable the drive, push the key gently by the motor, and add the checks of force (sign, size) and delay."""
-        response, force = self._push(enable_drive=True)
+        response, force = self._push_gently(enable_drive=True)
         wanted = self.expected.push_n
         if abs(force) < ABSENT_SHARE * wanted:
             line = self.config.drive_enable.line if self.config.drive_enable else "its drive-enable"
@@ -430,7 +436,7 @@ class Checks:
         passed = sure and abs(late_s) <= limit_s
         self.add("output to force delay", passed, found, f"within {limit_s * 1e3:.3g} ms", advice)
 
-    def watchdog(self) -> None:
+    def check_watchdog(self) -> None:
         """Push by the motor, let the watchdog expire, and add the checks that it trips and cuts the force.
 
         A chassis whose watchdog has expired is reset before the force is read again.
@@ -477,8 +483,8 @@ class Checks:
             advice,
         )
 
-    def shunt(self) -> None:
-        """Read the bridge with its shunt resistor and add the check that the bridge's reading changes as predicted."""
+    def check_shunt(self) -> None:
+        """Switch the bridge's shunt resistor in, and add the check that the reading changes as predicted."""
         force, shunt = self.config.force, self.expected.shunt_ohm
         if force.kind != "bridge" or shunt == 0:
             return
@@ -489,21 +495,21 @@ class Checks:
                  f"{wanted:+.4f} mV/V ± {tolerance:.0%}", f"no bridge on {force.channel}, or its wiring, excitation or "
                  "bridge_resistance_ohm are wrong; look for swapped analog inputs")  # fmt: skip
 
-    def loopback(self) -> None:
-        """An input wired to the motor's output reads each sample one edge after it was put out."""
+    def check_loopback(self) -> None:
+        """Put out a sine; add the check that an input wired to the motor's output reads each sample one edge later."""
         if self.expected.loopback is None:
             return
         n = int(LEAD_S * self.rate)
         volts = 0.5 * np.sin(2 * np.pi * self.config.mains_frequency_hz * np.arange(n) / self.rate) * np.hanning(n)
-        read = self.backend.loopback_read(self.config, self.expected.loopback, volts)
+        read = self.backend.read_loopback(self.config, self.expected.loopback, volts)
         errors = [float(np.abs(read[lag:] - volts[: volts.size - lag]).max()) for lag in range(6)]
         lag = int(np.argmin(errors))
         self.add("output to input", lag == 1 and errors[lag] < LOOPBACK_V,
                  f"{lag} samples, {errors[lag]:.4f} V off", f"1 sample, below {LOOPBACK_V:g} V",
                  f"{self.expected.loopback} is not wired to {self.config.motor.channel}")  # fmt: skip
 
-    def camera(self) -> None:
-        """Check that the camera's terminal has edges; a counter of the self-test counts them for half a second."""
+    def check_camera(self) -> None:
+        """Count the edges on the camera's terminal for half a second, and add the check of their number."""
         camera = self.config.camera
         if camera is None:
             return
@@ -561,12 +567,12 @@ def run_selftest(
     checks = Checks(rig.config, rig.config.selftest, backend, tell or (lambda finding: None))
     steps: tuple[tuple[str, Callable[[], None]], ...] = (
         ("by hand", lambda: checks.check_by_hand(prompt)),
-        ("drive disabled", checks.pushed_disabled),
-        ("motor and force", checks.pushed_enabled),
-        ("watchdog", checks.watchdog),
-        ("bridge shunt", checks.shunt),
-        ("output to input", checks.loopback),
-        ("camera", checks.camera),
+        ("drive disabled", checks.check_push_disabled),
+        ("motor and force", checks.check_push_enabled),
+        ("watchdog", checks.check_watchdog),
+        ("bridge shunt", checks.check_shunt),
+        ("output to input", checks.check_loopback),
+        ("camera", checks.check_camera),
     )
     for name, step in steps:
         try:

@@ -86,7 +86,7 @@ def attach_film(
     stays after a failure."""
     # start-up: 0.5 s of h5py and pandas that --help does not need
     from rig.session.annotation_file import utc_now
-    from rig.session.film_record import FilmRecord, clock_steps, record_path, write_record
+    from rig.session.film_record import FilmRecord, count_clock_pulses, record_path, write_record
     from rig.session.folder import FILM_SUFFIXES
 
     session = rig.Session.open(session_path)
@@ -108,7 +108,7 @@ def attach_film(
         rate = frame_rate_hz if frame_rate_hz is not None else rate
         first = _first_frame(film, said, first_frame)
         _check_rate(film, trial, camera, rate)
-        steps = clock_steps(source, camera.frame_rate_hz)
+        steps = count_clock_pulses(source, camera.frame_rate_hz)
     last = first + int(steps[-1])
     _check_range(film, trial, camera, first, last)
     _say_gaps(film, steps)

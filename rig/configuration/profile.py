@@ -188,6 +188,7 @@ def parse_profile(text: str, where: str = "profile") -> Profile:
 
 
 def _check_points(points: Sequence[_Point], where: str) -> None:
+    """Refuse key points whose times do not rise, or whose first or last force is not zero."""
     for i, (before, after) in enumerate(zip(points, points[1:], strict=False)):
         refuse(
             RigInputError,

@@ -38,7 +38,8 @@ class ScaledTable(Table):
 
     @model_validator(mode="before")
     @classmethod
-    def _scale_here(cls, values: Any) -> Any:
+    def _refuse_max_scale(cls, values: Any) -> Any:
+        """Return the table unchanged; refuse a key that names a scale of NI MAX."""
         named = [key for key in SCALE_KEYS if isinstance(values, dict) and key in values]
         if named:
             line = " and ".join(name for name in ("electrical", "physical", "physical_n") if name in cls.model_fields)
@@ -94,7 +95,7 @@ class ForceConfig(ScaledTable):
     certificate: CertificateConfig | None = None
 
     @model_validator(mode="after")
-    def _line(self) -> ForceConfig:
+    def _check_line(self) -> ForceConfig:
         refuse(
             ValueError,
             (
@@ -143,7 +144,7 @@ class RulerConfig(Table):
     u_reading: Number = Field(default=0.0, ge=0)
 
     @model_validator(mode="after")
-    def _points(self) -> RulerConfig:
+    def _check_points(self) -> RulerConfig:
         if len(self.reading) != len(self.displacement_m):
             raise ValueError(
                 f"ruler: {len(self.reading)} readings and {len(self.displacement_m)} displacements, allowed as many"
@@ -181,7 +182,7 @@ class ChannelConfig(ScaledTable):
     ruler: RulerConfig | None = None
 
     @model_validator(mode="after")
-    def _line(self) -> ChannelConfig:
+    def _check_line(self) -> ChannelConfig:
         refuse(
             ValueError,
             (
@@ -265,7 +266,7 @@ class MotorConfig(Table):
     rms_over_s: Number = Field(default=10.0, gt=0, le=1000)  # thermal time of its winding: choice
 
     @model_validator(mode="after")
-    def _reach(self) -> MotorConfig:
+    def _check_force_limit(self) -> MotorConfig:
         reach = self.force_per_volt_n * self.voltage_limit_v
         if self.force_limit_n > reach * (1 + 1e-9):
             raise ValueError(
@@ -306,7 +307,7 @@ class CameraConfig(Table):
     u_time_s: Number = Field(default=1e-6, ge=0, le=0.01)
 
     @model_validator(mode="after")
-    def _fits(self) -> CameraConfig:
+    def _check_exposure(self) -> CameraConfig:
         if self.exposure_s > 1 / self.frame_rate_hz:
             raise ValueError(
                 f"camera.exposure_s = {self.exposure_s:g} s, allowed at most one frame period, "
@@ -354,7 +355,7 @@ class FurtherDevice(Table):
     clock_to: Text | None = None
 
     @model_validator(mode="after")
-    def _wired(self) -> FurtherDevice:
+    def _check_wires(self) -> FurtherDevice:
         wires = [self.clock_from, self.clock_to]
         refuse(
             ValueError,
@@ -488,7 +489,7 @@ class RigConfig(Table):
     felt: FeltConfig | None = None
 
     @model_validator(mode="after")
-    def _consistent(self) -> RigConfig:
+    def _check_consistency(self) -> RigConfig:
         names = tuple(encoder.name for encoder in self.encoders)
         if names != BODIES:
             raise ValueError(f"encoders are named {names}, allowed {BODIES} in this order")

@@ -33,7 +33,7 @@ def built_in(folder: Path) -> tuple[str, ...]:
 
 
 def find_toml(name: str | Path, folder: Path, what: str) -> Path:
-    """Return the path of a built-in file by name, or of one by path; raises RigInputError when there is none."""
+    """Return the path of the file built in under ``name``, or of ``name`` itself; `RigInputError` calls it ``what``."""
     path = folder / f"{name}.toml" if str(name) in built_in(folder) else Path(name)
     if not path.is_file():
         known = built_in(folder)
@@ -64,10 +64,10 @@ def check(model: type[Model], data: Mapping[str, Any], where: str) -> Model:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        raise RigInputError(f"{where}: {_one_line(error)}") from None
+        raise RigInputError(f"{where}: {_describe_validation_error(error)}") from None
 
 
-def _one_line(error: ValidationError) -> str:
+def _describe_validation_error(error: ValidationError) -> str:
     """One line for what pydantic found wrong: key, value found, what is allowed."""
     complaints = error.errors(include_url=False)
     # a misspelt key is unknown and missing at once: the unknown one says where to look

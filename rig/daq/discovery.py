@@ -131,7 +131,7 @@ def propose_rig(found: Sequence[FoundDevice], name: str | None = None) -> str:
 
 
 def _pair_device_names(device: FoundDevice, pattern_name: str) -> dict[str, str]:
-    """Return the names of the pattern and those found, modules first."""
+    """Return the names found by those of the pattern, modules first; refuse a device that lacks a module."""
     renamed = {}
     if device.modules:
         for slot, (product, purpose) in MODULES.items():
@@ -195,7 +195,7 @@ class ServerClaim:
         return True
 
     def release(self) -> None:
-        """Give up mark and lock."""
+        """Close the mark at the server and unlock the device on this computer."""
         mark, self._mark = self._mark, None
         with contextlib.suppress(nidaqmx.errors.Error, grpc.RpcError):  # a server that is gone keeps nothing
             if mark is not None:

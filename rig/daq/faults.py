@@ -76,9 +76,9 @@ def translate_faults(phase: str, what: str) -> Iterator[None]:
     try:
         yield
     except nidaqmx.errors.DaqError as error:
-        raise _from_code(error, phase, what) from error
+        raise _fault_from_code(error, phase, what) from error
     except nidaqmx.errors.RpcError as error:
-        raise _from_rpc(error, phase, what) from error
+        raise _fault_from_status(error, phase, what) from error
     except nidaqmx.errors.DaqNotFoundError as error:
         raise DeviceNotFound(
             f"{what}: the NI-DAQmx driver is not installed here; install it, or use sim://", phase=phase
@@ -87,7 +87,7 @@ def translate_faults(phase: str, what: str) -> Iterator[None]:
         raise HardwareFault(f"{what}: {_first_words(str(error))}", phase=phase) from error
 
 
-def _from_code(error: nidaqmx.errors.DaqError, phase: str, what: str) -> RigError:
+def _fault_from_code(error: nidaqmx.errors.DaqError, phase: str, what: str) -> RigError:
     """The rig's error for an error of the client; ``what`` names the task, ``phase`` what it was doing."""
     code = int(error.error_code)
     if code == CLIENTS_OWN:
@@ -100,7 +100,7 @@ def _from_code(error: nidaqmx.errors.DaqError, phase: str, what: str) -> RigErro
     return kind(message, code=code, phase=phase)
 
 
-def _from_rpc(error: nidaqmx.errors.RpcError, phase: str, what: str) -> HardwareFault:
+def _fault_from_status(error: nidaqmx.errors.RpcError, phase: str, what: str) -> HardwareFault:
     for status, (kind, meaning) in _FAULT_OF_STATUS.items():
         if error.rpc_code in (status, status.value[0]):
             return kind(f"{what}: {meaning.format(phase=phase)}", phase=phase)

@@ -54,7 +54,7 @@ class CallDelay:
     longest_s: float
 
 
-def measure(call: Callable[[], object], now_s: Callable[[], float]) -> CallDelay:
+def measure_call_delay(call: Callable[[], object], now_s: Callable[[], float]) -> CallDelay:
     """Time a cheap call of the driver a few times on the clock that the device's watchdog runs by."""
     taken = []
     for _ in range(PROBES):
@@ -83,7 +83,7 @@ def calm_block_s(config: RigConfig, delay: CallDelay) -> float:
 
 
 def shortest_block_s(config: RigConfig, delay: CallDelay) -> float:
-    """Return the shortest block the bench can be read in, s: 0 where ``recording.block_s`` will do."""
+    """Return the shortest block, s (0 where ``recording.block_s`` will do); refuse a connection too slow for any."""
     calls, block_s = calls_per_block(config), config.recording.block_s
     longest_s = max(block_s, LENGTHENED_S)
     needed_s = calls * delay.usual_s
@@ -148,7 +148,7 @@ class NidaqmxBackend(SafeBench, Backend):
         return Capabilities(self._name, self._simulated, description, watchdog=True, hardware=True)
 
     def identify(self, config: RigConfig) -> None:
-        """Read the product type of the device; a simulated one is marked so in every session.
+        """Read product, serial numbers and driver version of the rig's devices; refuse another product than stated.
 
         Raises
         ------
@@ -181,7 +181,7 @@ class NidaqmxBackend(SafeBench, Backend):
         return find_devices(self._channel)
 
     def configure(self, config: RigConfig, command_v: ArrayLike | None) -> Timing:
-        """Put the outputs in their safe state, reserve every channel, load the motor command."""
+        """Make outputs safe, reserve channels, load the command (n,), V, start the watchdog; return the real timing."""
         if command_v is not None:
             command_v = as_numbers(command_v, "motor command", 1)
             tasks.check_command(config, command_v)
@@ -219,27 +219,26 @@ class NidaqmxBackend(SafeBench, Backend):
         return timing
 
     def _begin_safely(self, config: RigConfig) -> CallDelay:
-        """Put the outputs in their safe state, reset the device if that was not done yet, refuse a slow connection.
-
-        Returns how long a call takes.
+        """Put the outputs in their safe state, reset the device if that was not done yet, refuse a slow connection;
+        return how long a driver call takes.
         """
         failures: list[BaseException] = []
-        self._outputs_safe("configure", failures)
+        self._make_outputs_safe("configure", failures)
         if failures:
             raise worst_failure(failures)
         if not self._was_reset:
             self._reset_device("configure")
-            self._outputs_safe("configure", failures)
+            self._make_outputs_safe("configure", failures)
             if failures:
                 raise worst_failure(failures)
         with translate_faults("configure", f"device {config.device.name}"):
             device = Device(config.device.name, grpc_options=tasks.session_options(self._channel))
-            delay = measure(lambda: device.is_simulated, self._now_s)
+            delay = measure_call_delay(lambda: device.is_simulated, self._now_s)
         shortest_block_s(config, delay)
         return delay
 
     def _make_tasks(self, config: RigConfig, *, motor: bool) -> Timing:
-        """Make every task of the rig file, the motor's only if asked; nothing is reserved yet."""
+        """Make every task of the rig file, the motor's only if asked; return their timing. Nothing is reserved yet."""
         frame_rate_hz = first_pulse_s = None
         with translate_faults("configure", config.force.channel):
             inputs = tasks.inputs_task(self._tasks.make, config)
@@ -306,17 +305,17 @@ class NidaqmxBackend(SafeBench, Backend):
             return self._read_inputs(n_samples, timeout_s)
 
     def _read_inputs(self, n_samples: int, timeout_s: float) -> Block:
-        block = tasks.next_block(self._tasks, self._require_configured(), self._next_sample, n_samples, timeout_s)
+        block = tasks.read_inputs(self._tasks, self._require_configured(), self._next_sample, n_samples, timeout_s)
         self._next_sample += n_samples
         return block
 
     def read_positions(self) -> dict[str, tuple[int, int]]:
         """Samples per channel that each input task has handed out and acquired since its start, by the driver."""
-        return tasks.positions(self._tasks, self._require_configured())
+        return tasks.read_positions(self._tasks, self._require_configured())
 
     @contextlib.contextmanager
-    def _check_tasks(self) -> Iterator[tasks.NewTask]:
-        """Give what makes tasks of a self-test's own, and close them, the last first."""
+    def _temporary_tasks(self) -> Iterator[tasks.NewTask]:
+        """Yield what makes a self-test's own tasks by name; close them at the end, the last first."""
         with contextlib.ExitStack() as made:
 
             def new_task(name: str) -> nidaqmx.Task:
@@ -330,7 +329,7 @@ class NidaqmxBackend(SafeBench, Backend):
         """Return by how much the bridge's reading changes when the module's shunt resistor is switched in, mV/V."""
         n, readings = int(SHUNT_S * config.device.sample_rate_hz), []
         for shunt in (False, True):
-            with translate_faults("read", config.force.channel), self._check_tasks() as new_task:
+            with translate_faults("read", config.force.channel), self._temporary_tasks() as new_task:
                 task = tasks.force_task(new_task, config)
                 task.ai_channels[0].ai_bridge_shunt_cal_enable = shunt
                 task.start()
@@ -343,7 +342,7 @@ class NidaqmxBackend(SafeBench, Backend):
     def count_edges(self, config: RigConfig, counter: str, terminal: str, duration_s: float, pulses: bool) -> int:
         """Return the rising edges on a terminal in ``duration_s``; with ``pulses`` the camera's counter gives them."""
         n = int(round(duration_s * config.device.sample_rate_hz))
-        with translate_faults("read", counter), self._check_tasks() as new_task:
+        with translate_faults("read", counter), self._temporary_tasks() as new_task:
             edges = tasks.edge_task(new_task, config, counter, terminal)
             made = [edges]
             if pulses and config.camera is not None:
@@ -354,13 +353,13 @@ class NidaqmxBackend(SafeBench, Backend):
             counted = edges.read(n, timeout=CALL_TIMEOUT_S)
         return int(counted[-1]) - int(counted[0])
 
-    def loopback_read(self, config: RigConfig, channel: str, command_v: ArrayLike) -> np.ndarray:
-        """Return what a voltage input wired to the motor's output reads while the command is put out, V."""
+    def read_loopback(self, config: RigConfig, channel: str, command_v: ArrayLike) -> np.ndarray:
+        """Put out the command (n,), V; return what a voltage input wired to the motor's output reads, (n,), V."""
         command_v = as_numbers(command_v, "motor command", 1)
         values = np.empty(command_v.size)
         with translate_faults("read", channel), contextlib.ExitStack() as then:
             then.callback(self._outputs.put_motor_at_zero, config)
-            new_task = then.enter_context(self._check_tasks())
+            new_task = then.enter_context(self._temporary_tasks())
             motor = tasks.motor_task(new_task, config)
             tasks.prepare_command(motor, config, command_v.size)
             tasks.load_command(motor, command_v)
@@ -371,7 +370,8 @@ class NidaqmxBackend(SafeBench, Backend):
         return values
 
     def let_watchdog_expire(self, n_samples: int, blocks: int) -> Expiry:
-        """Read without resetting the watchdog, at most ``blocks`` blocks; a chassis gives none after its expiration.
+        """Read at most ``blocks`` blocks of ``n_samples`` without resetting the watchdog; return them, and from which
+        block on it had expired. A chassis gives none after that.
 
         The bench is then stopped by ``safe_stop``, which resets a device whose watchdog has expired.
         """
@@ -393,7 +393,7 @@ class NidaqmxBackend(SafeBench, Backend):
             return self._watchdog is not None and bool(self._watchdog.expired)
 
     def close(self) -> None:
-        """Stop safely and close the connection."""
+        """Stop safely, close all; where an output could not be made safe, the watchdog is left to expire."""
         try:
             self.safe_stop()
         finally:

@@ -48,7 +48,7 @@ _LEFT_OPEN: list[WatchdogTask] = []
 
 
 def make_watchdog(channel: grpc.Channel | None, config: RigConfig) -> WatchdogTask:
-    """Make the watchdog timer of a rig, which can be started repeatedly; errors are those of ``nidaqmx``."""
+    """Make a rig's watchdog timer, not started, with its outputs' safe states; errors are those of ``nidaqmx``."""
     timeout_s = config.watchdog.timeout_s if config.watchdog else 0.5
     options = session_options(channel, WATCHDOG, NEW)
     timer = WatchdogTask(config.device.name, WATCHDOG, timeout=timeout_s, grpc_options=options)
@@ -299,7 +299,7 @@ class SafeBench:
         tripped = self._watchdog is not None and self._has_tripped()
         if not tripped:
             self._unreserve(tasks.MOTOR, failures)
-        self._outputs_safe("stop", failures, tripped=tripped)
+        self._make_outputs_safe("stop", failures, tripped=tripped)
         for name in self._tasks:
             self._unreserve(name, failures)
         if self._watchdog is not None and self._safe and not attempt(self._watchdog.stop, [], "stopping the watchdog"):
@@ -339,18 +339,18 @@ class SafeBench:
             attempt(partial(close_watchdog, self._watchdog), [], "closing the watchdog")
             self._watchdog = None
 
-    def _outputs_safe(self, phase: str, failures: list[BaseException], *, tripped: bool = False) -> None:
-        """Write both outputs; where a watchdog has tripped the device is reset first, else it refuses."""
+    def _make_outputs_safe(self, phase: str, failures: list[BaseException], *, tripped: bool = False) -> None:
+        """Put the motor at 0 V, disable the drive, after a reset if ``tripped``; append what fails to ``failures``."""
         found: list[BaseException] = []
         if not tripped:
-            self._write_safe(phase, found)
+            self._write_safe_state(phase, found)
             tripped = any(isinstance(failure, WatchdogTripped) for failure in found)
         if tripped and attempt(partial(self._reset_device, phase), found := [], "resetting the tripped device"):
-            self._write_safe(phase, found)
+            self._write_safe_state(phase, found)
         failures += found
 
-    def _write_safe(self, phase: str, failures: list[BaseException]) -> None:
-        """Put the motor at 0 V, then disable the drive; what fails is appended to ``failures``."""
+    def _write_safe_state(self, phase: str, failures: list[BaseException]) -> None:
+        """Put the motor at 0 V, disable the drive, note whether both succeeded; append what fails to ``failures``."""
         config = self._config
         if config is None:
             return
@@ -370,7 +370,7 @@ class SafeBench:
         self._safe = all(written)
 
     def _unreserve(self, name: str, failures: list[BaseException]) -> None:
-        """Release a task; what fails is added to ``failures``."""
+        """Stop and unreserve a task, or clear it where that fails; what fails is appended to ``failures``."""
 
         def unreserve() -> None:
             with translate_faults("stop", name):

@@ -118,7 +118,7 @@ MASTER = "force"
 
 
 def inputs_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
-    """AI on the load cell and the further channels, in this order, continuous, on its own clock: the master."""
+    """AI on load cell and further channels, in this order: the master, whose clock goes out to wired devices."""
     task = force_task(new_task, config)
     for further in config.channels:
         ends_v = _interpolate_line(np.array([further.least, further.most]), further.physical, further.electrical)
@@ -155,7 +155,7 @@ def force_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
     else:
         ends = volts_of_force(config, np.array([force.min_n, force.max_n]))
         _add_voltage(task, force.channel, "force", ends)
-    _continuous(task, config)
+    _set_sample_clock(task, config)
     task.in_stream.overwrite = ni.OverwriteMode.DO_NOT_OVERWRITE_UNREAD_SAMPLES
     return task
 
@@ -171,7 +171,7 @@ def voltage_task(new_task: NewTask, config: RigConfig, channel: str) -> nidaqmx.
     """AI on one voltage input within the motor's range, continuous, on its own clock."""
     task, limit = new_task(VOLTAGE), config.motor.voltage_limit_v
     _add_voltage(task, channel, "voltage", np.array([-limit, limit]))
-    _continuous(task, config)
+    _set_sample_clock(task, config)
     return task
 
 
@@ -188,8 +188,8 @@ def _add_voltage(task: nidaqmx.Task, channel: str, name: str, ends_v: NDArray[np
     )
 
 
-def _continuous(task: nidaqmx.Task, config: RigConfig, source: str = "") -> None:
-    """Give a continuous task its sample clock: its own, or the one on a terminal."""
+def _set_sample_clock(task: nidaqmx.Task, config: RigConfig, source: str = "") -> None:
+    """Make a task sample continuously, on its own clock or on the one at the terminal ``source``."""
     rate = config.device.sample_rate_hz
     task.timing.cfg_samp_clk_timing(
         rate,
@@ -244,7 +244,7 @@ def encoder_task(new_task: NewTask, config: RigConfig, encoder: EncoderConfig) -
         channel.ci_encoder_a_input_dig_fltr_min_pulse_width = encoder.filter_min_pulse_s
         channel.ci_encoder_b_input_dig_fltr_enable = True
         channel.ci_encoder_b_input_dig_fltr_min_pulse_width = encoder.filter_min_pulse_s
-    _latched_on_ai(task, config, encoder.counter)
+    _latch_on_ai(task, config, encoder.counter)
     return task
 
 
@@ -255,9 +255,9 @@ def opposite_head_task(new_task: NewTask, config: RigConfig, head: OppositeHeadC
     return encoder_task(lambda name: new_task(OPPOSITE), config, key.model_copy(update=same))
 
 
-def _latched_on_ai(task: nidaqmx.Task, config: RigConfig, counter: str) -> None:
+def _latch_on_ai(task: nidaqmx.Task, config: RigConfig, counter: str) -> None:
     """Give a counter the AI sample clock, and arm it on the AI start trigger where that reaches its device."""
-    _continuous(task, config, config.clock_of(counter))
+    _set_sample_clock(task, config, config.clock_of(counter))
     if (start := config.start_of(counter)) is None:
         return
     trigger = task.triggers.arm_start_trigger
@@ -331,12 +331,12 @@ def edge_task(new_task: NewTask, config: RigConfig, counter: str, terminal: str)
         count_direction=ni.CountDirection.COUNT_UP,
     )
     channel.ci_count_edges_term = terminal
-    _latched_on_ai(task, config, counter)
+    _latch_on_ai(task, config, counter)
     return task
 
 
 def check_command(config: RigConfig, command_v: NDArray[np.float64]) -> None:
-    """Check the motor command once more before it is loaded, whatever was checked before."""
+    """Refuse a command (n,), V, that is not finite, starts or ends off 0 V, or exceeds the voltage or force limit."""
     if command_v.ndim != 1 or command_v.size < 2:
         raise RigInputError(f"motor command has shape {command_v.shape}, allowed one dimension and at least 2 samples")
     finite, (first, last) = np.isfinite(command_v), command_v[[0, -1]]
@@ -353,7 +353,7 @@ def check_command(config: RigConfig, command_v: NDArray[np.float64]) -> None:
     )
 
 
-def next_block(made: TaskSet, config: RigConfig, first_sample: int, n_samples: int, timeout_s: float) -> Block:
+def read_inputs(made: TaskSet, config: RigConfig, first_sample: int, n_samples: int, timeout_s: float) -> Block:
     """Return the next ``n_samples`` of every input; ``first_sample`` is the number of the first of them."""
     values = np.empty((1 + len(config.channels), n_samples))
     with translate_faults("read", MASTER):
@@ -367,15 +367,15 @@ def next_block(made: TaskSet, config: RigConfig, first_sample: int, n_samples: i
     further = [_interpolate_line(values[k], one.electrical, one.physical) for k, one in enumerate(config.channels, 1)]
     count = np.empty((n_samples, len(config.encoders)), dtype=np.int64)
     for column, encoder in enumerate(config.encoders):
-        count[:, column] = _ticks(made, encoder_task_name(encoder), n_samples, timeout_s)
+        count[:, column] = _read_ticks(made, encoder_task_name(encoder), n_samples, timeout_s)
     if OPPOSITE in made and config.key_opposite is not None:
         per_tick = config.key_opposite.sign * 2 * np.pi / config.encoders[0].counts_per_revolution
-        further.append(np.asarray(_ticks(made, OPPOSITE, n_samples, timeout_s) * per_tick, dtype=np.float64))
-    exposures = _ticks(made, EDGES, n_samples, timeout_s) if EDGES in made else None
+        further.append(np.asarray(_read_ticks(made, OPPOSITE, n_samples, timeout_s) * per_tick, dtype=np.float64))
+    exposures = _read_ticks(made, EDGES, n_samples, timeout_s) if EDGES in made else None
     return Block(first_sample, force_n, raw, count, exposures, np.column_stack(further) if further else None)
 
 
-def _ticks(made: TaskSet, name: str, n_samples: int, timeout_s: float) -> NDArray[np.int64]:
+def _read_ticks(made: TaskSet, name: str, n_samples: int, timeout_s: float) -> NDArray[np.int64]:
     """Read samples of a counter in ticks (n_samples,)."""
     ticks = np.empty(n_samples)
     with translate_faults("read", name):
@@ -388,7 +388,7 @@ def _ticks(made: TaskSet, name: str, n_samples: int, timeout_s: float) -> NDArra
     return whole.astype(np.int64)
 
 
-def positions(made: TaskSet, config: RigConfig) -> dict[str, tuple[int, int]]:
+def read_positions(made: TaskSet, config: RigConfig) -> dict[str, tuple[int, int]]:
     """Return by input task the samples per channel the driver has handed out and acquired since its start."""
     found = {}
     encoders = map(encoder_task_name, config.encoders)

@@ -91,7 +91,7 @@ _ALIKE = {" ": "\u00a0\u202f\u2009", "'": "\u2019"}
 """Signs between thousands that also stand for the one a mapping names: no-break and thin spaces, an apostrophe."""
 
 
-def number(cell: str, decimal: str = ".", thousands: str = "") -> float:
+def parse_number(cell: str, decimal: str = ".", thousands: str = "") -> float:
     """Read a decimal number; ValueError for anything else, also for nan, inf, hexadecimal and 1_000.
 
     ``thousands``: sign between groups of three digits, which must be whole groups.
@@ -117,7 +117,7 @@ def number(cell: str, decimal: str = ".", thousands: str = "") -> float:
     return value
 
 
-def numbers(cells: Sequence[str], decimal: str = ".", thousands: str = "") -> NDArray[np.float64]:
+def parse_numbers(cells: Sequence[str], decimal: str = ".", thousands: str = "") -> NDArray[np.float64]:
     """Read a column of decimal numbers; ValueError with the place, from 0, and the text of the first other cell."""
     signs = set().union(*cells)
     if not thousands and signs <= _PLAIN | {decimal} and (decimal == "." or "." not in signs):
@@ -130,7 +130,7 @@ def numbers(cells: Sequence[str], decimal: str = ".", thousands: str = "") -> ND
     values = np.empty(len(cells))
     for i, cell in enumerate(cells):
         try:
-            values[i] = number(cell, decimal, thousands)
+            values[i] = parse_number(cell, decimal, thousands)
         except ValueError:
             raise ValueError(i, cell) from None
     return values
@@ -202,7 +202,7 @@ class ChannelTable:
         unit: str = "s",
         same_start: bool = False,
     ) -> float:
-        """Return the sample interval, s, that channels used together have.
+        """Return the one sample interval, s, of channels used together; refuse other lengths, clocks or uneven times.
 
         Parameters
         ----------

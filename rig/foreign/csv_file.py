@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from rig.atomic_write import translate_os_error
 from rig.errors import RigInputError
-from rig.foreign.channel_table import ChannelTable, is_units_row, number, numbers, shorten_cell
+from rig.foreign.channel_table import ChannelTable, is_units_row, parse_number, parse_numbers, shorten_cell
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8"),
@@ -50,11 +50,11 @@ def read_text(path: Path) -> str:
 
 
 def decode_text(data: bytes, where: str) -> str:
-    """Return the text of ``data``; ``where`` names it in errors."""
+    """Return the text of ``data`` by its mark, as UTF-16, UTF-8, cp1252 or Latin-1; ``where`` names it in errors."""
     for mark, encoding in _MARKS:
         if data.startswith(mark):
             return _decode(data[len(mark) :], encoding, where)
-    if wide := _unmarked_utf16(data):
+    if wide := _detect_utf16(data):
         return _decode(data, wide, where)
     try:
         return data.decode("utf-8")
@@ -73,8 +73,8 @@ def _decode(data: bytes, encoding: str, where: str) -> str:
 ASCII_SHARE = 0.9  # of a table's signs: units and names may hold others
 
 
-def _unmarked_utf16(data: bytes) -> str:
-    """Return the byte order of UTF-16 without a mark: ASCII signs beside a zero each; empty for other text."""
+def _detect_utf16(data: bytes) -> str:
+    """Return the codec of UTF-16 without a mark, whose ASCII signs have a zero beside; empty for other text."""
     begin = data[:256]
     if len(begin) < 4 or len(data) % 2:
         return ""
@@ -99,7 +99,8 @@ def parse_csv(
     names_row: int | None = None,
     skip_rows: int = 0,
 ) -> ChannelTable:
-    """Read CSV text; ``where`` names it in errors.
+    """Read CSV text into a table; a column that cannot be read is refused when it is used. ``where`` names the text in
+    errors.
 
     ``names_row`` is the line of the names, from 1, ``skip_rows`` how many lines before them are left out.
     """
@@ -148,7 +149,7 @@ def parse_csv(
         elif name:
             try:
                 cells = [row[k] for row in rows[first:]]
-                columns[name], clock = _column(cells, decimal, thousands, first)
+                columns[name], clock = _parse_column(cells, decimal, thousands, first)
                 units[k] = "s" if clock else units[k]
                 if clock is not None and clock.year > UNDATED:
                     started = started or clock.isoformat()
@@ -165,9 +166,9 @@ def _drop_comments(lines: list[str]) -> Iterator[str]:
 def _is_value(cell: str, decimal: str, thousands: str) -> bool:
     """Whether a cell is a number or a time, so that no name of a column can be meant."""
     try:
-        number(cell, decimal, thousands)
+        parse_number(cell, decimal, thousands)
     except ValueError:
-        return _clock_time(cell) is not None
+        return _parse_clock_time(cell) is not None
     return True
 
 
@@ -185,20 +186,22 @@ def _commented_names(lines: list[str], width: int, separator: str, where: str) -
     return rows
 
 
-def _column(cells: list[str], decimal: str, thousands: str, first: int) -> tuple[NDArray[np.float64], datetime | None]:
-    """Numbers of a column; the first of clock times, None for plain numbers."""
-    begin = _clock_time(cells[0])
+def _parse_column(
+    cells: list[str], decimal: str, thousands: str, first: int
+) -> tuple[NDArray[np.float64], datetime | None]:
+    """Numbers (n,) of a column's cells; of clock times s after the first, which is returned, too (else None)."""
+    begin = _parse_clock_time(cells[0])
     if begin is None:
         try:
-            return numbers(cells, decimal, thousands), None
+            return parse_numbers(cells, decimal, thousands), None
         except ValueError as error:
             i, cell = error.args
-        advice = _advice(cell, decimal, thousands)
+        advice = _suggest_settings(cell, decimal, thousands)
         raise ValueError(f"row {first + i}: found {shorten_cell(cell)}, allowed a number{advice}")
     values = np.empty(len(cells))
     started, date = begin
     for i, cell in enumerate(cells):
-        read = _clock_time(cell)
+        read = _parse_clock_time(cell)
         try:
             if read is None or read[1] != date:
                 raise TypeError
@@ -208,14 +211,14 @@ def _column(cells: list[str], decimal: str, thousands: str, first: int) -> tuple
     return values, started
 
 
-def _advice(cell: str, decimal: str, thousands: str) -> str:
+def _suggest_settings(cell: str, decimal: str, thousands: str) -> str:
     """Return what the mapping can say so that a cell is a number; empty where nothing helps."""
     settings = [(sign, thousands) for sign in ".," if sign != decimal]
     settings += [(decimal, sign) for sign in (".", ",", " ", "'") if sign != decimal and not thousands]
     helpful = []
     for mark, sign in settings:
         try:
-            number(cell, mark, sign)
+            parse_number(cell, mark, sign)
         except ValueError:
             continue
         helpful.append(f'thousands = "{sign}"' if mark == decimal else f'decimal = "{mark}"')
@@ -229,7 +232,7 @@ _TIME_OF_DAY = re.compile(
 )
 
 
-def _clock_time(cell: str) -> tuple[datetime, str] | None:
+def _parse_clock_time(cell: str) -> tuple[datetime, str] | None:
     """A date and time of ISO 8601, or a time of day and the text of its date; None for anything else."""
     text = cell.strip()
     if ":" not in text:

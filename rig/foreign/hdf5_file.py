@@ -36,6 +36,7 @@ FACTORS, OFFSETS, MISSING = ("scale_factor", "conversion"), ("add_offset", "offs
 
 
 def read_hdf5(path: Path) -> ChannelTable:
+    """Read force, command and angles of a sealed trial, or every dataset of numbers of any other HDF5 file."""
     try:
         # a damaged heap can keep the library busy without end
         with ending_by_keyboard(), h5py.File(path, "r") as file:
@@ -66,11 +67,11 @@ def read_hdf5(path: Path) -> ChannelTable:
 def _read_plain_file(path: Path, file: h5py.File) -> ChannelTable:
     """Read every dataset of an HDF5 file as channels, with units and clocks from its attributes."""
     found: list[tuple[str, str, h5py.Dataset, str]] = []
-    outer: dict[str, dict[str, Any]] = {"/": _properties(file)}
+    outer: dict[str, dict[str, Any]] = {"/": _read_attributes(file)}
 
     def take(name: str, node: h5py.Group | h5py.Dataset | h5py.Datatype) -> None:
         if isinstance(node, h5py.Group):
-            outer[node.name] = _properties(node)
+            outer[node.name] = _read_attributes(node)
         elif isinstance(node, h5py.Dataset) and node.size and node.ndim and node.attrs.get("MATLAB_class") != b"char":
             columns = node.dtype.names or ("",)
             found.extend((name, column, node, column or name) for column in columns)
@@ -85,12 +86,12 @@ def _read_plain_file(path: Path, file: h5py.File) -> ChannelTable:
     doubts: dict[str, str] = {}
     for path_in_file, column, node, name in found:
         name = name if short[name] == 1 else f"{path_in_file}/{column}".strip("/")
-        if reason := _unusable(node, column, path.parent):
+        if reason := _reason_unusable(node, column, path.parent):
             unreadable[name] = f"{name} {reason}"
             continue
         raw = (node[column] if column else node[()]).reshape(-1)
-        stated = _properties(node, column)
-        above = [outer[group] for group in _groups(node.name)]
+        stated = _read_attributes(node, column)
+        above = [outer[group] for group in _parent_groups(node.name)]
         columns[name], doubt = _apply_scale(raw, stated)
         unit, contradiction = find_unit(stated)
         are_unscaled = raw.dtype.kind in "iu" and not _scales(stated)
@@ -108,7 +109,7 @@ def _read_plain_file(path: Path, file: h5py.File) -> ChannelTable:
     return ChannelTable(str(path), columns, units, clocks, unreadable, doubts)
 
 
-def _unusable(node: h5py.Dataset, column: str, folder: Path) -> str:
+def _reason_unusable(node: h5py.Dataset, column: str, folder: Path) -> str:
     """Return why a dataset or column is no channel; empty where it is one."""
     kind = node.dtype[column] if column else node.dtype
     if kind.subdtype is not None:
@@ -124,7 +125,7 @@ def _unusable(node: h5py.Dataset, column: str, folder: Path) -> str:
     return ""
 
 
-def _groups(name: str) -> list[str]:
+def _parent_groups(name: str) -> list[str]:
     """Return the groups above a dataset, the nearest first."""
     parts = name.strip("/").split("/")[:-1]
     return ["/" + "/".join(parts[:k]) for k in range(len(parts), -1, -1)]
@@ -134,8 +135,8 @@ LARGEST_ATTRIBUTE = 10_000
 """Values of an attribute that are read; HDF5 itself allows 64 KB. A damaged size would take hours to read."""
 
 
-def _properties(node: h5py.Group | h5py.Dataset, column: str = "") -> dict[str, Any]:
-    """Return the attributes that can be read at once; units that stand for several columns as that of one."""
+def _read_attributes(node: h5py.Group | h5py.Dataset, column: str = "") -> dict[str, Any]:
+    """Return attributes by name, without those too large to read; units of several columns as that of ``column``."""
     found = {}
     for key in node.attrs:
         if np.prod(node.attrs.get_id(key).shape or (1,)) > LARGEST_ATTRIBUTE:
@@ -155,7 +156,9 @@ def _scales(stated: dict[str, Any]) -> dict[str, float]:
 
 
 def _apply_scale(raw: NDArray[np.generic], stated: dict[str, Any]) -> tuple[NDArray[np.float64], str]:
-    """Return the values with the scale the attributes state applied, and which of them is not known; else empty."""
+    """Return the values (n,), scaled as their attributes state, missing ones NaN; and what of that is in doubt, or
+    empty.
+    """
     if text_of(stated.get("_Unsigned", "")).lower() == "true" and raw.dtype.kind == "i":
         raw = raw.view(raw.dtype.str.replace("i", "u"))
     values = np.asarray(raw, dtype=np.float64)

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import RigInputError
-from rig.foreign.channel_table import ChannelTable, known_unit, number, numbers, shorten_cell
+from rig.foreign.channel_table import ChannelTable, known_unit, parse_number, parse_numbers, shorten_cell
 from rig.foreign.sample_times import JITTER, SECONDS, Clock, CoarseTimes, even_interval, time_resolution
 
 END = "***End_of_Header***"
@@ -59,11 +59,11 @@ def parse_lvm(text: str, where: str) -> tuple[ChannelTable, ...]:
     ends = [i for i, line in enumerate(lines) if line.startswith(END)]
     if len(ends) < 2:
         raise RigInputError(f"{where}: 0 segments, allowed from 1; the file is cut off")
-    file = _file_header(lines[: ends[0]], where)
+    file = _parse_file_header(lines[: ends[0]], where)
     tables: list[ChannelTable] = []
-    for segment in _segments(file, lines[ends[0] + 1 :]):
+    for segment in _split_segments(file, lines[ends[0] + 1 :]):
         name = where if len(ends) == 2 else f"{where} segment {len(tables) + 1}"
-        tables += _tables(file, segment, name)
+        tables += _read_tables(file, segment, name)
     return tuple(tables)
 
 
@@ -81,12 +81,13 @@ def _drop_special_blocks(lines: list[str], where: str) -> Iterator[str]:
         raise RigInputError(f"{where}: {SPECIAL} without {END_SPECIAL}; the file is cut off")
 
 
-def _file_header(lines: list[str], where: str) -> _File:
+def _parse_file_header(lines: list[str], where: str) -> _File:
+    """Return separator, decimal sign and kind of times that a header's lines state; refuse what LabVIEW has not."""
     separators = {line[len("Separator") + 1 :].strip(" \t,") for line in lines if line.startswith("Separator")}
     separator = separators.pop() if len(separators) == 1 else "" if separators else "Tab"
     if separator not in SEPARATORS:
         raise RigInputError(f"{where}: Separator {separator!r}, allowed {' or '.join(SEPARATORS)}")
-    fields = _fields(lines, SEPARATORS[separator])
+    fields = _split_fields(lines, SEPARATORS[separator])
     stated = {key: value[0].strip() for key, value in fields.items() if value}
     decimal = stated.get("Decimal_Separator", ".")
     # a decimal comma in a file separated by commas leaves an empty cell after the tag: it cannot be read
@@ -98,7 +99,7 @@ def _file_header(lines: list[str], where: str) -> _File:
     return _File(where, SEPARATORS[separator], decimal, columns, stated.get("Multi_Headings", "") == "No")
 
 
-def _fields(lines: list[str], separator: str) -> dict[str, list[str]]:
+def _split_fields(lines: list[str], separator: str) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {}
     for line in lines:
         key, *values = line.split(separator)
@@ -107,7 +108,7 @@ def _fields(lines: list[str], separator: str) -> dict[str, list[str]]:
     return found
 
 
-def _segments(file: _File, lines: list[str]) -> Iterator[_Segment]:
+def _split_segments(file: _File, lines: list[str]) -> Iterator[_Segment]:
     """Split what follows the file's header: the tags before an end of header belong to its segment."""
     ends = [i for i, line in enumerate(lines) if line.startswith(END)]
     starts = []
@@ -121,7 +122,7 @@ def _segments(file: _File, lines: list[str]) -> Iterator[_Segment]:
             f"{file.where}: found {shorten_cell(lines[0])} before the first segment's header; the file is damaged"
         )
     for start, end, stop in zip(starts, ends, [*starts[1:], len(lines)], strict=True):
-        yield _Segment(_fields(lines[start:end], file.separator), lines[end + 1 : stop])
+        yield _Segment(_split_fields(lines[start:end], file.separator), lines[end + 1 : stop])
 
 
 def _is_tag(line: str, file: _File) -> bool:
@@ -134,21 +135,21 @@ def _is_tag(line: str, file: _File) -> bool:
 
 def _is_number(cell: str, decimal: str) -> bool:
     try:
-        number(cell, decimal)
+        parse_number(cell, decimal)
     except ValueError:
         return False
     return True
 
 
-def _tables(file: _File, segment: _Segment, where: str) -> list[ChannelTable]:
-    """The segment's table, and those of segments without a header that follow it."""
-    count = _read_whole_number(segment.fields.get("Channels", [])[:1], "Channels", where)[0]
+def _read_tables(file: _File, segment: _Segment, where: str) -> list[ChannelTable]:
+    """Return the table of a segment, then those of the packets below it that have no header of their own."""
+    count = _parse_whole_numbers(segment.fields.get("Channels", [])[:1], "Channels", where)[0]
     if not 1 <= count <= 10_000:
         raise RigInputError(f"{where}: Channels {count}, allowed 1 to 10000")
     multi = file.columns == "Multi"
     at = list(range(1, 2 * count, 2)) if multi else list(range(1, count + 1))
     cells = [c for c in segment.fields.get("Samples", [])[: at[-1]] if c.strip()]
-    samples = _read_whole_number(cells, "Samples", where)
+    samples = _parse_whole_numbers(cells, "Samples", where)
     longest = max(samples, default=0)
     if len(samples) != count or not longest:
         raise RigInputError(f"{where}: Samples {samples} of {count} channels; allowed one number for each, one from 1")
@@ -174,15 +175,15 @@ def _tables(file: _File, segment: _Segment, where: str) -> list[ChannelTable]:
     for k in range(packets):
         name = where if packets == 1 else f"{where} segment {k + 1}"
         part = rows[1 + k * longest : 1 + (k + 1) * longest]
-        columns = _columns(file, part, lengths, k * longest, where)
-        tables.append(replace(_table(file, segment, names, columns, name), unreadable=empty))
+        columns = _parse_columns(file, part, lengths, k * longest, where)
+        tables.append(replace(_make_table(file, segment, names, columns, name), unreadable=empty))
     return tables
 
 
-def _columns(
+def _parse_columns(
     file: _File, rows: list[list[str]], lengths: dict[int, int], before: int, where: str
 ) -> dict[int, NDArray[np.float64]]:
-    """Return the numbers of each column that has samples; below its last sample a column is empty.
+    """Return by index the numbers of each column; ``lengths`` tells how many of the rows hold one.
 
     ``before`` is how many rows of the file come before these.
     """
@@ -198,7 +199,7 @@ def _columns(
     for k, length in lengths.items():
         cells = [row[k] if k < len(row) else "" for row in rows]
         try:
-            values = numbers(cells[:length], file.decimal)
+            values = parse_numbers(cells[:length], file.decimal)
         except ValueError as error:
             i, cell = error.args
             said = (
@@ -214,10 +215,10 @@ def _columns(
     return columns
 
 
-def _table(
+def _make_table(
     file: _File, segment: _Segment, names: dict[int, str], values: dict[int, NDArray[np.float64]], where: str
 ) -> ChannelTable:
-    """Return a segment's channels; ``names`` and ``values`` by column."""
+    """Return a segment's channels with their clocks; ``names`` and ``values`` (n,) are by index of the column."""
 
     def read_fields(tag: str) -> dict[str, str]:
         cells = segment.fields.get(tag, [])
@@ -258,7 +259,7 @@ def _table(
         name: Clock(
             clock.interval_s * SECONDS[unit],
             clock.start_s * SECONDS[unit],
-            _stamp(dates.get(name, ""), hours.get(name, ""), where),
+            _seconds_since_1904(dates.get(name, ""), hours.get(name, ""), where),
             clock.resolution_s * SECONDS[unit],
         )
         for name, clock in stated.items()
@@ -283,7 +284,9 @@ def _resolution(cell: str) -> float:
 
 
 def _column_clock(time: NDArray[np.float64], stated: float | None, resolution: float, what: str) -> Clock | None:
-    """Clock of a column of times, which must agree with ``Delta_X`` to the digits of both; None where nothing tells."""
+    """Clock of times (n,), s, which must agree with the ``stated`` ``Delta_X`` to both's digits; None where nothing
+    tells.
+    """
     try:
         found = even_interval(time, what)
     except CoarseTimes:
@@ -306,14 +309,14 @@ def _column_clock(time: NDArray[np.float64], stated: float | None, resolution: f
     return Clock(found, float(time[0]), 0.0, 2.0 * time_resolution(time) / (len(time) - 1))
 
 
-def _stamp(date: str, time: str, where: str) -> float:
+def _seconds_since_1904(date: str, time: str, where: str) -> float:
     """Seconds of ``Date`` (YYYY/MM/DD) and ``Time`` (HH:MM:SS.XXX) after the beginning of 1904; 0 where not stated.
 
     The fraction may have either decimal sign, independent of the file's numbers.
     """
     try:
         day = (datetime.strptime(date, "%Y/%m/%d") - datetime(1904, 1, 1)).days if date else 0
-        parts = [number(part.replace(",", ".")) for part in time.split(":")] if time else [0.0, 0.0, 0.0]
+        parts = [parse_number(part.replace(",", ".")) for part in time.split(":")] if time else [0.0, 0.0, 0.0]
         hour, minute, second = parts
         if not (0 <= hour < 24 and 0 <= minute < 60 and 0 <= second <= 60):  # nor what is not a number
             raise ValueError
@@ -322,7 +325,7 @@ def _stamp(date: str, time: str, where: str) -> float:
     return ((day * 24 + hour) * 60 + minute) * 60 + second if date and time else 0.0
 
 
-def _read_whole_number(cells: list[str], key: str, where: str) -> list[int]:
+def _parse_whole_numbers(cells: list[str], key: str, where: str) -> list[int]:
     cells = [cell.strip() for cell in cells]
     if not cells or not all(cell.isascii() and cell.isdigit() and len(cell) < 12 for cell in cells):
         raise RigInputError(f"{where}: {key} {cells}, allowed whole numbers")
@@ -331,6 +334,6 @@ def _read_whole_number(cells: list[str], key: str, where: str) -> list[int]:
 
 def _numbers(cells: list[str], decimal: str, what: str, where: str) -> list[float]:
     try:
-        return [number(cell, decimal) for cell in cells]
+        return [parse_number(cell, decimal) for cell in cells]
     except ValueError as error:
         raise RigInputError(f"{where}: {what} found {shorten_cell(str(error))}, allowed a number") from None

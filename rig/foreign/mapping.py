@@ -34,7 +34,7 @@ class PositionMapping(Table):
     ruler: RulerConfig
 
     @model_validator(mode="after")
-    def _usable(self) -> PositionMapping:
+    def _check_gain_and_limits(self) -> PositionMapping:
         refuse(
             ValueError,
             (self.gain == 0, f"positions.{self.name}: gain = 0, allowed anything else"),
@@ -58,7 +58,7 @@ class EpisodeMapping(Table):
     reject: str = ""
 
     @model_validator(mode="after")
-    def _order(self) -> EpisodeMapping:
+    def _check_order(self) -> EpisodeMapping:
         if not self.from_s < self.to_s:
             raise ValueError(f"episodes: from_s = {self.from_s:g}, allowed below to_s = {self.to_s:g}")
         return self
@@ -94,7 +94,7 @@ class TimeMapping(Table):
     """Columns of times that are not the sample clock's, and properties with a wrong rate: not compared with it."""
 
     @model_validator(mode="after")
-    def _one(self) -> TimeMapping:
+    def _check_one_source(self) -> TimeMapping:
         if self.channel is not None and self.sample_rate_hz is not None:
             raise ValueError("time.channel and time.sample_rate_hz: allowed is one of them")
         return self
@@ -122,7 +122,7 @@ class ForceMapping(Table):
         return NEWTONS[self.unit] if self.newtons_per_unit is None else self.newtons_per_unit
 
     @model_validator(mode="after")
-    def _scaled(self) -> ForceMapping:
+    def _check_scale(self) -> ForceMapping:
         refuse(
             ValueError,
             (
@@ -207,7 +207,7 @@ class ImportMapping(Table):
     room: RoomInfo = RoomInfo()
 
     @model_validator(mode="after")
-    def _consistent(self) -> ImportMapping:
+    def _check_consistency(self) -> ImportMapping:
         names, channels = tuple(encoder.name for encoder in self.encoders), self.channels
         positions = [one.name for one in self.positions]
         both = [body for body in names if body in self.absent_encoders]

@@ -25,7 +25,7 @@ def read_mat(path: Path) -> ChannelTable:
         content = loadmat(path, squeeze_me=True, struct_as_record=False)
     except Exception as error:  # a damaged file makes SciPy raise nearly anything
         raise RigInputError(f"{path}: not a readable MATLAB file ({' '.join(str(error).split())[:120]})") from None
-    entries = dict(_entries(content))
+    entries = dict(_flatten_structs(content))
     scalars = {name: value for name, value in entries.items() if np.size(value) == 1 and not isinstance(value, str)}
     stated = {name.rpartition("/")[2]: str(text) for name, text in entries.items() if "units/" in name}
     channels, unreadable, doubts, clocks = {}, {}, {}, {}
@@ -46,13 +46,13 @@ def read_mat(path: Path) -> ChannelTable:
     return ChannelTable(str(path), channels, units, clocks, unreadable, doubts)
 
 
-def _entries(content: Any, above: str = "") -> Iterator[tuple[str, Any]]:
+def _flatten_structs(content: Any, above: str = "") -> Iterator[tuple[str, Any]]:
     """Yield names, ``struct/field`` of a field, and values of all variables."""
     fields = content if isinstance(content, dict) else vars(content)
     for name, value in fields.items():
         if name.startswith("_"):
             continue
         if hasattr(value, "_fieldnames"):
-            yield from _entries(value, f"{above}{name}/")
+            yield from _flatten_structs(value, f"{above}{name}/")
         else:
             yield above + name, value

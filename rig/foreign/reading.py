@@ -125,6 +125,7 @@ def read_force(path: str | Path, column: str = "force_n") -> tuple[NDArray[np.fl
 
 
 def join_segments(segments: Sequence[ChannelTable], names: Sequence[str]) -> ChannelTable:
+    """Return successive segments as one table of the channels ``names``; refuse other units, rates or a gap."""
     first = segments[0]
     whole = {name: np.concatenate([segment.channel(name) for segment in segments]) for name in names}
     for before, after in zip(segments, segments[1:], strict=False):

@@ -68,7 +68,7 @@ class CoarseTimes(RigInputError):
 
 
 def even_interval(time_s: NDArray[np.float64], what: str) -> float:
-    """Return the interval of even times, s; ``what`` names file and channel in errors."""
+    """Return the interval of even times (n,), s; refuse uneven or coarse ones, ``what`` names them in the error."""
     if time_s.size < 2:
         raise RigInputError(f"{what}: {time_s.size} samples, allowed from 2")
     steps = np.diff(time_s)

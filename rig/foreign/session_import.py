@@ -62,7 +62,7 @@ class Cut:
 def cut_strokes(
     displacement: Array, travel: Array, rate_hz: float, *, trigger: float, pre_s: float, rest_s: float
 ) -> list[Cut]:
-    """Find the strokes.
+    """Find the strokes: each from where any sensor leaves its level of rest until all are back, with the rest around.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def cut_strokes(
 SATURATED = 3  # samples in a row at an end of the converter: no peak has as many equal ones
 
 
-def position_trials(
+def cut_position_trials(
     table: ChannelTable, mapping: ImportMapping, interval_s: float, first_number: int, started_utc: str
 ) -> list[tuple[TrialData, str]]:
     """Cut a table of positions into trials, each with why it does not count, empty where it does.
@@ -117,8 +117,8 @@ def position_trials(
     interval_s : between samples
     first_number : of the first trial
     """
-    infos = tuple(channel_info(one) for one in mapping.positions)
-    values = np.column_stack([_reading(table, one, mapping.overrule_units) for one in mapping.positions])
+    infos = tuple(make_channel_info(one) for one in mapping.positions)
+    values = np.column_stack([_read_position(table, one, mapping.overrule_units) for one in mapping.positions])
     time_s = np.arange(len(values), dtype=np.float64) * interval_s
     found = [
         position_of(info.name, info.ruler, time_s, values[:, k], info.u_noise)
@@ -135,14 +135,14 @@ def position_trials(
             f"{table.where}: no stroke found; no position leaves its rest by {rule.trigger:g} of its ruler "
             "(strokes.trigger in the mapping)"
         )
-    origin = _origin(table, mapping), Path(table.where).name.removesuffix(".gz")
+    origin = _first_time(table, mapping), Path(table.where).name.removesuffix(".gz")
     return [
-        _trial(mapping, infos, values, cut, interval_s, first_number + k, started_utc, origin)
+        _make_position_trial(mapping, infos, values, cut, interval_s, first_number + k, started_utc, origin)
         for k, cut in enumerate(cuts)
     ]
 
 
-def channel_info(one: PositionMapping) -> ChannelInfo:
+def make_channel_info(one: PositionMapping) -> ChannelInfo:
     return ChannelInfo(
         name=one.name,
         quantity=f"reading of the position sensor at: {one.ruler.sensor_at}",
@@ -158,8 +158,8 @@ def channel_info(one: PositionMapping) -> ChannelInfo:
     )
 
 
-def _reading(table: ChannelTable, one: PositionMapping, overruled: tuple[str, ...]) -> Array:
-    """Displacement of a position sensor (n,), unit of the mapping; refuses saturated samples."""
+def _read_position(table: ChannelTable, one: PositionMapping, overruled: tuple[str, ...]) -> Array:
+    """Reading (n,) of a position sensor: (value - offset) / gain; refuse one that stays at the converter's limit."""
     check_unit(table, one.channel, one.unit, overruled)
     raw = table.channel(one.channel)
     if one.limits is not None:
@@ -173,7 +173,7 @@ def _reading(table: ChannelTable, one: PositionMapping, overruled: tuple[str, ..
     return (raw - one.offset) / one.gain
 
 
-def _origin(table: ChannelTable, mapping: ImportMapping) -> float:
+def _first_time(table: ChannelTable, mapping: ImportMapping) -> float:
     """First time of the recording by its own clock, s; 0 where it has none."""
     name = mapping.time.channel
     if name is not None and name in table.channels:
@@ -181,7 +181,7 @@ def _origin(table: ChannelTable, mapping: ImportMapping) -> float:
     return 0.0
 
 
-def _trial(
+def _make_position_trial(
     mapping: ImportMapping,
     infos: tuple[ChannelInfo, ...],
     values: Array,
@@ -191,7 +191,9 @@ def _trial(
     started_utc: str,
     origin: tuple[float, str],
 ) -> tuple[TrialData, str]:
-    """Trial of one cut, and the note why it is incomplete; ``values`` (n, channels) are of the cut alone."""
+    """Trial of one stroke, and why it does not count, empty where it does; ``values`` (n, channels) are of the whole
+    recording, ``origin`` is its first time, s, and its file.
+    """
     n = cut.end - cut.first
     origin_s, file = origin
     start_s = origin_s + cut.first * interval_s
@@ -238,7 +240,7 @@ def sample_interval(table: ChannelTable, mapping: ImportMapping) -> float:
 
 
 def _agreed_interval(table: ChannelTable, mapping: ImportMapping) -> float:
-    """Sampling interval, s, that file and mapping agree on."""
+    """Sampling interval, s, by mapping or file; refuse times, units and rates that contradict it."""
     time = mapping.time
     time_channel = time.channel if time.channel in table.channels or not table.clocks else None
     if time_channel is not None:
@@ -311,12 +313,12 @@ def import_session(out: str | Path, files: Sequence[Path], mapping: MappingFile)
     notes = {}
     for file in files:
         digest = sha256_of_file(file) if file.is_file() else ""
-        tables = _recordings(file, config)
+        tables = _read_recordings(file, config)
         for part, table in enumerate(tables, 1):
             segment = f" segment {part} of {len(tables)}" if len(tables) > 1 else ""
             started, first = _recording_start(table, file, config), len(trials) + 1
             if config.positions:
-                cut = position_trials(table, config, sample_interval(table, config), first, started)
+                cut = cut_position_trials(table, config, sample_interval(table, config), first, started)
                 trials += [trial for trial, _ in cut]
                 rejected |= {trial.number: reason for trial, reason in cut if reason}
             else:
@@ -391,13 +393,13 @@ def read_recording(path: Path, mapping: MappingFile) -> TrialData:
     >>> rig.read_recording(Path("lab.csv"), rig.load_mapping("lab.toml")).has_force
     True
     """
-    tables = _recordings(path, mapping.config)
+    tables = _read_recordings(path, mapping.config)
     if len(tables) != 1:
         raise RigInputError(f"{path}: holds {len(tables)} trials, allowed one here; import it and give a trial")
     return make_trial(tables[0], mapping.config, 1, _recording_start(tables[0], path, mapping.config))
 
 
-def _recordings(file: Path, config: ImportMapping) -> tuple[ChannelTable, ...]:
+def _read_recordings(file: Path, config: ImportMapping) -> tuple[ChannelTable, ...]:
     """Read a file's recordings: its segments as trials, joined, or the one there is."""
     segments = read_segments(
         file, separator=config.separator, decimal=config.decimal, thousands=config.thousands,
@@ -406,13 +408,13 @@ def _recordings(file: Path, config: ImportMapping) -> tuple[ChannelTable, ...]:
     segments = tuple(table.overrule(config.overrule_units, config.time.ignore) for table in segments)
     segments = tuple(_trim_to_shortest(table, config) for table in segments)
     if config.segments == "trials":
-        return tuple(piece for table in segments for piece in _pieces(table, config))
+        return tuple(piece for table in segments for piece in _split_at_breaks(table, config))
     if len(segments) == 1:
         return segments
     if config.segments is None:
         raise RigInputError(
             f'{file}: {len(segments)} segments; say in the mapping what they are: segments = "trials" or "join"'
-            + _difference(segments[0], segments[1], config.channels)
+            + _describe_difference(segments[0], segments[1], config.channels)
         )
     for table in segments:
         sample_interval(table, config)
@@ -421,7 +423,7 @@ def _recordings(file: Path, config: ImportMapping) -> tuple[ChannelTable, ...]:
     return (join_segments(segments, names if timed or config.time.channel is None else [*names, config.time.channel]),)
 
 
-def _difference(one: ChannelTable, other: ChannelTable, names: Sequence[str]) -> str:
+def _describe_difference(one: ChannelTable, other: ChannelTable, names: Sequence[str]) -> str:
     """Return how the second segment of a file differs from the first, in brackets; empty where nothing is stated."""
     for name in names:
         units = one.units.get(name, ""), other.units.get(name, "")
@@ -447,7 +449,7 @@ def _trim_to_shortest(table: ChannelTable, config: ImportMapping) -> ChannelTabl
     return replace(table, channels={**table.channels, **{name: table.channels[name][:end] for name in used}})
 
 
-def _pieces(table: ChannelTable, config: ImportMapping) -> list[ChannelTable]:
+def _split_at_breaks(table: ChannelTable, config: ImportMapping) -> list[ChannelTable]:
     """Return the pieces of a table between breaks of its times."""
     time, names, clock = config.time, config.channels, table.stated_clock(config.channels)
     stated_s = 1.0 / time.sample_rate_hz if time.sample_rate_hz else clock.interval_s if clock else np.nan
@@ -462,7 +464,7 @@ def _pieces(table: ChannelTable, config: ImportMapping) -> list[ChannelTable]:
 
 
 def _recording_start(table: ChannelTable, file: Path, config: ImportMapping) -> str:
-    """Return when a recording began, ISO 8601.
+    """Return when a recording began, ISO 8601: as the file states it, else when the file was last changed.
 
     The file's own statement comes first: in UTC where its zone is known, without a zone where it is not. A file that
     does not say has only the time at which it was last changed.
@@ -490,7 +492,7 @@ def make_trial(table: ChannelTable, mapping: ImportMapping, number: int, started
     _check_pushes(force, interval_s, f"{table.where}: {cell.channel}")
     counts = np.empty((raw.size, len(mapping.encoders)), dtype=np.int64)
     for k, encoder in enumerate(mapping.encoders):
-        counts[:, k] = _counts(table, encoder, mapping.overrule_units)
+        counts[:, k] = _read_counts(table, encoder, mapping.overrule_units)
     volts = np.full(raw.size, np.nan)
     if mapping.motor is not None:
         volts = table.channel(mapping.motor.channel) * mapping.motor.volts_per_unit
@@ -547,7 +549,7 @@ def _check_pushes(force_n: NDArray[np.float64], interval_s: float, what: str) ->
         )
 
 
-def _counts(table: ChannelTable, encoder: EncoderMapping, overruled: tuple[str, ...]) -> NDArray[np.int64]:
+def _read_counts(table: ChannelTable, encoder: EncoderMapping, overruled: tuple[str, ...]) -> NDArray[np.int64]:
     """Counts (n,) of one encoder, without the wraps of its counter.
 
     Raises `RigInputError` where values are no whole counts, wrap unsaid, or turn farther than a body can; ``overruled``
@@ -616,7 +618,7 @@ def has_wraps(counts: NDArray[np.int64], bits: int) -> bool:
 
 
 def values_beyond_limits(trial: TrialData, limits: LimitsConfig) -> str:
-    """Return the first row at which the force, and each body's speed over 1 ms, leave the limits; empty for none."""
+    """Return in words where the force, and each body's speed over 1 ms, first leave the limits; empty for never."""
     said = []
     for name, beyond in (
         ("force_min_n", trial.raw_force_n < limits.force_min_n),
@@ -642,7 +644,7 @@ def values_beyond_limits(trial: TrialData, limits: LimitsConfig) -> str:
 
 
 def find_start(force_n: NDArray[np.float64], interval_s: float, where: str) -> float:
-    """Return when the force first leaves its rest for good, s."""
+    """Return when the force (n,), N, first leaves its rest for good, s; refuse a record without rest before it."""
     quiet = int(round(MINIMUM_QUIET_S / interval_s))
     if quiet < ONSET_SAMPLES or force_n.size < 2 * quiet:
         raise RigInputError(f"{where}: too short or too slow to find the blow; give blow_start_s in the mapping")

@@ -34,7 +34,7 @@ _RATE = re.compile(r"(sampl(e|es|ing)|scan|acquisition|daq)(rate|freq|frequency|
 _INTERVAL = re.compile(r"dt|deltat|timestep|sampl(e|ing)(interval|period)(s|sec)?|wfincrement|xincrement")
 
 
-def says_what_numbers_mean(name: str) -> bool:
+def is_unit_scale_or_time(name: str) -> bool:
     """Whether a property's name is of a unit, scale, rate, interval or start."""
     letters = _letters(name)
     return bool(

@@ -28,7 +28,7 @@ from nptdms.reader import TdmsReader
 from rig.errors import RigInputError
 from rig.foreign.channel_table import ChannelTable, known_unit
 from rig.foreign.sample_times import SECONDS, Clock
-from rig.foreign.stated_properties import find_clock, find_scale_doubt, find_unit, says_what_numbers_mean
+from rig.foreign.stated_properties import find_clock, find_scale_doubt, find_unit, is_unit_scale_or_time
 
 _MARK = struct.Struct("<4sI")
 _SIZES = {False: struct.Struct("<IQQ"), True: struct.Struct(">IQQ")}
@@ -56,6 +56,7 @@ class _Complaints(logging.Handler):
 
 
 def read_tdms(path: Path) -> tuple[ChannelTable, ...]:
+    """Read the numeric channels of a TDMS file, one table for each recording in it; refuse a damaged one."""
     complaints = _Complaints()
     logger, console = logging.getLogger("nptdms"), log.log_manager.console_handler
     logger.addHandler(complaints)
@@ -67,7 +68,7 @@ def read_tdms(path: Path) -> tuple[ChannelTable, ...]:
             warnings.simplefilter("error")
             # npTDMS leaves a file open that it fails to read
             with path.open("rb") as stream, ExitStack() as stack:
-                parts = _parts(stream, count, str(path))
+                parts = _find_recordings(stream, count, str(path))
                 tables = []
                 scales: Properties | None = None
                 for number, part in enumerate(parts, 1):
@@ -79,7 +80,7 @@ def read_tdms(path: Path) -> tuple[ChannelTable, ...]:
                             raise RigInputError(f"{path}: not a whole TDMS file ({complaint[:120]})")
                         channels = _numeric_channels(file, part, size, complaints, str(path))
                     where = str(path) if len(parts) == 1 else f"{path} segment {number}"
-                    tables.append(_table(ChannelTable(where, {}), channels, part, complaints))
+                    tables.append(_fill_table(ChannelTable(where, {}), channels, part, complaints))
             cut_off = "" if is_whole else "the program that recorded it did not finalise the file"
             return (*tables[:-1], replace(tables[-1], cut_off=cut_off))
     except RigInputError:
@@ -119,7 +120,7 @@ def _check_segments(path: Path, size: int) -> tuple[int, bool]:
     return count, True
 
 
-class _Part:
+class _Recording:
     """A recording within a file: its samples by path of the channel, from and to, and what is stated of them."""
 
     def __init__(self, first: dict[str, int], end: dict[str, int], stated: Properties) -> None:
@@ -129,8 +130,8 @@ class _Part:
         }
 
 
-def _parts(stream: BinaryIO, segments: int, where: str) -> list[_Part]:
-    """Split a file where a later segment changes a property that says what a channel's numbers mean."""
+def _find_recordings(stream: BinaryIO, segments: int, where: str) -> list[_Recording]:
+    """Split a file of so many segments where a later one changes what is stated of a channel's numbers."""
     reader = TdmsReader(stream)
     history: list[tuple[dict[str, int], Mapping[str, Any]]] = []
     sizes: dict[str, int] = {}
@@ -146,7 +147,7 @@ def _parts(stream: BinaryIO, segments: int, where: str) -> list[_Part]:
     if len(history) not in (segments, segments - 1):  # of the last one the metadata may be cut off
         raise RigInputError(f"{where}: this version of npTDMS does not tell the segments; install the latest one")
     stated: Properties = {}
-    parts: list[_Part] = []
+    parts: list[_Recording] = []
     first: dict[str, int] = {}
     for before, properties in history:
         new: Properties = {
@@ -154,19 +155,19 @@ def _parts(stream: BinaryIO, segments: int, where: str) -> list[_Part]:
             for name, pairs in properties.items()
         }
         if before != first and any(
-            says_what_numbers_mean(key) and key in stated.get(name, {}) and stated[name][key] != value
+            is_unit_scale_or_time(key) and key in stated.get(name, {}) and stated[name][key] != value
             for name, values in new.items()
             for key, value in values.items()
         ):
-            parts.append(_Part(first, before, {name: dict(values) for name, values in stated.items()}))
+            parts.append(_Recording(first, before, {name: dict(values) for name, values in stated.items()}))
             first = before
         for name, values in new.items():
             stated.setdefault(name, {}).update(values)
-    return [*parts, _Part(first, sizes, stated)]
+    return [*parts, _Recording(first, sizes, stated)]
 
 
 def _numeric_channels(
-    file: Any, part: _Part, size: int, complaints: _Complaints, where: str
+    file: Any, part: _Recording, size: int, complaints: _Complaints, where: str
 ) -> dict[str, tuple[Any, str]]:
     """Numeric channels by name, each with npTDMS's complaint about its scale; sets the properties that ``part`` has."""
     channels = [channel for group in file.groups() for channel in group.channels() if len(channel)]
@@ -188,10 +189,10 @@ def _numeric_channels(
     return {c.name if short[c.name] == 1 else f"{c.group_name}/{c.name}": (c, text) for c, text in numeric}
 
 
-def _table(
-    table: ChannelTable, channels: dict[str, tuple[Any, str]], part: _Part, complaints: _Complaints
+def _fill_table(
+    table: ChannelTable, channels: dict[str, tuple[Any, str]], part: _Recording, complaints: _Complaints
 ) -> ChannelTable:
-    """Fill a table with the samples of one part."""
+    """Return the table with one recording's samples, units, clocks and doubts; takes npTDMS's complaints."""
     columns, started = {}, ""
     doubts: dict[str, str] = {}
     units: dict[str, str] = {}

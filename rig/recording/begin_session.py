@@ -23,7 +23,8 @@ from rig.session.info import ActionInfo, FileInfo, RoomInfo, SessionInfo
 def new_session(
     out: str | Path, options: RecordingOptions, rig: Rig
 ) -> Iterator[tuple[Backend, Callable[..., Session]]]:
-    """Open the backend of ``options`` where it is an address, and give it with what creates the session of a rig file.
+    """Yield the backend of ``options``, opened here where it is an address, and the function that creates the session
+    of a rig file; close what was opened, and remove a session without trials, at the end.
 
     That takes the copies to keep beside ``session.toml`` and, as keywords, what this kind of session states of itself
     (:class:`SessionInfo`). At the end what was opened here is closed; a session in which nothing was recorded leaves no

@@ -299,7 +299,7 @@ class _Stream:
                 except BaseException as fault:  # nothing may keep the stroke under way from being sealed
                     error, outputs = error or fault, f"OUTPUTS NOT CONFIRMED SAFE, cut the drive's power: {fault}"
                 if self._journal is not None:
-                    self._end(detector.finish(), error)
+                    self._end_stroke(detector.finish(), error)
         if isinstance(error, KeyboardInterrupt):
             error.add_note(outputs)
         if error is not None:
@@ -326,7 +326,7 @@ class _Stream:
             stroke = detector.add(block)
             while self._recent[0].first_sample + self._recent[0].force_n.size <= detector.needed_from:
                 self._recent.popleft()
-            self._tell(block, committed, rate)
+            self._report_progress(block, committed, rate)
             if stroke is not None:
                 with defer_interrupts():
                     late = f"not at rest {settings.longest_s:g} s after it began (passive.longest_s)"
@@ -340,7 +340,7 @@ class _Stream:
                 self._drop_journal()
                 self._open_journal(timing, settings)
 
-    def _tell(self, block: Block, committed: int, rate: float) -> None:
+    def _report_progress(self, block: Block, committed: int, rate: float) -> None:
         if self._options.feed is not None:
             self._options.feed.publish(block)
         if self._options.progress is not None:
@@ -391,7 +391,7 @@ class _Stream:
             self._session.annotate(trial.number, "note", jump, author="recorder")
         return trial
 
-    def _end(self, stroke: Stroke | None, error: BaseException | None) -> None:
+    def _end_stroke(self, stroke: Stroke | None, error: BaseException | None) -> None:
         """Seal the stroke under way as what ended it, or drop the journal of silence."""
         if stroke is None:
             self._drop_journal()

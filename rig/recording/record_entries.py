@@ -87,7 +87,7 @@ def record_entries(
 
 
 def _store_outcome(session: Session, trial: PlannedTrial, outcome: TrialOutcome, options: RecordingOptions) -> None:
-    """Seal a trial's journal into the session, or note in it that the trial did not begin."""
+    """Seal a trial's journal into the session and remove it; or note in the session that the trial did not begin."""
     if outcome.journal is not None:
         with defer_interrupts():
             sealed = seal(session, outcome.journal.path, outcome.status, outcome.reason)
@@ -100,7 +100,7 @@ def _store_outcome(session: Session, trial: PlannedTrial, outcome: TrialOutcome,
 
 
 def seal(session: Session, journal: Path, status: str, reason: str) -> Trial:
-    """Seal a trial from its journal; a failure to seal it is reported together with what had ended the trial."""
+    """Seal a trial of the session from its journal; where that fails the error also says what had ended the trial."""
     try:
         return seal_journal(session, journal, scan_journal(journal), status, reason)
     except RigInputError as failure:

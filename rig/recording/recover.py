@@ -102,7 +102,7 @@ def recover(path: str | Path, out: str | Path | None = None) -> list[Recovered]:
 
 def _recover_all(session: Session, journals: Mapping[int, Path], *, keep: bool) -> list[Recovered]:
     """Recover journals into a session; each stays where it is when it is to be kept."""
-    sealed_again = {one.trial: one for one in _seal_again(session)}
+    sealed_again = {one.trial: one for one in _reseal_trials(session)}
     found, complaints = [], []
     for number, file in journals.items():
         try:
@@ -121,8 +121,8 @@ def _recover_all(session: Session, journals: Mapping[int, Path], *, keep: bool) 
     return sorted(found, key=lambda one: one.trial)
 
 
-def _seal_again(session: Session) -> list[Recovered]:
-    """Seal again what another program opened for writing and closed unchanged."""
+def _reseal_trials(session: Session) -> list[Recovered]:
+    """Seal again each trial that another program opened for writing and closed unchanged; return what was found."""
     found = []
     for trial in session.trials:
         note = "another program had opened it for writing; its content is as it was sealed"
@@ -141,7 +141,7 @@ def _seal_again(session: Session) -> list[Recovered]:
 
 
 def _copy_session(session: Session, out: Path) -> tuple[Session, list[Recovered]]:
-    """Make a session of what is sealed and written in another; what cannot be read is copied under another name."""
+    """Copy a session's trials and texts to a new one; return it, and the unreadable trials, which are renamed."""
     texts = {INFO_NAME: "", annotation_file.FILE_NAME: ""}
     for file in session.path.iterdir():
         if file.suffix in (".toml", ".jsonl") and file.is_file():
@@ -158,7 +158,7 @@ def _copy_session(session: Session, out: Path) -> tuple[Session, list[Recovered]
                 seal_again(target)
         platform_calls.make_read_only(target)
         if problem := trial_problem(target):
-            aside = _put_aside(target)
+            aside = _rename_damaged(target)
             damaged.append(Recovered(trial.number, UNREADABLE, 0, f"{problem}; copied as {aside.name}"))
     return copy, damaged
 
@@ -175,7 +175,7 @@ def _refuse_if_in_use(file: Path, flags: int) -> None:
 
 
 def _recover_trial(session: Session, number: int, file: Path, *, keep: bool) -> Recovered:
-    """Seal what a trial's journal holds; what became of it. The journal is removed unless ``keep``."""
+    """Seal what a trial's journal ``file`` holds and return what became of it; remove the journal, unless ``keep``."""
     journal, fate = scan_journal(file), "stays" if keep else "was removed"
     if (sealed := _read_sealed_trial(session, number)) is not None:
         # sealed just before the program ended, unless the two differ
@@ -196,7 +196,7 @@ def _recover_trial(session: Session, number: int, file: Path, *, keep: bool) -> 
             file.unlink()
         return Recovered(number, "empty", 0, f"no sample had been acquired; the journal {fate}")
     settings = journal.head.provenance.get(PASSIVE)
-    stroke, settled = (None, False) if settings is None else _stroke(file, journal, settings)
+    stroke, settled = (None, False) if settings is None else _find_stroke(file, journal, settings)
     if settled and stroke is None:
         if not keep:
             file.unlink()
@@ -213,7 +213,7 @@ def _recover_trial(session: Session, number: int, file: Path, *, keep: bool) -> 
         note += "; damage behind it" if damaged else "; the recording was cut off"
         reason = note
     if session.trial_path(number).exists():
-        note += f"; the sealed file was damaged and is kept as {_put_aside(session.trial_path(number)).name}"
+        note += f"; the sealed file was damaged and is kept as {_rename_damaged(session.trial_path(number)).name}"
     if stroke is None:
         wanted = journal.n_samples
         made = seal_journal(session, file, journal, status, reason).read()
@@ -225,13 +225,13 @@ def _recover_trial(session: Session, number: int, file: Path, *, keep: bool) -> 
     if keep:
         note += "; the journal stays"
     elif damaged:
-        _put_aside(file)
+        _rename_damaged(file)
     else:
         file.unlink()
     return Recovered(number, status, wanted, note)
 
 
-def _stroke(file: Path, journal: Journal, settings: str) -> tuple[Stroke | None, bool]:
+def _find_stroke(file: Path, journal: Journal, settings: str) -> tuple[Stroke | None, bool]:
     """Return the stroke in the journal of a passive recording, and whether the bench was ever at rest before it."""
     try:
         detector = StrokeDetector(StrokeSettings.from_text(settings))
@@ -251,7 +251,7 @@ def _read_sealed_trial(session: Session, number: int) -> TrialData | None:
         return None
 
 
-def _put_aside(file: Path) -> Path:
+def _rename_damaged(file: Path) -> Path:
     aside = file.with_name(file.name + ".damaged")
     platform_calls.replace(file, aside)
     return aside
@@ -263,7 +263,7 @@ ENDED = ("complete", "not at rest")
 def due_entries(session: Session) -> list[Entry]:
     """Return the entries of a session's plan that are not yet recorded, in their order."""
     plan = session.info.plan
-    every = _entries(session)
+    every = _read_planned_entries(session)
     for trial in session.trials:
         if trial.problem.endswith(OPEN_ELSEWHERE):
             raise RigInputError(f"{trial.problem}, then resume: what it holds of the plan is not known")
@@ -277,18 +277,18 @@ def due_entries(session: Session) -> list[Entry]:
     return [entry for entry in every if entry.number not in done]
 
 
-def _entries(session: Session) -> list[Entry]:
+def _read_planned_entries(session: Session) -> list[Entry]:
     """All planned trials of a session in order, with profiles parsed from its copies."""
     plan = session.info.plan
     if not plan.order:
-        profile = parse_profile(_copy(session, session.info.profile), f"{session.path / 'profile.toml'}")
+        profile = parse_profile(_read_copy(session, session.info.profile), f"{session.path / 'profile.toml'}")
         return [Entry(k, "", profile) for k in range(1, plan.trials + 1)]
     by_name = {condition.name: condition for condition in plan.conditions}
     missing = set(plan.order) - set(by_name)
     if missing:
         raise RigInputError(f"{session.path}: plan.order names {sorted(missing)}, which is not among plan.conditions")
     profiles = {
-        name: parse_profile(_copy(session, condition.profile), str(session.path / condition.profile.copy_name))
+        name: parse_profile(_read_copy(session, condition.profile), str(session.path / condition.profile.copy_name))
         for name, condition in by_name.items()
     }
     return [
@@ -296,7 +296,7 @@ def _entries(session: Session) -> list[Entry]:
     ]
 
 
-def _copy(session: Session, file: FileInfo) -> str:
+def _read_copy(session: Session, file: FileInfo) -> str:
     """Return the text of a copy in the session, after checking that it is the one the session was made with."""
     if not file.copy_name or Path(file.copy_name).name != file.copy_name:
         raise RigInputError(f"{session.path}: {file.name}: no copy is kept beside session.toml; record a new session")
@@ -331,7 +331,7 @@ def session_rig(session: Session) -> Rig:
     >>> rig.session_rig(rig.Session.open("sessions/example_forte")).config.name
     'virtual'
     """
-    return parse_rig(_copy(session, session.info.rig), str(session.path / session.info.rig.copy_name))
+    return parse_rig(_read_copy(session, session.info.rig), str(session.path / session.info.rig.copy_name))
 
 
 def resume(

@@ -33,7 +33,7 @@ class RestDetector:
         self._recent: deque[tuple[NDArray[np.float64], NDArray[np.int64]]] = deque()
 
     def add(self, force_n: NDArray[np.float64], encoder_count: NDArray[np.int64]) -> bool:
-        """Take the next samples, force (m,) and counts (m, 3); return whether they end a window at rest."""
+        """Take the next samples, force (m,), N, and counts (m, 3); return whether they end a window at rest."""
         if (missing := self._baseline - self._samples) > 0:
             self._baseline_sum_n += float(force_n[:missing].sum())
         self._samples += force_n.shape[0]

@@ -53,7 +53,7 @@ class PlanConfig(Table):
     room: RoomInfo | None = None
 
     @model_validator(mode="after")
-    def _consistent(self) -> PlanConfig:
+    def _check_names_and_number(self) -> PlanConfig:
         names = [condition.name for condition in self.conditions]
         if len({name.lower() for name in names}) < len(names):
             raise ValueError(f"conditions are named {names}; each needs a name of its own")

@@ -55,7 +55,7 @@ class TrialOutcome:
 
 
 def run_trial(backend: Backend, config: RigConfig, trial: PlannedTrial, options: RecordingOptions) -> TrialOutcome:
-    """Record one trial; never raises for what happens on the bench or in a program, the outcome carries it.
+    """Record one trial; what happens on the bench or in a program is not raised but told by the outcome.
 
     The samples are in the closed journal, not in memory; the caller seals the trial and removes the journal.
     """
@@ -198,7 +198,7 @@ def _earliest_rest(command: MotorCommand, timing: Timing) -> int:
 def _read_until_rest(
     backend: Backend, config: RigConfig, command: MotorCommand, timing: Timing, store: Callable[[Block], None]
 ) -> str:
-    """Read and store blocks until the action is at rest; the trial's status."""
+    """Read and store blocks until the action rests: ``complete``, or ``not at rest`` where that takes too long."""
     rate, recording = timing.sample_rate_hz, config.recording
     lengths = _Lengths.from_command(config, command, timing)
     detector = RestDetector(

@@ -92,7 +92,7 @@ class Interlocks:
         raise LimitExceeded(message, phase="interlock")
 
     def _check_force(self, first: int, n_checked: int) -> None:
-        """Stop at a force, or a rate of it, outside the limits."""
+        """Stop at a force or rate beyond the limits; the window begins at sample ``first``, ``n_checked`` are old."""
         limits, force = self._limits, self._force
         new = force[n_checked:]
         outside = ~((new >= limits.force_min_n) & (new <= limits.force_max_n))  # NaN is outside
@@ -112,7 +112,7 @@ class Interlocks:
             )
 
     def _check_motion(self, first: int, n_checked: int) -> None:
-        """Stop where an encoder is beyond its travel or speed; ``first`` is the number of the window's first sample."""
+        """Stop at a travel or speed beyond the limits; the window begins at sample ``first``, ``n_checked`` are old."""
         step = self._samples(SPEED_OVER_S)
         since = max(n_checked - step, 0)
         for body, name in enumerate(BODIES):
@@ -151,7 +151,7 @@ class Interlocks:
         self._exposed = int(count[-1])
 
     def _check_stuck(self, first: int, n_checked: int) -> None:
-        """Stop where force or an encoder stands still while others move; ``n_checked`` samples were checked before."""
+        """Stop where force or an encoder stands still while others move; arguments as of `_check_force`."""
         need = self._samples(self._limits.stuck_s)
         if self._noisy and longest_run(np.diff(self._force[max(n_checked - need, 0) :]) == 0) >= need:
             self._stop(
@@ -200,7 +200,7 @@ class Interlocks:
             )
 
     def _check_pushes(self, first: int, baseline_n: float) -> None:
-        """Stop where the motor is told to push and no force comes."""
+        """Stop where the motor should push and no force comes; the window begins at sample ``first``."""
         n = self._force.size
         commanded_n = np.zeros(n)
         at = first + np.arange(n) - self._delay

@@ -39,7 +39,7 @@ def utc_now() -> str:
 
 
 def append(folder: Path, trial: int, kind: Kind, reason: str, author: str = "") -> Annotation:
-    """Add one annotation line and return it; a rejection needs a reason."""
+    """Append one annotation to the folder's file and return it; refuse one without a reason."""
     refuse(
         RigInputError,
         (kind not in get_args(Kind), f"{folder}: annotation {kind!r}: allowed are {', '.join(get_args(Kind))}"),
@@ -93,7 +93,7 @@ def _parse(line: str, where: str) -> Annotation:
 
 
 def rejections(annotations: tuple[Annotation, ...]) -> dict[int, str]:
-    """Return the reason of every trial that stands rejected."""
+    """Return the reason of every trial that stands rejected, by its number."""
     rejected: dict[int, str] = {}
     for annotation in annotations:
         if annotation.kind == "reject":

@@ -84,8 +84,9 @@ WHOLE = 0.25
 """Frames may be off the pulse of the frame clock by this share of its period: stamps are rounded, clocks drift."""
 
 
-def clock_steps(film: FilmFile, clock_hz: float) -> NDArray[np.int64]:
-    """Pulses of the frame clock from the first frame of a film to each, shape (n_frames,).
+def count_clock_pulses(film: FilmFile, clock_hz: float) -> NDArray[np.int64]:
+    """Pulses of the frame clock from the first frame of a film to each, (n_frames,); refuse times that are no whole
+    periods.
 
     From the camera's own times; of a video from its time stamps, whose scale may be that of play-back; else one pulse a
     frame.
@@ -116,17 +117,17 @@ def _are_whole(multiples: NDArray[np.float64]) -> bool:
 
 
 def frame_times(trial: Trial, film: FilmFile) -> tuple[NDArray[np.float64], float]:
-    """Times of a film's frames, s, shape (n_frames,), and their common standard uncertainty.
+    """Middles of a film's exposures, s on the trial's clock, (n_frames,), and their common standard uncertainty, s.
 
     Which pulse belongs to the first frame is known from the record of an attached film, else from the film's header,
-    else it is the first. The others follow as the film's own times say (`clock_steps`), so that a gap stays one.
+    else it is the first. The others follow as the film's own times say (`count_clock_pulses`), so that a gap stays one.
     """
     camera = trial.read().camera
     if camera is None:
         raise RigInputError(f"{trial.path}: has no frame clock; record with a camera, or track a copy elsewhere")
     attached = read_record(film.path)
     stated_s = film.frame_time_s
-    pulse = clock_steps(film, camera.frame_rate_hz)
+    pulse = count_clock_pulses(film, camera.frame_rate_hz)
     if attached is not None:
         pulse += attached.first_frame
     elif stated_s is not None:

@@ -49,7 +49,7 @@ SCHEMA = "piano-action-rig derived 1"
 
 
 def write_table(path: Path, table: pd.DataFrame, attrs: Mapping[str, Any], parents_sha256: Mapping[str, str]) -> None:
-    """Write a table of numbers, booleans or text, replacing an older result of the same step whole."""
+    """Write a sealed file of a table of numbers, booleans or text, replacing an older result of the same step whole."""
     names = [str(name) for name in table.columns]
     if len(set(names)) != len(names) or any(not name or "/" in name or name == "row" for name in names):
         raise RigInputError(f"{path}: column names {names} must be unique, not empty, not 'row' and without '/'")
@@ -57,7 +57,7 @@ def write_table(path: Path, table: pd.DataFrame, attrs: Mapping[str, Any], paren
         path.parent.mkdir(parents=True, exist_ok=True)
     with write_sealed(path) as file:
         file.attrs["schema"] = SCHEMA
-        file.attrs["attributes_json"] = json.dumps(dict(attrs), default=_to_plain)
+        file.attrs["attributes_json"] = json.dumps(dict(attrs), default=_to_json_value)
         file.attrs["parents_json"] = json.dumps(dict(parents_sha256), sort_keys=True)
         group = file.create_group("table", track_order=True)
         group.attrs["columns_json"] = json.dumps(names)
@@ -68,7 +68,7 @@ def write_table(path: Path, table: pd.DataFrame, attrs: Mapping[str, Any], paren
         file.attrs[CONTENT] = content_sha256(file)
 
 
-def _to_plain(value: object) -> Any:
+def _to_json_value(value: object) -> Any:
     """Return a NumPy value or a path as JSON can store it."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
@@ -80,7 +80,7 @@ def _to_plain(value: object) -> Any:
 
 
 def _write_column(group: h5py.Group, name: str, values: np.ndarray) -> h5py.Dataset:
-    """Write a table's column as a dataset; booleans as int8 with attribute ``dtype``, the rest as text."""
+    """Write a table's column as a dataset and return that: booleans as int8, numbers as they are, the rest as text."""
     if values.dtype.kind == "b":
         dataset = group.create_dataset(name, data=values.astype(np.int8))
         dataset.attrs["dtype"] = "bool"
@@ -321,7 +321,7 @@ class Session:
         return self._files_by_number("journal")
 
     def _files_by_number(self, suffix: str) -> dict[int, Path]:
-        """Files of a session with a suffix, by trial number, in order."""
+        """Files of trials with the suffix ``h5`` or ``journal``, by trial number, in order."""
         found = {}
         with contextlib.suppress(FileNotFoundError):
             for file in self.path.iterdir():
@@ -418,7 +418,7 @@ class Session:
         attrs: Mapping[str, Any] | None = None,
         parents_sha256: Mapping[str, str] | None = None,
     ) -> Path:
-        """Write a derived table; by default its parent is the trial itself."""
+        """Write a derived table and return its path; its parent is the trial itself unless others are given."""
         parents = parents_sha256
         if parents is None:
             trial = self.trial(trial_number)

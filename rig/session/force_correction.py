@@ -55,7 +55,9 @@ class HumFit:
     covariance: Array
 
     def baseline_n(self, time_s: Array) -> Array:
-        """What is subtracted from the raw force: the offset and, when accepted, the sinusoids, N."""
+        """What is subtracted from the raw force at times, s: the offset and, when accepted, the sinusoids, N, same
+        shape.
+        """
         time = np.asarray(time_s, dtype=float)
         out = np.full(time.shape, self.offset_n)
         if self.accepted:
@@ -84,7 +86,7 @@ def _design(time: Array, frequency_hz: float) -> Array:
     return np.column_stack([np.ones(time.shape), hum_terms(time, frequency_hz)])
 
 
-def _solve(time: Array, force: Array, frequency_hz: float) -> tuple[Array, float]:
+def _fit_at_frequency(time: Array, force: Array, frequency_hz: float) -> tuple[Array, float]:
     """Coefficients and residual sum of squares at a fixed frequency."""
     design = _design(time, frequency_hz)
     # seven nearly orthogonal columns: the normal equations are well conditioned and cheap
@@ -92,13 +94,15 @@ def _solve(time: Array, force: Array, frequency_hz: float) -> tuple[Array, float
     return np.asarray(coefficient, dtype=float), float(np.sum((force - design @ coefficient) ** 2))
 
 
-def _search(time: Array, force: Array, centre_hz: float) -> float:
+def _search_frequency(time: Array, force: Array, centre_hz: float) -> float:
     """Frequency of least residual within ± SEARCH_HZ of the nominal one."""
     grid = np.linspace(centre_hz - SEARCH_HZ, centre_hz + SEARCH_HZ, GRID)
-    cost = [_solve(time, force, f)[1] for f in grid]
+    cost = [_fit_at_frequency(time, force, f)[1] for f in grid]
     best = int(np.argmin(cost))
     low, high = grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)]
-    return float(minimize_scalar(lambda f: _solve(time, force, f)[1], bounds=(low, high), method="bounded").x)
+    return float(
+        minimize_scalar(lambda f: _fit_at_frequency(time, force, f)[1], bounds=(low, high), method="bounded").x
+    )
 
 
 def correlation_inflation(residual: Array) -> float:
@@ -147,7 +151,7 @@ def fit_hum(time_s: Array, force_n: Array, mains_hz: float | None = None) -> Hum
     u_mean = before * np.sqrt(correlation_inflation(force) / n)
 
     def refused(reason: str, f: float, coefficient: Array | None, after: float, searched: bool) -> HumFit:
-        polar = _polar(np.zeros(2 * HARMONICS + 1) if coefficient is None else coefficient)
+        polar = _to_polar(np.zeros(2 * HARMONICS + 1) if coefficient is None else coefficient)
         return HumFit(offset, float(u_mean), f, searched, *polar, before, after, False, reason, np.zeros((0, 0)))
 
     declared = min(nominal) if mains_hz is None else mains_hz
@@ -158,18 +162,18 @@ def fit_hum(time_s: Array, force_n: Array, mains_hz: float | None = None) -> Hum
 
     searched = length >= SEARCH_BASELINE_S * (1 - 1e-9)
     middle = time.mean()  # fitting about the middle keeps frequency and phase uncorrelated
-    candidates = [_search(time - middle, force, f) if searched else f for f in nominal]
-    frequency = min(candidates, key=lambda f: _solve(time - middle, force, f)[1])
-    coefficient, cost = _solve(time - middle, force, frequency)
+    candidates = [_search_frequency(time - middle, force, f) if searched else f for f in nominal]
+    frequency = min(candidates, key=lambda f: _fit_at_frequency(time - middle, force, f)[1])
+    coefficient, cost = _fit_at_frequency(time - middle, force, frequency)
     parameters = coefficient.size + (1 if searched else 0)
     after = float(np.sqrt(cost / (n - parameters)))
 
-    reason = _refusal(time - middle, force, frequency, before, after, parameters)
+    reason = _reason_to_refuse(time - middle, force, frequency, before, after, parameters)
     if reason:
         return refused(reason, frequency, coefficient, after, searched)
 
-    coefficient = _shift(coefficient, frequency, float(middle))
-    polar = _polar(coefficient)
+    coefficient = _shift_origin(coefficient, frequency, float(middle))
+    polar = _to_polar(coefficient)
     fit = HumFit(
         float(coefficient[0]), 0.0, frequency, searched, *polar, before, after, True, "", covariance=np.zeros((0, 0))
     )
@@ -181,8 +185,10 @@ def fit_hum(time_s: Array, force_n: Array, mains_hz: float | None = None) -> Hum
     return replace(fit, u_offset_n=float(np.sqrt(covariance[0, 0])), covariance=covariance)
 
 
-def _refusal(time: Array, force: Array, f: float, before: float, after: float, parameters: int) -> str:
-    """Why the sinusoids must not be subtracted, or an empty string."""
+def _reason_to_refuse(time: Array, force: Array, f: float, before: float, after: float, parameters: int) -> str:
+    """Why hum at ``f``, Hz, must not be subtracted, or empty; ``before`` and ``after``: residual without and with it,
+    N.
+    """
     n = time.size
     gained = before**2 * (n - 1) - after**2 * (n - parameters)
     if after == 0.0:
@@ -194,7 +200,7 @@ def _refusal(time: Array, force: Array, f: float, before: float, after: float, p
     cut = 2 * n // 3
     if cut * (time[-1] - time[0]) / (n - 1) < 1.0 / f:  # too short to hold a third back
         return ""
-    coefficient, _ = _solve(time[:cut], force[:cut], f)
+    coefficient, _ = _fit_at_frequency(time[:cut], force[:cut], f)
     ahead = force[cut:] - _design(time[cut:], f) @ coefficient
     plain = force[cut:] - force[:cut].mean()
     if np.sqrt(np.mean(ahead**2)) >= np.sqrt(np.mean(plain**2)):
@@ -202,8 +208,8 @@ def _refusal(time: Array, force: Array, f: float, before: float, after: float, p
     return ""
 
 
-def _shift(coefficient: Array, frequency_hz: float, middle_s: float) -> Array:
-    """Coefficients for time from 0 instead of from the middle of the baseline."""
+def _shift_origin(coefficient: Array, frequency_hz: float, middle_s: float) -> Array:
+    """Coefficients of offset, cosines and sines for time from 0, from those for time from ``middle_s``."""
     out = coefficient.copy()
     for k in range(1, HARMONICS + 1):
         c, s = coefficient[2 * k - 1], coefficient[2 * k]
@@ -213,7 +219,7 @@ def _shift(coefficient: Array, frequency_hz: float, middle_s: float) -> Array:
     return out
 
 
-def _polar(coefficient: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def _to_polar(coefficient: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Amplitude and phase of ``a cos(ωt + φ)`` from cosine and sine coefficients."""
     c, s = coefficient[1::2], coefficient[2::2]
     return tuple(float(v) for v in np.hypot(c, s)), tuple(float(v) for v in np.arctan2(-s, c))
@@ -349,8 +355,8 @@ def first_run(mask: NDArray[np.bool_], length: int) -> int | None:
     return int(hits[0]) if hits.size else None
 
 
-def _force_onset(force: Array, first: int) -> int | None:
-    """Sample at which the force leaves its first baseline, walked back to its last crossing of it.
+def _find_force_onset(force: Array, first: int) -> int | None:
+    """Sample where the force leaves the level of its ``first`` samples, walked back to its last crossing; None: never.
 
     It has left when it is 5 σ away, and at least a hundredth of its largest excursion, so that a slow drift is no blow.
     """
@@ -414,12 +420,12 @@ def find_quiet(
         raise RigInputError(
             f"record of {1e3 * step * time.size:.0f} ms is too short; record at least 0.3 s before the blow"
         )
-    onset = _force_onset(force, first)
+    onset = _find_force_onset(force, first)
     margin = int(round(MARGIN_S / step))
     if onset is not None and onset - margin >= 2 * first:
         hum = fit_hum(time[: onset - margin], force[: onset - margin], mains_hz)
         clean = force - hum.baseline_n(time)
-        onset = _force_onset(clean, onset - margin)
+        onset = _find_force_onset(clean, onset - margin)
     if onset is None:
         raise RigInputError(
             "force never leaves its baseline by 5 sigma; was the blow played? check motor and load cell"
@@ -429,7 +435,7 @@ def find_quiet(
         counts = as_numbers(encoder_count, "encoder counts", 2)
         if len(counts) != time.size:
             raise RigInputError(f"encoder counts: found {len(counts)} rows, allowed {time.size}, one for each sample")
-        hit = _first_move(counts, first)
+        hit = _find_first_move(counts, first)
         first_change = onset if hit is None else min(onset, hit)
     return _quiet_before(
         time, first_change, float(time[onset]) - group_delay_s, "quiet baseline is", "to find the force offset"
@@ -438,13 +444,13 @@ def find_quiet(
 
 def quiet_of_motion(time_s: Array, encoder_count: NDArray[np.int64]) -> Quiet:
     step = float(np.median(np.diff(time_s)))
-    first_change = _first_move(encoder_count, max(round(MINIMUM_QUIET_S / step), FIRST_SAMPLES))
+    first_change = _find_first_move(encoder_count, max(round(MINIMUM_QUIET_S / step), FIRST_SAMPLES))
     if first_change is None:
         raise RigInputError("no encoder moves by more than three counts; was the blow played?")
     return _quiet_before(time_s, first_change, float(time_s[first_change]), "encoders rest for", "before the blow")
 
 
-def _first_move(counts: NDArray[Any], first: int) -> int | None:
+def _find_first_move(counts: NDArray[Any], first: int) -> int | None:
     """Sample from which an encoder has left the place of its first samples."""
     start = counts[:first]
     away = np.abs(counts - np.median(start, axis=0)) > np.maximum(MOVED_COUNTS, ONSET_SIGMA * start.std(axis=0))
@@ -452,7 +458,7 @@ def _first_move(counts: NDArray[Any], first: int) -> int | None:
 
 
 def _quiet_before(time: Array, first_change: int, onset_s: float, what: str, needed: str) -> Quiet:
-    """The baseline up to shortly before the sample at which something moves."""
+    """Baseline up to 10 ms before the sample ``first_change``; the words ``what`` and ``needed`` refuse a short one."""
     step = float(np.median(np.diff(time)))
     stop = first_change - round(MARGIN_S / step)
     if stop < round(MINIMUM_QUIET_S / step):

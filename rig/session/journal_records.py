@@ -69,12 +69,12 @@ def bytes_per_sample(head: TrialHead) -> int:
     return 8 * (2 + ENCODERS + 1 + len(head.channels))
 
 
-def encode(kind: int, sequence: int, first_sample: int, n: int, payload: bytes) -> bytes:
+def encode_record(kind: int, sequence: int, first_sample: int, n: int, payload: bytes) -> bytes:
     fixed = _FIXED.pack(MAGIC, kind, sequence, first_sample, n, len(payload))
     return fixed + _CRC.pack(zlib.crc32(payload, zlib.crc32(fixed))) + payload
 
 
-def block_payload(block: Block) -> bytes:
+def encode_block(block: Block) -> bytes:
     """Bytes of a block as the journal stores them, little-endian, column after column."""
     columns = (block.force_n, block.force_raw)
     floats = b"".join(np.ascontiguousarray(column, dtype="<f8").tobytes() for column in columns)
@@ -86,7 +86,7 @@ def block_payload(block: Block) -> bytes:
     return floats + counts
 
 
-def records(stream: BinaryIO, first_sequence: int = 0) -> Iterator[Record]:
+def read_records(stream: BinaryIO, first_sequence: int = 0) -> Iterator[Record]:
     """Yield the complete records that follow in ``stream``, in sequence from ``first_sequence``, one in memory."""
     expected = first_sequence
     while True:
@@ -110,14 +110,14 @@ def scan(stream: BinaryIO) -> Journal:
     head: TrialHead | None = None
     ending: tuple[str, str] | None = None
     at = count = samples = 0
-    for record in records(stream):
+    for record in read_records(stream):
         try:
             if record.kind == HEAD and record.sequence == 0:
                 head_json = record.payload
             elif record.kind == COMMAND and record.sequence == 1 and head_json is not None:
                 head = TrialHead.from_plain(json.loads(head_json), np.frombuffer(record.payload, dtype="<f8"))
             elif record.kind == BLOCK and head is not None and ending is None and record.first_sample == samples:
-                samples += block_of(record, head).force_n.size
+                samples += decode_block(record, head).force_n.size
             elif record.kind == END and head is not None and record.first_sample == samples:
                 plain = json.loads(record.payload)
                 ending = (str(plain["status"]), str(plain["reason"]))
@@ -127,20 +127,20 @@ def scan(stream: BinaryIO) -> Journal:
             break
         at, count = at + OVERHEAD + len(record.payload), count + 1
     stream.seek(at)
-    left_over, behind = _remains(stream)
+    left_over, behind = _scan_rest(stream)
     stream.seek(at)
-    only_begun = not samples and not behind and _begins_a_record(stream.read(OVERHEAD), count)
+    only_begun = not samples and not behind and _is_begun_record(stream.read(OVERHEAD), count)
     return Journal(head, samples, ending, left_over, behind, at, count, only_begun)
 
 
-def _begins_a_record(data: bytes, sequence: int) -> bool:
+def _is_begun_record(data: bytes, sequence: int) -> bool:
     """Whether the first bytes of what follows are those of record ``sequence``, as far as they were written."""
     written = data.rstrip(b"\0")
     kind = (HEAD, COMMAND, BLOCK)[min(sequence, 2)]
     return _FIXED.pack(MAGIC, kind, sequence, 0, 0, 0)[: len(written)].startswith(written[: len(MAGIC) + 8])
 
 
-def _remains(stream: BinaryIO) -> tuple[int, bool]:
+def _scan_rest(stream: BinaryIO) -> tuple[int, bool]:
     """Return the bytes of the rest up to the last that is not zero, and whether a record begins behind its first."""
     last = size = 0
     behind, before = False, b""
@@ -162,16 +162,16 @@ def scan_journal(path: Path) -> Journal:
 def stored_blocks(path: Path, scanned: Journal) -> Iterator[Block]:
     """Yield the blocks of a journal that was scanned, one at a time; raises as :func:`scan_journal`."""
     with translate_os_error(path, "read"), path.open("rb") as stream:
-        yield from blocks_of(stream, scanned)
+        yield from decode_blocks(stream, scanned)
 
 
-def blocks_of(stream: BinaryIO, scanned: Journal) -> Iterator[Block]:
-    for record in islice(records(stream), scanned.n_records):
+def decode_blocks(stream: BinaryIO, scanned: Journal) -> Iterator[Block]:
+    for record in islice(read_records(stream), scanned.n_records):
         if record.kind == BLOCK and scanned.head is not None:
-            yield block_of(record, scanned.head)
+            yield decode_block(record, scanned.head)
 
 
-def block_of(record: Record, head: TrialHead) -> Block:
+def decode_block(record: Record, head: TrialHead) -> Block:
     """Return the block a record holds; ValueError when its length does not fit the head's channels."""
     n, further = record.n, len(head.channels)
     most = n * bytes_per_sample(head)

@@ -25,7 +25,16 @@ from rig import platform_calls
 from rig.atomic_write import translate_os_error
 from rig.backend import Block
 from rig.errors import RecordingFault, RigInputError, is_defect
-from rig.session.journal_records import BLOCK, COMMAND, END, HEAD, OVERHEAD, block_payload, bytes_per_sample, encode
+from rig.session.journal_records import (
+    BLOCK,
+    COMMAND,
+    END,
+    HEAD,
+    OVERHEAD,
+    bytes_per_sample,
+    encode_block,
+    encode_record,
+)
 from rig.session.trial_head import TrialHead
 
 PATIENCE_S = 0.05  # between two looks at what waits to be written
@@ -96,13 +105,15 @@ class JournalWriter:
         return self._synced
 
     def append(self, block: Block) -> int:
-        """Queue the next block; return the number of samples committed."""
+        """Queue the next block and wait 50 ms at most; return the samples committed, or raise what the writer failed
+        with.
+        """
         n = block.force_n.size
         if block.first_sample != self._samples:
             raise RecordingFault(
                 f"{self.path}: a block starts at sample {block.first_sample}, expected {self._samples}", phase="write"
             )
-        payload = block_payload(block)
+        payload = encode_block(block)
         with self._condition:
             self._raise_error()
             self._samples += n
@@ -142,7 +153,7 @@ class JournalWriter:
 
     def _record(self, kind: int, n: int, payload: bytes, first_sample: int = 0) -> bytes:
         """Bytes of the next record, of ``n`` samples; the sequence number goes on."""
-        record = encode(kind, self._sequence, first_sample, n, payload)
+        record = encode_record(kind, self._sequence, first_sample, n, payload)
         self._sequence += 1
         return record
 
@@ -167,7 +178,7 @@ class JournalWriter:
         """Write and sync records until closed; the writer's own thread, whose error the next call raises."""
         try:
             last_sync_s = self._now_s()
-            while self._step():
+            while self._write_next():
                 if self._synced < self._committed and self._now_s() - last_sync_s >= 0.5 * SYNC_EVERY_S:
                     self._sync()
                     last_sync_s = self._now_s()
@@ -177,7 +188,7 @@ class JournalWriter:
                 self._error = error
                 self._condition.notify_all()
 
-    def _step(self) -> bool:
+    def _write_next(self) -> bool:
         """Write the next record; return whether more may follow."""
         with self._condition:
             if not self._waiting and not self._closing:
@@ -193,7 +204,7 @@ class JournalWriter:
         return True
 
     def _sync(self) -> None:
-        """Force what is committed onto the disk."""
+        """Force what is committed onto the disk; raise `RecordingFault` where the file was deleted."""
         samples = self._committed
         if platform_calls.is_deleted(self._file):
             raise RecordingFault(

@@ -17,7 +17,7 @@ from rig.arrays import ArrayRecord
 from rig.backend import Block
 from rig.session.folder import Session
 from rig.session.info import PASSIVE
-from rig.session.journal_records import BLOCK, OVERHEAD, block_of, blocks_of, records, scan
+from rig.session.journal_records import BLOCK, OVERHEAD, decode_block, decode_blocks, read_records, scan
 from rig.session.trial_data import TrialData
 from rig.session.trial_head import TrialHead
 
@@ -51,15 +51,15 @@ class JournalFollower:
         if self.head is None:
             journal = scan(io.BytesIO(data))
             if journal.head is not None:
-                self.head, self.blocks = journal.head, list(blocks_of(io.BytesIO(data), journal))
+                self.head, self.blocks = journal.head, list(decode_blocks(io.BytesIO(data), journal))
                 self._n_bytes, self._n_records = journal.n_bytes, journal.n_records
                 self._drop_old(self.head)
             return True
-        for record in records(io.BytesIO(data), self._n_records):
+        for record in read_records(io.BytesIO(data), self._n_records):
             self._n_bytes += OVERHEAD + len(record.payload)
             self._n_records += 1
             if record.kind == BLOCK:
-                self.blocks.append(block_of(record, self.head))
+                self.blocks.append(decode_block(record, self.head))
         self._drop_old(self.head)
         return True
 

@@ -75,7 +75,7 @@ class SmoothCurve:
 
 
 def fit_smooth(places: Array, height: Array) -> SmoothCurve:
-    """Fit the smoothest rising curve that its points support.
+    """Fit a monotone smoothing spline whose stretch and stiffness predict points left out best; else go through all.
 
     Parameters
     ----------
@@ -88,8 +88,8 @@ def fit_smooth(places: Array, height: Array) -> SmoothCurve:
     for stretch in STRETCHES:
         axis = _stretch_axis(share, stretch)
         for stiffness in STIFFNESSES:
-            smoother = _smoother(axis, stiffness)
-            error, gain = _left_out(smoother, height)
+            smoother = _smoother_matrix(axis, stiffness)
+            error, gain = _leave_one_out_error(smoother, height)
             if error >= least:
                 continue
             fitted = smoother @ height
@@ -112,7 +112,7 @@ def _stretch_axis(share: Array, by: float) -> Array:
     return np.asarray(np.log1p(share / by) / np.log1p(1.0 / by))
 
 
-def _smoother(axis: Array, stiffness: float) -> Array:
+def _smoother_matrix(axis: Array, stiffness: float) -> Array:
     """Matrix (p, p) of the natural cubic smoothing spline, ends kept (Green and Silverman 1994, Section 2.3)."""
     n, step = axis.size, np.diff(axis)
     second = np.diff(np.diff(np.eye(n)) / step)
@@ -126,9 +126,8 @@ def _smoother(axis: Array, stiffness: float) -> Array:
     return np.asarray(smoother)
 
 
-def _left_out(smoother: Array, height: Array) -> tuple[float, float]:
-    """Root mean square error of the inner points when each is left out, and that of it which a point's error of one
-    makes."""
+def _leave_one_out_error(smoother: Array, height: Array) -> tuple[float, float]:
+    """RMS error of the inner heights when each is left out, and what it would be if points erred by one."""
     inner = slice(1, -1)
     free = 1.0 - np.diag(smoother)[inner]
     error = (height - smoother @ height)[inner] / free
@@ -215,7 +214,7 @@ class Position:
 
 @lru_cache(maxsize=16)
 def ruler_curve(ruler: RulerInfo, where: str = "ruler") -> RulerCurve:
-    """Fit the monotone curve of a calibration.
+    """Fit the monotone curve of displacement, m, over readings of a position sensor; refuse points that go back.
 
     Parameters
     ----------
@@ -249,7 +248,7 @@ def _pool_neighbours(reading: Array, displacement: Array) -> tuple[Array, Array]
 
 
 def position_of(name: str, ruler: RulerInfo, time_s: Array, reading: Array, u_noise: float) -> Position:
-    """Return the displacement that readings mean.
+    """Return the displacement, m, that a position sensor's readings mean, with its uncertainties and flags.
 
     Parameters
     ----------

@@ -60,7 +60,7 @@ class _Patient(io.RawIOBase):
         self.error: OSError | None = None
 
     def write(self, data: Any) -> int:
-        """Write all of ``data``, or remember why not."""
+        """Write all of ``data``, or keep the error and write no more; return its size in any case."""
         left = memoryview(data).cast("B")
         size = left.nbytes
         try:
@@ -141,7 +141,7 @@ def _open_locked_or_not(path: Path, has_seal: bool) -> h5py.File:
 
 
 def _check_seal(path: Path) -> bool:
-    """Whether the file has a seal; raises RigInputError where it is not what was sealed."""
+    """Whether the file has a seal; refuse what is not as it was sealed, warn where only header or seal were touched."""
     try:
         with path.open("rb") as stream:
             size = stream.seek(0, 2)
@@ -287,7 +287,7 @@ def has_seal(path: Path) -> bool:
 
 
 def seal_again(path: Path) -> None:
-    """Put the seal back on a file whose content is as it was sealed."""
+    """Put the seal back on a file whose content is as it was sealed; refuse another, or one in use."""
     with translate_os_error(path, "read"):
         _check_content(path, warn=False)
         before = file_state(path)

@@ -159,7 +159,7 @@ def read_trial(path: Path) -> TrialData:
         if file.attrs.get("schema") != SCHEMA:
             found = file.attrs.get("schema")
             raise RigInputError(f"{path}: schema {found!r}, expected {SCHEMA!r}; not a trial of this rig")
-        return _read(path, file, str(file.attrs[CONTENT]))
+        return _read_open_trial(path, file, str(file.attrs[CONTENT]))
 
 
 def trial_problem(path: Path) -> str:
@@ -229,7 +229,7 @@ Column = tuple[str, str, str, str, Callable[[TrialData], NDArray[Any]], dict[str
 """A dataset on the sample clock: name, type, unit, what it is, its rows in a part of the trial, further attributes."""
 
 
-def _columns(about: TrialData) -> list[Column]:
+def _list_columns(about: TrialData) -> list[Column]:
     """Return the datasets of a trial: the time first; the force only where one was recorded."""
     info, encoders = about.force_info, about.encoders
     of_time = {"sample_rate_hz": about.sample_rate_hz}
@@ -284,7 +284,7 @@ def _write_daq(
     encoder_axis = content.dataset(group, "encoder", names, long_name="body the encoder reads")
     encoder_axis.make_scale("encoder")
     made = []
-    for name, dtype, units, long_name, rows_of, attributes in _columns(about):
+    for name, dtype, units, long_name, rows_of, attributes in _list_columns(about):
         dataset = group.create_dataset(name, (n_samples, *rows_of(about).shape[1:]), dtype=dtype)
         content.describe(dataset, units=units, long_name=long_name, **attributes)
         made.append((dataset, rows_of, hashlib.sha256()))
@@ -333,7 +333,8 @@ def _to_plain(value: Any) -> Any:
 UNITS = {"time": "s", "force": "N", "motor_command": "V", "encoder_count": "1"}
 
 
-def _read(path: Path, file: h5py.File, sha256: str) -> TrialData:
+def _read_open_trial(path: Path, file: h5py.File, sha256: str) -> TrialData:
+    """Return the trial in an open file; refuse datasets with other units than a trial's."""
     daq = file["daq"]
     for name, expected in UNITS.items():
         if name == "force" and name not in daq:

@@ -26,8 +26,8 @@ class Column:
     values: NDArray[Any]
 
 
-def columns(data: TrialData) -> list[Column]:
-    """Return the columns of a trial: those of :meth:`TrialData.to_table`, with units."""
+def list_columns(data: TrialData) -> list[Column]:
+    """Return the columns to export, with units: time, command, force, counts, angles, channels and displacements."""
     found = [
         Column("time_s", "s", "time since the AI start trigger", data.time_s),
         Column("motor_command_v", "V", "motor command, held from each sample to the next", data.motor_command_v),
@@ -86,7 +86,7 @@ def export_trial(data: TrialData, path: Path) -> list[Path]:
     for file in (path, beside) if path.suffix == ".csv" else (path,):
         if file.exists():
             raise RigInputError(f"{file}: exists already; delete it, or export into another folder")
-    write(path, columns(data), trial_facts(data))
+    write(path, list_columns(data), trial_facts(data))
     return [path, beside] if path.suffix == ".csv" else [path]
 
 
@@ -94,7 +94,7 @@ Facts = dict[str, str | int | float]
 
 
 def write_csv(path: Path, table: list[Column], facts: Facts) -> None:
-    """Write CSV that reads back to the same numbers, and its metadata."""
+    """Write CSV that reads back to the same numbers, and beside it a JSON file of its columns and facts."""
     with replace_when_complete(path) as part, part.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(",".join(column.name for column in table) + "\n")
         for row in zip(*(column.values.tolist() for column in table), strict=True):
@@ -119,6 +119,7 @@ def write_csv(path: Path, table: list[Column], facts: Facts) -> None:
 
 
 def _write_mat(path: Path, table: list[Column], facts: Facts) -> None:
+    """Write a MATLAB file: a variable (n, 1) for each column, and structs of units, meanings and facts."""
     from scipy.io import savemat  # start-up: 0.2 s that only a MATLAB file needs
 
     content = {

@@ -82,6 +82,7 @@ class FrameClock:
         )
 
     def frames_until(self, end_s: float) -> CameraInfo:
+        """Return the frames whose exposure has ended by ``end_s``."""
         frames = int(np.floor((end_s - self.first_pulse_s - self.exposure_s) * self.frame_rate_hz + 1e-9)) + 1
         return CameraInfo(
             frame_rate_hz=self.frame_rate_hz,

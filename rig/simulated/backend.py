@@ -36,11 +36,11 @@ from rig.configuration.rig_file import RigConfig
 from rig.daq import NidaqmxBackend
 from rig.errors import RigInputError
 from rig.simulated.bench.bench_time import BenchTime, PacedClock, VirtualClock
-from rig.simulated.bench.parts_alone import felt_plant, pose_plant, swing_plant
+from rig.simulated.bench.parts_alone import make_felt_plant, make_pose_plant, make_swing_plant
 from rig.simulated.bench.plant import load_plant
 from rig.simulated.bench.plant_protocol import Plant, read_bench
 from rig.simulated.bench.sensors import SensorSet, load_sensors
-from rig.simulated.bench.wiring import Wiring, planted_wiring, usual_wiring
+from rig.simulated.bench.wiring import Wiring, plant_wiring_faults, usual_wiring
 from rig.simulated.device.state import DeviceState, FaultPlan, parse_faults
 from rig.simulated.product import PRODUCTS, Inventory
 from rig.simulated.rpc.messages import CALLS
@@ -119,14 +119,14 @@ def build_device(
     'cDAQ1'
     """
     wiring = wiring or usual_wiring(config)
-    inventory = _inventory(config, wiring.rtsi)
+    inventory = _make_inventory(config, wiring.rtsi)
     device = DeviceState(inventory, BenchTime(plant, sensors, clock or VirtualClock()), wiring)
     if config.camera is not None and config.camera.mode == "counted":
         device.bench.camera_rate_hz = config.camera.frame_rate_hz * (1 + CAMERA_CLOCK_ERROR)
     return device
 
 
-def _inventory(config: RigConfig, rtsi: bool) -> Inventory:
+def _make_inventory(config: RigConfig, rtsi: bool) -> Inventory:
     """The rig's devices, each with a timebase of its own."""
     named = [(config.device.product, config.device.name), *((one.product, one.name) for one in config.devices)]
     on_cable = [name for product, name in named if PRODUCTS[product].rtsi and rtsi]
@@ -162,7 +162,7 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
     False
     >>> bench.close()
     """
-    options = _options(url)
+    options = _parse_options(url)
     alone = [name for name in ("felt", "swing", "pose") if options.get(name)]
     if len(alone) > 1 or ("pad" in options and alone != ["swing"]):
         raise RigInputError(f"{url}: allowed one of felt, swing and pose, and pad beside swing")
@@ -179,13 +179,13 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
     mechanics = load_plant(bench, seed, config.device.sample_rate_hz, effects, options.get("scene"))
     plant: Plant = mechanics
     if options.get("felt"):
-        plant = felt_plant(mechanics, options["felt"], config)
+        plant = make_felt_plant(mechanics, options["felt"], config)
     elif options.get("swing"):
-        plant = swing_plant(mechanics, options["swing"], options.get("pad", ""))
+        plant = make_swing_plant(mechanics, options["swing"], options.get("pad", ""))
     elif options.get("pose"):
-        plant = pose_plant(mechanics, options["pose"], url)
+        plant = make_pose_plant(mechanics, options["pose"], url)
     table = read_bench(bench).get("wiring", {})
-    wiring = planted_wiring(table if isinstance(table, dict) else {"": table}, usual_wiring(config), str(bench))
+    wiring = plant_wiring_faults(table if isinstance(table, dict) else {"": table}, usual_wiring(config), str(bench))
     device = build_device(config, plant, sensors, clock=clock, wiring=wiring)
     device.faults = FaultPlan(faults)
     device.call_delay_s = _read(url, "delay_ms", options.get("delay_ms", "0")) / 1e3
@@ -211,8 +211,8 @@ OPENER: Opener = open_backend
 """What the entry point ``sim`` promises, for the type checker."""
 
 
-def _options(url: str) -> dict[str, str]:
-    """Options of a ``sim://`` address."""
+def _parse_options(url: str) -> dict[str, str]:
+    """Options of a ``sim://`` address by name, as text; refuse another address, unknown and repeated ones."""
     parts = urlsplit(url)
     pairs = parse_qsl(parts.query, keep_blank_values=True)
     unknown = sorted({key for key, _ in pairs} - set(OPTIONS))

@@ -64,7 +64,7 @@ def edges_passed(device: DeviceState, terminal: str, edge: NDArray[np.int64]) ->
     if (train := pulses_on(device, terminal)) is not None:
         time_s = edge / device.bench.rate_hz
         passed = train.count_edges(time_s)
-        return device.faults.exposures(device.trial, time_s, passed) if train is device.bench.exposures else passed
+        return device.faults.drop_exposures(device.trial, time_s, passed) if train is device.bench.exposures else passed
     for body, (a_terminal, _) in enumerate(device.wiring.encoders):
         if terminal == a_terminal:
             return device.bench.a_edges(body, edge)
@@ -159,7 +159,9 @@ def latch(
 
 def latch_now(device: DeviceState, task: SimulatedTask) -> NDArray[np.float64]:
     """Return what an input task reads on demand, shape (1, channels), without letting time pass."""
-    cell, quarter = device.faults.change(device.trial, np.array([device.bench.now_s]), *device.bench.present())
+    cell, quarter = device.faults.apply_sensor_faults(
+        device.trial, np.array([device.bench.now_s]), *device.bench.present()
+    )
     device.bench.settle_motor_volts(device.output_v.get(device.motor, 0.0))
     return latch(device, task, cell, quarter, np.array([device.bench.edge]))
 

@@ -112,7 +112,7 @@ def _makes_time_pass(task: SimulatedTask) -> bool:
 
 
 def go_live(device: DeviceState, task: SimulatedTask) -> None:
-    """Let a task's clock tick from here on, and those of the tasks that waited for it."""
+    """Let a task's clock tick from now on, and those of the tasks that waited for it; the first begins a trial."""
     if _makes_time_pass(task) and not any(t.progress.live and _makes_time_pass(t) for t in device.tasks.values()):
         _begin_trial(device, task)
     progress = task.progress
@@ -196,7 +196,7 @@ def advance_bench(device: DeviceState, n: int) -> None:
     at_s = (edge + np.arange(n)) / bench.rate_hz
     bench.set_motor_volts(volts)
     cell, quarter = bench.step(command_v if device.drive_enabled() else np.zeros(n))
-    cell, quarter = device.faults.change(device.trial, at_s, cell, quarter)
+    cell, quarter = device.faults.apply_sensor_faults(device.trial, at_s, cell, quarter)
     for task, engine in clocked:
         if task.buffer is None:
             continue

@@ -29,7 +29,7 @@ HEAVY = {
     "vision.preview": ("gives vision.tracking.retrack.frame_times",),
     "vision.retrack_frames": ("gives vision.tracking.retrack.frame_times",),
     f"{BACKEND}.configure": ("rig.daq.tasks.check_command",),
-    f"{BACKEND}.loopback_read": (
+    f"{BACKEND}.read_loopback": (
         "rig.daq.tasks.motor_task", "rig.daq.tasks.prepare_command", "rig.daq.tasks.load_command",
     ),
     "rig.simulated.film_trial": (f"{CAMERA}.film_scene", f"gives {CAMERA}._Exposures"),
@@ -125,7 +125,7 @@ CALLS: dict[str, Callable[[], Arguments]] = {
     "rig.Profile.force_at": lambda: {"self": rig.load_profile("piano"), "time_s": ROWS},
     "rig.TrialData.convert_counts": lambda: {"self": trial(), "zero": np.array([[1, 2, 3]])},
     f"{BACKEND}.configure": lambda: {"self": unopened(), "config": config(), "command_v": np.array([0.0, 1.0, 0.0])},
-    f"{BACKEND}.loopback_read": lambda: {
+    f"{BACKEND}.read_loopback": lambda: {
         "self": unopened(), "config": config(), "channel": "ai0", "command_v": np.array([0.0, 1.0, 0.0]),
     },
     "rig.simulated.ActionPlant.advance": lambda: {

@@ -14,7 +14,7 @@ import pytest
 from pianorig.cli import main
 from pianorig.commands.selftest import check_bench
 from rig import InputError, NotPermitted, load_rig, run_selftest
-from rig.selftest import fit_edge, push_response, push_train, read_record, without_hum
+from rig.selftest import fit_edge, push_response, push_train, read_record, subtract_hum
 
 RATE = 5000.0
 AT = 10.03
@@ -49,7 +49,7 @@ def test_hum_that_repeats_with_the_pushes_is_taken_off() -> None:
     volts = push_train(0.02, RATE)
     t = np.arange(volts.size) / RATE
     hum = 0.05 * np.sin(2 * np.pi * 60 * t + 0.3) + 0.02 * np.cos(2 * np.pi * 180 * t)
-    mean, plateau = push_response(without_hum(12 * volts + 0.2 + hum, RATE, 60.0, 0), RATE, 0)
+    mean, plateau = push_response(subtract_hum(12 * volts + 0.2 + hum, RATE, 60.0, 0), RATE, 0)
     assert plateau == pytest.approx(0.24, abs=1e-3) and np.abs(mean[5:700] - 0.24).max() < 5e-3
 
 

@@ -163,7 +163,7 @@ class VirtualPianist:
         return force
 
     def _draw_stroke(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Draw a stroke: quiet, a push that grows and falls like a hand's, a hold, the finger lifted."""
+        """Draw the next stroke, times, s, and forces, N, (k,) each: a pause, a push, a hold, the finger lifted."""
         pause, peak, rise, hold_n, hold = (self._random.uniform(*b) for b in (PAUSE_S, PEAK_N, RISE_S, HOLD_N, HOLD_S))
         begin = self._begun_s + pause
         phase = np.linspace(0.0, 1.0, 41)  # points of a push: lines between them

@@ -140,7 +140,7 @@ GREY = (120.0, 135.0, 150.0)  # mean of each part, so that they can be told apar
 
 
 def film_scene(settings: CameraSettings, seed: int) -> Scene:
-    """Build the three textured bodies before a background, in drawing order."""
+    """Build the three textured bodies before a background, whippen, repetition lever, jack from back to front."""
     grain = {"whippen": 0.0, "jack": np.pi / 2.0, "repetition": -0.05}  # along the longest side of each part
     bodies = []
     for number, name in enumerate(_DRAW_ORDER):
@@ -224,7 +224,7 @@ _OUTLINES_M: dict[str, NDArray[np.float64]] = {
 
 
 def poses(geometry: ActionGeometry, settings: CameraSettings, angle_rad: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Poses for `Scene.light`, shape (k, 3, 3), from angles (k, 3), in drawing order."""
+    """Poses (rad, px, px) for `Scene.light` in drawing order, (k, 3, 3), from angles (k, 3) in the order of `NAMES`."""
     whippen = angle_rad[:, 0]
     cosine, sine = np.cos(whippen), np.sin(whippen)
     pivot = np.asarray(geometry.whippen_pivot_m)
@@ -291,7 +291,7 @@ def film_trial(
     progress: Callable[[int, int], None] | None = None,
     start_frame: int = 0,
 ) -> FilmTruth:
-    """Film a trial.
+    """Film a trial to an MRAW file and its header; return what the film truly shows.
 
     Parameters
     ----------

@@ -50,9 +50,9 @@ class FeltLaw:
     d: float
 
     def force_n(self, x_m: float, rate_m_per_s: float) -> float:
-        return self.with_slope(x_m, rate_m_per_s, math.inf)[0]
+        return self.force_and_slope(x_m, rate_m_per_s, math.inf)[0]
 
-    def with_slope(self, x_m: float, rate_m_per_s: float, h: float) -> tuple[float, float]:
+    def force_and_slope(self, x_m: float, rate_m_per_s: float, h: float) -> tuple[float, float]:
         """Force, and its derivative by a compression that is reached within ``h`` seconds."""
         fit = ((self.a * x_m + self.b) * x_m + self.c) * x_m
         factor = 1.0 + self.d * rate_m_per_s
@@ -162,7 +162,7 @@ class FeltPlant:
         return pushed_n + self._preload - spring - friction - self._force
 
     def _balance(self, before: float, h: float) -> float:
-        """Compression at which felt and cell press with one force: it rises with x in the felt, falls in the cell."""
+        """Compression, m, at which felt and cell press alike ``h`` s later; ``before`` is the cell's now."""
         low, high = min(0.0, self._moved), max(self._moved, 0.0)
         if self._excess(high, before, h)[0] <= 0.0:
             return high  # apart, or just touching
@@ -179,13 +179,13 @@ class FeltPlant:
 
     def _excess(self, x: float, before: float, h: float) -> tuple[float, float]:
         """Force of the felt minus that of the cell at a compression, and its slope."""
-        felt, felt_slope = self.law.with_slope(x, (x - self._x) / h, h)
+        felt, felt_slope = self.law.force_and_slope(x, (x - self._x) / h, h)
         y = self._moved - x
-        cell, cell_slope = self._cell.with_slope(y, (y - before) / h, h)
+        cell, cell_slope = self._cell.force_and_slope(y, (y - before) / h, h)
         return felt - cell, felt_slope + cell_slope
 
 
-def felt_plant(bench: ActionPlant, contact: str, config: RigConfig) -> FeltPlant:
+def make_felt_plant(bench: ActionPlant, contact: str, config: RigConfig) -> FeltPlant:
     """Return the arm of a bench on the felt of its specimen's ``contact`` in place of the key."""
     if config.felt is None:
         raise RigInputError(f"rig {config.name}: has no table [felt], which says which encoder is on the motor's shaft")
@@ -233,7 +233,7 @@ class PosePlant:
         return self._angle[::2]
 
 
-def pose_plant(bench: ActionPlant, text: str, where: str) -> PosePlant:
+def make_pose_plant(bench: ActionPlant, text: str, where: str) -> PosePlant:
     """Plant that holds a body at the angles, rad, that ``BODY:A,B,…`` lists."""
     body, _, listed = text.partition(":")
     try:
@@ -319,16 +319,16 @@ class SwingPlant:
         self._speed = slowed - 0.5 * h * self.weight_nm / self._inertia * math.sin(self._angle)
 
 
-def swing_plant(bench: ActionPlant, body: str, pad: str = "") -> SwingPlant:
+def make_swing_plant(bench: ActionPlant, body: str, pad: str = "") -> SwingPlant:
     """Return a body of a bench's specimen on its joint; ``pad`` is ``contact:load_n:radius_m``, or nothing."""
     if body not in ENCODED_BODIES:
         raise RigInputError(f"swing {body}: not found; allowed {', '.join(ENCODED_BODIES)}")
     if b1 := bench.action[f"{body}.joint_friction.B1"]:
         raise RigInputError(f"swing {body}: joint_friction.B1 = {b1:g}, allowed 0: it swings on dry friction")
-    return SwingPlant(bench.action, body, bench.sample_rate_hz, _pad(bench.action, pad) if pad else None)
+    return SwingPlant(bench.action, body, bench.sample_rate_hz, _parse_pad(bench.action, pad) if pad else None)
 
 
-def _pad(action: model.Action, text: str) -> Pad:
+def _parse_pad(action: model.Action, text: str) -> Pad:
     """Rubbing pad from ``CONTACT:LOAD_N:RADIUS_M``, with the contact's friction."""
     try:
         contact, load, radius = text.split(":")

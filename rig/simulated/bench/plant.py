@@ -94,8 +94,8 @@ class ActionPlant:
         self.seed = seed
         self.start_trial(1)
 
-    def draw(self, trial: int) -> tuple[model.Action, float]:
-        """Specimen and torque per volt of one trial."""
+    def draw_specimen(self, trial: int) -> tuple[model.Action, float]:
+        """Specimen and torque per volt, N m/V, of one trial, with the scatter that its number draws."""
         random = np.random.default_rng([self.seed, trial])
         gain = self.torque_per_volt_nm
         changed = {}
@@ -109,7 +109,7 @@ class ActionPlant:
 
     def start_trial(self, trial: int) -> None:
         """Put everything at rest and draw the scatter of ``trial``."""
-        self._specimen, self._gain = self.draw(trial)
+        self._specimen, self._gain = self.draw_specimen(trial)
         scene = model.build_scene(self._specimen, self.choice)
         self._names = scene.bodies
         rest = model.rest_state(self._specimen, scene=scene).angle_rad

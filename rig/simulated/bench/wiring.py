@@ -95,8 +95,8 @@ def usual_wiring(config: RigConfig) -> Wiring:
     return replace(wiring, wires=wires, **changed)
 
 
-def planted_wiring(table: Mapping[str, Any], wiring: Wiring, where: str) -> Wiring:
-    """Wiring with the faults that a table plants; the given one is unchanged."""
+def plant_wiring_faults(table: Mapping[str, Any], wiring: Wiring, where: str) -> Wiring:
+    """Return the wiring with the faults that a table plants; refuse entries that plant none."""
     encoders = dict(zip(ENCODED_BODIES, wiring.encoders, strict=True))
     changed: dict[str, Any] = {}
     for name, value in table.items():

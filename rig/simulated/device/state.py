@@ -82,39 +82,39 @@ class FaultPlan:
         self._held: dict[Fault, float] = {}
 
     def raise_due(self, call: str, device: DeviceState, timeout_s: float = 0.0) -> None:
-        """Raise what is due before a call is answered that would wait ``timeout_s``."""
+        """Count a call and raise what a fault due now makes of it; one of silence lets ``timeout_s`` pass first."""
         self._calls[call] += 1
         for index, fault in enumerate(self.faults):
             if fault in self._struck:
                 if fault.kind in LASTING:
-                    self._fail(fault, call)
-            elif fault.kind in SENSORS and fault.call and self._due(fault, call, device):
+                    self._raise_fault(fault, call)
+            elif fault.kind in SENSORS and fault.call and self._is_due(fault, call, device):
                 faults = list(self.faults)
                 faults[index] = replace(fault, call="", number=0, trial=device.trial, at_s=device.bench.now_s)
                 self.faults = tuple(faults)
-            elif fault.kind not in SENSORS and self._due(fault, call, device):
+            elif fault.kind not in SENSORS and self._is_due(fault, call, device):
                 if fault.kind == "underrun":
                     for task in device.tasks.values():
                         task.progress.live &= task.type != "AO"  # the output keeps the volts it has
                 elif fault.kind == "timeout":
                     device.bench.clock.advance(max(timeout_s, 0.0))  # nothing ticks: the outputs keep their values
                 self._struck.add(fault)
-                self._fail(fault, call)
+                self._raise_fault(fault, call)
 
-    def _due(self, fault: Fault, call: str, device: DeviceState) -> bool:
+    def _is_due(self, fault: Fault, call: str, device: DeviceState) -> bool:
         if fault.call:
             return call == fault.call and self._calls[call] >= fault.number
         late = device.trial == fault.trial and device.bench.edge >= fault.at_s * device.bench.rate_hz
         return late and (call.startswith("Read") or fault.kind not in ("overwrite", "timeout"))
 
-    def _fail(self, fault: Fault, call: str) -> None:
+    def _raise_fault(self, fault: Fault, call: str) -> None:
         if fault.kind == "server-gone":
             raise ServerGone("planted")
         if fault.kind == "underrun" and call != "IsTaskDone":
             return  # the driver reports it to a client that asks about the output task
         raise DaqStatusError(STATUS[fault.kind], "planted", samples_read=0 if call.startswith("Read") else None)
 
-    def exposures(self, trial: int, time_s: NDArray[np.float64], count: NDArray[np.int64]) -> NDArray[np.int64]:
+    def drop_exposures(self, trial: int, time_s: NDArray[np.float64], count: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the exposures of the camera by each time, (n,), without those that it dropped."""
         for fault in self.faults:
             if fault.kind in CAMERA and trial == fault.trial:
@@ -126,7 +126,7 @@ class FaultPlan:
                     count = np.where(time_s >= fault.at_s, late, count)
         return count
 
-    def change(
+    def apply_sensor_faults(
         self, trial: int, time_s: NDArray[np.float64], cell: NDArray[np.float64], counts: NDArray[np.int64]
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return cell output (n,) and counts (n, 3) as the faulty sensors give them."""

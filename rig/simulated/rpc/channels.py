@@ -36,7 +36,7 @@ def _refuse_limits(request: Any) -> None:
         raise DaqStatusError(Code.MIN_NOT_LESS_THAN_MAX, f"{request.min_val:g} to {request.max_val:g}")
 
 
-def _add(device: DeviceState, task: SimulatedTask, request: Any, type_: TaskType, **settings: Any) -> None:
+def _add_channels(device: DeviceState, task: SimulatedTask, request: Any, type_: TaskType, **settings: Any) -> None:
     """Add the channels that a request names, with these settings; ``kind`` is that of an input not of volts."""
     counter = type_ in ("CI", "CO")
     kind: Kind = "counter" if counter else "voltage_out" if type_ == "AO" else settings.pop("kind", "voltage_in")
@@ -53,7 +53,7 @@ def _set_terminal(
 
 
 def add_encoder(device: DeviceState, task: SimulatedTask, request: Any) -> None:
-    """CI on a quadrature encoder of an angle. Nothing is wired to the Z index, so that it never comes."""
+    """Add the CI channel of a quadrature encoder; nothing is wired to its Z index, so that this never comes."""
     decoding = enum(request, "decoding_type")
     require_one_of(decoding, (daqmx.X1, daqmx.X2, daqmx.X4), "Decoding type")
     require_one_of(enum(request, "units"), (daqmx.DEGREES, daqmx.RADIANS, daqmx.TICKS), "Units")
@@ -62,23 +62,23 @@ def add_encoder(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     if request.pulses_per_rev <= 0:
         raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"pulses_per_rev: {request.pulses_per_rev:g}")
     settings = {"pulses_per_rev": request.pulses_per_rev, "initial_angle": request.initial_angle}
-    _add(device, task, request, "CI", decoding_type=decoding, units=enum(request, "units"), **settings)
+    _add_channels(device, task, request, "CI", decoding_type=decoding, units=enum(request, "units"), **settings)
     _set_terminal(device, task, daqmx.CI_ENCODER_A_INPUT_TERM, "source")
     _set_terminal(device, task, daqmx.CI_ENCODER_B_INPUT_TERM, "auxiliary")
 
 
 def add_edge_count(device: DeviceState, task: SimulatedTask, request: Any) -> None:
-    """CI counting rising edges on a terminal, up or down."""
+    """Add the CI channel that counts rising edges on a terminal, up or down."""
     direction = enum(request, "count_direction")
     refuse_falling_edge(request, "edge")
     require_one_of(direction, (COUNT_UP, COUNT_DOWN), "Count direction")
     step = 1 if direction == COUNT_UP else -1
-    _add(device, task, request, "CI", initial_count=int(request.initial_count), step=step)
+    _add_channels(device, task, request, "CI", initial_count=int(request.initial_count), step=step)
     _set_terminal(device, task, daqmx.CI_COUNT_EDGES_TERM, "source")
 
 
 def add_pulse_train(device: DeviceState, task: SimulatedTask, request: Any) -> None:
-    """CO pulse train by its frequency and duty cycle."""
+    """Add the CO channel of a pulse train; frequency and first delay are coerced to the timebase."""
     require_one_of(enum(request, "units"), (daqmx.HERTZ,), "Units")
     require_one_of(enum(request, "idle_state"), (daqmx.LOW, daqmx.HIGH), "Idle state")
     if enum(request, "idle_state") == daqmx.HIGH:
@@ -94,11 +94,11 @@ def add_pulse_train(device: DeviceState, task: SimulatedTask, request: Any) -> N
         "pulse_hz": timebase / round(timebase / request.freq),
         "delay_s": max(round(request.initial_delay * timebase), 2) / timebase,
     }
-    _add(device, task, request, "CO", duty_cycle=request.duty_cycle, **coerced)
+    _add_channels(device, task, request, "CO", duty_cycle=request.duty_cycle, **coerced)
 
 
 def add_force_bridge(device: DeviceState, task: SimulatedTask, request: Any) -> None:
-    """AI force, bridge, straight line through two points."""
+    """Add the AI channels of force by a bridge, on the straight line through two points."""
     units, physical = enum(request, "units"), enum(request, "physical_units")
     electrical = enum(request, "electrical_units")
     require_one_of(units, tuple(NEWTON_IN), "Units")
@@ -122,10 +122,11 @@ def add_force_bridge(device: DeviceState, task: SimulatedTask, request: Any) -> 
     _refuse_limits(request)
     in_units = {"units": units, "physical_units": physical, "electrical_units": electrical}
     points = {name: getattr(request, name) for name in BRIDGE_VALUES}
-    _add(device, task, request, "AI", kind="bridge", **in_units, **points)
+    _add_channels(device, task, request, "AI", kind="bridge", **in_units, **points)
 
 
 def add_voltage_input(device: DeviceState, task: SimulatedTask, request: Any) -> None:
+    """Add AI channels of voltage; refuse limits beyond every range, and a differential input without a pair."""
     _refuse_limits(request)
     require_one_of(enum(request, "units"), (daqmx.VOLTS,), "Units")
     _refuse_custom_scale(request)
@@ -133,7 +134,7 @@ def add_voltage_input(device: DeviceState, task: SimulatedTask, request: Any) ->
     if owner.product.ai_ranges_v:
         owner.voltage_range(request.min_val, request.max_val)
     before = len(task.channels)
-    _add(device, task, request, "AI", min_val=request.min_val, max_val=request.max_val)
+    _add_channels(device, task, request, "AI", min_val=request.min_val, max_val=request.max_val)
     wanted = enum(request, "terminal_config") or DEFAULT
     require_one_of(wanted, (DEFAULT, RSE, NRSE, DIFFERENTIAL), "Terminal configuration")
     for channel in task.channels[before:]:
@@ -143,6 +144,7 @@ def add_voltage_input(device: DeviceState, task: SimulatedTask, request: Any) ->
 
 
 def add_voltage_output(device: DeviceState, task: SimulatedTask, request: Any) -> None:
+    """Add AO channels of voltage; refuse limits beyond the product's range."""
     _refuse_limits(request)
     require_one_of(enum(request, "units"), (daqmx.VOLTS,), "Units")
     _refuse_custom_scale(request)
@@ -150,7 +152,7 @@ def add_voltage_output(device: DeviceState, task: SimulatedTask, request: Any) -
     reach = device.inventory.owner_of(request.physical_channel).product.ao_range_v
     if not -reach <= low_v < high_v <= reach:
         raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Output limits {low_v:g} to {high_v:g} V")
-    _add(device, task, request, "AO", min_val=low_v, max_val=high_v)
+    _add_channels(device, task, request, "AO", min_val=low_v, max_val=high_v)
 
 
 def add_digital_output(device: DeviceState, task: SimulatedTask, request: Any) -> None:

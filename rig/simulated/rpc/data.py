@@ -25,7 +25,9 @@ def _refuse_other_type(task: SimulatedTask, type_: str) -> None:
 
 
 def make_reader(type_: str) -> TaskHandler:
-    """Handler of the read calls for samples of a type."""
+    """Return the handler of the calls that read samples of an ``AI`` or ``CI`` task, fewer where the timeout ends
+    first.
+    """
 
     def read(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
         _refuse_other_type(task, type_)
@@ -47,9 +49,9 @@ def make_reader(type_: str) -> TaskHandler:
 
 
 def write_analog(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
-    """Take volts, all samples of one channel after the other, or scan by scan."""
+    """Write volts to an AO task: all samples of one channel after the other, or scan by scan."""
     _refuse_other_type(task, "AO")
-    values = _table(request, np.array(list(request.write_array), dtype=np.float64), len(task.channels))
+    values = _shape_values(request, np.array(list(request.write_array), dtype=np.float64), len(task.channels))
     write_volts(device, task, values, request.auto_start)
     return {"samps_per_chan_written": values.shape[0]}
 
@@ -62,7 +64,7 @@ def write_analog_scalar(device: DeviceState, task: SimulatedTask, request: Any) 
     write_volts(device, task, np.array([[request.value]]), request.auto_start)
 
 
-def _table(request: Any, values: NDArray[np.float64], columns: int) -> NDArray[np.float64]:
+def _shape_values(request: Any, values: NDArray[np.float64], columns: int) -> NDArray[np.float64]:
     n = int(request.num_samps_per_chan)
     if n < 1 or n * columns != values.size:
         detail = f"{values.size} values for {columns} channels and {n} samples"
@@ -76,7 +78,7 @@ def largest_line_count(task: SimulatedTask) -> int:
 
 
 def write_lines(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
-    """Take levels, each channel's lines one after the other, filled up to those of the largest channel."""
+    """Write levels to a DO task: each channel's lines in turn, filled up to those of the largest channel."""
     _refuse_other_type(task, "DO")
     states = np.array([bool(value) for value in request.write_array], dtype=np.float64)
     n, most, channels = int(request.num_samps_per_chan), largest_line_count(task), len(task.channels)

@@ -59,7 +59,7 @@ def list_channel_names(device: DeviceState, task: SimulatedTask) -> str:
 
 
 def sample_count(field: str) -> Property:
-    """Samples per channel of the input buffer; a look takes its time when there are none to read."""
+    """Return the property of samples ``read``, ``acquired`` or ``available``; to ask lets time pass where none wait."""
 
     def get(device: DeviceState, task: SimulatedTask) -> int:
         if field != "read":

@@ -114,10 +114,10 @@ class Service:
         if call in TASK_CALLS:
             return TASK_CALLS[call](device, find_task(device, request.task.name), request)
         if match := _ATTRIBUTE_CALL.fullmatch(call):
-            return self._property(call, match[1], match[2], request)
+            return self._answer_property(call, match[1], match[2], request)
         raise NotAnswered(call)
 
-    def _property(self, call: str, action: str, category: str, request: Any) -> Fields | None:
+    def _answer_property(self, call: str, action: str, category: str, request: Any) -> Fields | None:
         """Get or set a property; fields of the answer, None after a set."""
         number = enum(request, "attribute")
         answer = PROPERTIES.get((category, number))

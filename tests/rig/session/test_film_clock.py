@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rig import CameraInfo, InputError
-from rig.session.film_record import clock_steps, frame_times
+from rig.session.film_record import count_clock_pulses, frame_times
 
 CLOCK = CameraInfo(2000.0, 0.0123, 1e-4, 500, 2e-6)
 
@@ -40,7 +40,7 @@ def test_a_clock_that_drifts_by_frames_in_a_long_film_counts_right() -> None:
     film = SimpleNamespace(
         path=Path("f.cine"), n_frames=own.size, exposure_s=None, frame_time_s=own, has_camera_times=True
     )
-    np.testing.assert_array_equal(clock_steps(film, 2000.0), np.arange(40_000))
+    np.testing.assert_array_equal(count_clock_pulses(film, 2000.0), np.arange(40_000))
 
 
 @pytest.mark.parametrize(
@@ -53,4 +53,4 @@ def test_times_that_no_frame_clock_gives_are_refused(bad: list[float]) -> None:
     with pytest.raises(
         InputError, match=r"frame \d comes .* periods of the frame clock .2000 Hz. after the one before"
     ):
-        clock_steps(film, 2000.0)
+        count_clock_pulses(film, 2000.0)

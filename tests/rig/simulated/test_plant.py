@@ -11,7 +11,7 @@ import pytest
 import model
 from rig import InputError, RigInputError, load_profile, open_backend
 from rig.simulated.backend import DEFAULT_BENCH
-from rig.simulated.bench.parts_alone import swing_plant
+from rig.simulated.bench.parts_alone import make_swing_plant
 from rig.simulated.bench.plant import ActionPlant, PlantTruth, load_plant
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES, read_bench
 from rig.simulated.bench.sensors import (
@@ -108,7 +108,7 @@ def test_blocks_do_not_change_the_truth(plant: ActionPlant, forte: PlantTruth) -
 
 def test_a_lifted_body_is_let_go_after_600_ms_and_swings_whatever_the_blocks(plant: ActionPlant) -> None:
     def swung(block: int) -> np.ndarray:
-        body = swing_plant(plant, "hammer")
+        body = make_swing_plant(plant, "hammer")
         parts = [body.advance(np.zeros(block)).angle_rad for _ in range(4000 // block)]
         return np.concatenate(parts)[:, ENCODED_BODIES.index("hammer")]
 
@@ -120,13 +120,13 @@ def test_a_lifted_body_is_let_go_after_600_ms_and_swings_whatever_the_blocks(pla
 def test_a_joint_with_more_than_dry_friction_does_not_swing_on_dry_friction(plant: ActionPlant, monkeypatch) -> None:
     monkeypatch.setattr(plant, "action", plant.action.with_values({"hammer.joint_friction.B1": 0.4}))
     with pytest.raises(RigInputError, match="joint_friction.B1 = 0.4, allowed 0"):
-        swing_plant(plant, "hammer")
-    assert swing_plant(plant, "whippen").truth()[0] == plant.action["whippen.joint_friction.A"]
+        make_swing_plant(plant, "hammer")
+    assert make_swing_plant(plant, "whippen").truth()[0] == plant.action["whippen.joint_friction.A"]
 
 
 def test_same_seed_same_trial_other_trial_differs_as_declared(plant: ActionPlant, forte: PlantTruth) -> None:
     np.testing.assert_array_equal(play(plant, "forte").angle_rad, forte.angle_rad)
-    draws = [plant.draw(k) for k in range(1, 401)]
+    draws = [plant.draw_specimen(k) for k in range(1, 401)]
     gain = np.array([g for _, g in draws]) / plant.torque_per_volt_nm
     friction = np.array([a["key.joint_friction.A"] for a, _ in draws]) / plant.action["key.joint_friction.A"]
     # standard deviation of 400 draws is known to 3.5 %
