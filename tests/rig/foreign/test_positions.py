@@ -14,7 +14,7 @@ from rig.foreign.mapping import parse_mapping
 from rig.foreign.session_import import cut_strokes
 from rig.session.info import RulerInfo
 from rig.session.ruler import ABOVE, BELOW, position_of, ruler_curve
-from rig.session.trial_export import columns
+from rig.session.trial_export import list_columns
 from tests.command_line import run
 from validation.measurement.measure_session import BY_RULER, usable_trials
 from validation.measurement.position_sensors import reference_turns
@@ -116,7 +116,7 @@ def test_no_force_channel_is_written_or_shown(recording, tmp_path, capsys) -> No
     with h5py.File(session.trial(1).path) as file:
         assert "force" not in file["daq"] and "force_raw" not in file["daq"]
         assert {"key", "hammer"} <= set(file["daq"])
-    names = [column.name for column in columns(data)]
+    names = [column.name for column in list_columns(data)]
     assert "force_n" not in names and {"key_m", "key_u_m", "key_flag"} <= set(names)
     assert run("info", str(session.path)) == 0
     out = capsys.readouterr().out

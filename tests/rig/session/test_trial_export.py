@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from rig import ChannelInfo, InputError, TrialData, read_channels
-from rig.session.trial_export import columns, export_trial
+from rig.session.trial_export import export_trial, list_columns
 from tests.rig.session.test_sealed_trial import trial
 
 ACCELERATION = ChannelInfo("key_acceleration", "acceleration of the key", "m/s^2", "x", "y", (0.0, 1.0), (0.0, 9.8))
@@ -25,7 +25,7 @@ def data() -> TrialData:
 
 
 def expected(data: TrialData) -> dict[str, tuple[str, np.ndarray]]:
-    return {c.name: (c.unit, c.values) for c in columns(data)}
+    return {c.name: (c.unit, c.values) for c in list_columns(data)}
 
 
 def read_csv(path: Path) -> dict[str, tuple[str, Any]]:
