@@ -28,10 +28,10 @@ from .errors import RigError as RigError
 from .errors import RigInputError as RigInputError
 from .errors import SamplesLost as SamplesLost
 from .errors import WatchdogTripped as WatchdogTripped
-from .felt_recording import FeltOrder as FeltOrder
-from .felt_recording import FeltPress as FeltPress
-from .felt_recording import FeltSession as FeltSession
-from .felt_recording import record_felt as record_felt
+from .felt.order import FeltOrder as FeltOrder
+from .felt.record_felt import FeltPress as FeltPress
+from .felt.record_felt import FeltSession as FeltSession
+from .felt.record_felt import record_felt as record_felt
 from .foreign.channel_table import ChannelTable as ChannelTable
 from .foreign.mapping import MappingFile as MappingFile
 from .foreign.mapping import load_mapping as load_mapping

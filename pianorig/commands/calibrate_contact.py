@@ -125,6 +125,9 @@ def contact_friction(
 ) -> dict[str, Any]:
     """Coefficient of friction from swings without and with the pad, its uncertainty and what it is made of;
     `CommandInputError` where the slip was too slow."""
+    # start-up: --help needs none of it
+    from rig.calibration.joint_friction import MOVING_SHARE
+
     moment, u_moment = workflows.weight_moment(action, order.body)
     more = braked.share - bare.share
     arm_n = order.load_n * order.radius_m
@@ -132,7 +135,7 @@ def contact_friction(
     from_swings = math.hypot(braked.u_share, bare.u_share) * moment / arm_n
     parts = (u_moment / moment, order.u_load_n / order.load_n, order.u_radius_m / order.radius_m)
     top = max(one.top_rad_per_s for one in braked.each) * order.radius_m
-    least = KINETIC * action["friction_threshold.v_t"] / rig.guided_calibration.MOVING_SHARE
+    least = KINETIC * action["friction_threshold.v_t"] / MOVING_SHARE
     if top < least:
         raise CommandInputError(
             f"--radius {order.radius_m:g}: the pad slips at {top:.3g} m/s at most, allowed from {least:.3g}: slower is "

@@ -67,29 +67,30 @@ def calibrate_encoder(
 ) -> dict[str, Any]:
     """Read an encoder at reference angles, up and down; write the rig file ``out`` and a record beside it."""
     # start-up: --help needs none of it
-    from rig import guided_calibration
+    from rig.calibration import encoder_scale
     from rig.configuration.rig_file import BODIES
+    from rig.configuration.rig_file_edit import rewrite_table
 
     record = workflows.calibration_record(out, "arc")
     workflows.check_body(body)
     if not 0 <= u_angle_rad < 0.01:  # more is no reference
         raise CommandInputError(f"--u-angle {u_angle_rad:g}: allowed 0 to 0.01 rad")
-    rig_file, references = rig.load_rig(rig_name), guided_calibration.up_and_down(angles_rad)
-    guided_calibration.rewritten(rig_file, "encoders", {"arc_gain": 1.0, "u_eccentricity_rad": 0.0}, named=body)
+    rig_file, references = rig.load_rig(rig_name), encoder_scale.order_up_and_down(angles_rad)
+    rewrite_table(rig_file, "encoders", {"arc_gain": 1.0, "u_eccentricity_rad": 0.0}, named=body)
     address = workflows.virtual_address(backend, "pose", f"{body}:{','.join(f'{angle:.9g}' for angle in references)}")
     with workflows.report_interrupt(out), closing(rig.open_backend(address, rig_file.config)) as bench:
         if bench.capabilities.hardware:
             said = ", ".join(f"{angle:g}" for angle in references)
             print(f"hold the {body} at {said} rad, two seconds each", file=sys.stderr, flush=True)
-        readings = guided_calibration.read_plateaus(bench, rig_file.config, body, references)
+        readings = encoder_scale.read_plateaus(bench, rig_file.config, body, references)
         device = bench.capabilities.description
-    arc = guided_calibration.fit_arc(references, readings, u_angle_rad, rig_file.config.encoders[BODIES.index(body)])
-    text = guided_calibration.corrected_rig(rig_file, body, arc)
+    arc = encoder_scale.fit_arc(references, readings, u_angle_rad, rig_file.config.encoders[BODIES.index(body)])
+    text = encoder_scale.correct_rig_text(rig_file, body, arc)
     write_text(out, text)
     found = {"body": body, "u_angle_rad": u_angle_rad, **asdict(arc)}
     after = sha256_of_bytes(text.encode("utf-8"))
     workflows.write_calibration_record(
         record, "arc", found, device, rig_sha256_before=rig_file.sha256, rig_sha256_after=after
     )
-    stored, u_stored = guided_calibration.with_what_was_known(rig_file, body, arc)
+    stored, u_stored = encoder_scale.combine_with_rig_file(rig_file, body, arc)
     return {"rig": out, "record": record, **found, "arc_gain": stored, "u_arc_gain": u_stored}

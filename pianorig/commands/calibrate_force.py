@@ -84,29 +84,30 @@ def calibrate_force(
 ) -> dict[str, Any]:
     """Calibrate, write the rig file ``out`` and beside it the record; return what was found."""
     # start-up: --help needs none of it
-    from rig import guided_calibration
+    from rig.calibration import load_cell
+    from rig.configuration.rig_file_edit import rewrite_table
     from rig.simulated import SimulatedBackend
 
     record = workflows.calibration_record(out, order.kind)
     rig_file = rig.load_rig(rig_name)
     stated = rig_file.config.force.model_dump(include={"electrical", "physical_n", "u_gain_relative", "calibration"})
-    guided_calibration.rewritten(rig_file, "force", stated)
+    rewrite_table(rig_file, "force", stated)
     with workflows.report_interrupt(out), closing(rig.open_backend(backend, rig_file.config)) as bench:
 
         def hang_weight(instruction: str, mass_kg: float) -> None:
             if isinstance(bench, SimulatedBackend):
-                bench.device.bench.hung_n = mass_kg * (order.gravity or guided_calibration.STANDARD_GRAVITY)
+                bench.device.bench.hung_n = mass_kg * (order.gravity or load_cell.STANDARD_GRAVITY)
             else:
                 ask(f"{instruction}. Press Enter when it hangs still: ")
 
         if order.kind == "weights":
-            done = guided_calibration.dead_weights(
+            done = load_cell.calibrate_with_weights(
                 rig_file, bench, order.masses_kg, hang_weight, u_mass_kg=order.u_mass_kg, gravity=order.gravity
             )
         elif order.kind == "null":
-            done = guided_calibration.null(rig_file, bench, hang_weight)
+            done = load_cell.calibrate_zero(rig_file, bench, hang_weight)
         else:
-            done = guided_calibration.shunt(rig_file, bench)  # type: ignore[arg-type]
+            done = load_cell.calibrate_with_shunt(rig_file, bench)  # type: ignore[arg-type]
         device = bench.capabilities.description
     write_text(out, done.rig_text)
     after = sha256_of_bytes(done.rig_text.encode("utf-8"))

@@ -226,7 +226,7 @@ def press_felt(
     write the rig file with its compliance, too."""
     # start-up: 0.5 s of NumPy and h5py, which --help does not need
     from rig.atomic_write import write_text
-    from rig.felt_recording import check_order
+    from rig.felt.order import check_order
     from rig.recording.options import RecordingKeywords
 
     rig_file = rig.load_rig(access.rig)

@@ -17,9 +17,10 @@ from model.calibration import with_calibrated
 from pianorig.errors import CommandInputError
 from rig import Rig, open_backend
 from rig.atomic_write import write_text
+from rig.calibration.joint_friction import Swing, fit_joint_friction, read_swing
+from rig.calibration.load_cell import STANDARD_GRAVITY, U_GRAVITY
 from rig.configuration.rig_file import BODIES
 from rig.configuration.toml_file import dump_toml
-from rig.guided_calibration import STANDARD_GRAVITY, U_GRAVITY, Swing, friction_of_swing, read_swing
 
 SCHEMA = "piano-action-rig calibration 1"
 
@@ -92,7 +93,7 @@ def read_swings(rig: Rig, address: str, body: str, swings: int, ask: Callable[[s
             if hardware:
                 ask(f"swing {number} of {swings}: {how}. Press Enter, let go: ")
             angle, rate_hz = read_swing(bench, rig.config, body)
-            each.append(friction_of_swing(angle, rate_hz, body))
+            each.append(fit_joint_friction(angle, rate_hz, body))
     shares = np.array([one.share for one in each])
     scatter = float(shares.std(ddof=1) / math.sqrt(shares.size))
     u = math.hypot(scatter, float(np.mean([one.u_share for one in each])))

@@ -18,21 +18,16 @@ import pytest
 
 import rig
 from rig import InputError, load_rig, parse_rig
-from rig.guided_calibration import (
+from rig.calibration.encoder_scale import Arc, combine_with_rig_file, fit_arc, order_up_and_down, read_plateaus
+from rig.calibration.joint_friction import fit_joint_friction, read_swing
+from rig.calibration.line_fit import fit_line
+from rig.calibration.load_cell import (
     STANDARD_GRAVITY,
-    Arc,
-    change_table,
-    dead_weights,
-    fit_arc,
-    fit_line,
-    friction_of_swing,
-    null,
-    read_plateaus,
-    read_swing,
-    shunt,
-    up_and_down,
-    with_what_was_known,
+    calibrate_with_shunt,
+    calibrate_with_weights,
+    calibrate_zero,
 )
+from rig.configuration.rig_file_edit import change_table
 from rig.simulated.backend import DEFAULT_BENCH
 from rig.simulated.bench.parts_alone import SwingPlant
 from tests.command_line import run
@@ -54,7 +49,7 @@ def off_centre(folder: Path, eccentricity: float) -> str:
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_the_error_of_the_arc_is_found_within_its_uncertainty(tmp_path: Path, seed: int) -> None:
     config = rig.load_rig("virtual").config
-    references = up_and_down(ANGLES)
+    references = order_up_and_down(ANGLES)
     address = off_centre(tmp_path, 0.02)
     listed = ",".join(map(str, references))
     bench = rig.open_backend(f"{address}&seed={seed}&pose=key:{listed}", config)
@@ -97,17 +92,17 @@ def test_a_trial_recorded_with_the_correction_reads_the_true_angle(tmp_path: Pat
 
 def test_coarse_references_spoil_no_scale_that_is_known_better() -> None:
     known = rig.load_rig("virtual")  # u_eccentricity_rad = 3.5e-5
-    coarse = with_what_was_known(known, "key", Arc(1.0005, 4e-4, 0.0, (), ()))
+    coarse = combine_with_rig_file(known, "key", Arc(1.0005, 4e-4, 0.0, (), ()))
     assert abs(coarse[0] - 1.0) < 1e-5 and coarse[1] < 3.5e-5
-    contradicted = with_what_was_known(known, "key", Arc(1.01, 4e-4, 0.0, (), ()))
+    contradicted = combine_with_rig_file(known, "key", Arc(1.01, 4e-4, 0.0, (), ()))
     assert contradicted == (1.01, 4e-4)
     unstated = parse_rig(known.text.replace("u_eccentricity_rad = 3.5e-5", ""))
-    assert with_what_was_known(unstated, "key", Arc(1.0005, 4e-4, 0.0, (), ())) == (1.0005, 4e-4)
+    assert combine_with_rig_file(unstated, "key", Arc(1.0005, 4e-4, 0.0, (), ())) == (1.0005, 4e-4)
 
 
 def test_a_reference_is_off_alike_on_the_way_up_and_down() -> None:
     up, encoder = np.array(ANGLES), load_rig("virtual").config.encoders[0]
-    references = up_and_down(ANGLES)
+    references = order_up_and_down(ANGLES)
     u = fit_arc(references, references, 1e-3, encoder).u_gain
     random = np.random.default_rng(5)
     gains = []
@@ -162,7 +157,7 @@ def weighed(make_backend, rig, masses=MASSES, gravity=9.81, **force):
         asked.append(instruction)
         backend.device.bench.hung_n = 9.81 * mass
 
-    return dead_weights(rig, backend, masses, ask, u_mass_kg=1e-6, gravity=gravity), backend, asked
+    return calibrate_with_weights(rig, backend, masses, ask, u_mass_kg=1e-6, gravity=gravity), backend, asked
 
 
 @pytest.mark.parametrize(("gain", "offset_n"), [(0.03, 0.4), (-0.015, -0.2)])
@@ -200,21 +195,21 @@ def test_weights_that_cannot_be_used_are_refused_before_anything_is_read(masses,
 def test_a_cell_that_does_not_follow_is_refused(make_backend) -> None:
     backend = make_backend(load_rig("virtual").config, noise_n=0.02)
     with pytest.raises(InputError, match="do not follow"):
-        dead_weights(RIG, backend, MASSES, lambda *asked: None, u_mass_kg=0.0, gravity=9.81)
+        calibrate_with_weights(RIG, backend, MASSES, lambda *asked: None, u_mass_kg=0.0, gravity=9.81)
 
 
 def test_the_shunt_corrects_the_gain_and_null_the_zero(make_backend, edited_rig) -> None:
     backend = make_backend(load_rig("virtual").config, noise_n=0.02, offset_n=0.3)
-    done = shunt(RIG, backend)
+    done = calibrate_with_shunt(RIG, backend)
     assert (
         done.found["gain"] == pytest.approx(1.0, abs=5e-4)
         and "shunt" in parse_rig(done.rig_text).config.force.calibration
     )
     with pytest.raises(InputError, match="expected 1.74"):
-        shunt(edited_rig(("bridge_resistance_ohm = 350.0", "bridge_resistance_ohm = 700.0")), backend)
+        calibrate_with_shunt(edited_rig(("bridge_resistance_ohm = 350.0", "bridge_resistance_ohm = 700.0")), backend)
     with pytest.raises(InputError, match="no bridge"):
-        shunt(load_rig("pcie6363"), backend)
-    nulled = null(RIG, backend, lambda *asked: None)
+        calibrate_with_shunt(load_rig("pcie6363"), backend)
+    nulled = calibrate_zero(RIG, backend, lambda *asked: None)
     assert nulled.found["shift_n"] == pytest.approx(0.35, abs=0.01)
     config = parse_rig(nulled.rig_text).config.force
     assert config.offset_n == 0.0 and config.electrical[0] == pytest.approx(0.35 * 2 / 111.2, abs=2e-4)
@@ -224,7 +219,7 @@ def test_the_shunt_scales_the_unloaded_reading_with_the_line(edited_rig) -> None
     rig = edited_rig(("u_preload_n = 0.01", "u_preload_n = 0.01\noffset_n = -0.8"))
     expected = 1e3 * 350.0 / (4 * rig.config.selftest.shunt_ohm + 700.0)
     backend = SimpleNamespace(shunt_step=lambda config: 1.02 * expected)
-    force = parse_rig(shunt(rig, backend).rig_text).config.force
+    force = parse_rig(calibrate_with_shunt(rig, backend).rig_text).config.force
     assert force.offset_n == pytest.approx(-0.8 / 1.02) and force.electrical[1] == pytest.approx(2.04)
 
 
@@ -301,21 +296,21 @@ def swung(share: float, lifted: float, hanging: float, counts: int, viscous: flo
     [(0.02, 0.6, 0.0, 327680), (0.07, 1.0, 2.3, 163840), (0.12, -1.2, -0.7, 327680), (0.05, 0.9, 1.0, 20000)],
 )
 def test_the_friction_is_found_within_its_uncertainty(share: float, lifted: float, hanging: float, counts: int) -> None:
-    found = friction_of_swing(swung(share, lifted, hanging, counts), RATE_HZ, "hammer")
+    found = fit_joint_friction(swung(share, lifted, hanging, counts), RATE_HZ, "hammer")
     assert abs(found.share - share) < 3 * found.u_share < 0.03 * share
     assert found.frequency_hz == pytest.approx(1.5, rel=2e-3)
 
 
 def test_a_loss_that_grows_with_the_speed_widens_the_uncertainty() -> None:
     """The law is dry friction; what is not shows as half swings that disagree."""
-    plain = friction_of_swing(swung(0.05, 1.0, 0.0, 327680), RATE_HZ, "hammer")
-    oiled = friction_of_swing(swung(0.05, 1.0, 0.0, 327680, viscous=0.3), RATE_HZ, "hammer")
+    plain = fit_joint_friction(swung(0.05, 1.0, 0.0, 327680), RATE_HZ, "hammer")
+    oiled = fit_joint_friction(swung(0.05, 1.0, 0.0, 327680, viscous=0.3), RATE_HZ, "hammer")
     assert oiled.share > plain.share and oiled.u_share > 10 * plain.u_share
 
 
 def test_too_much_friction_is_said() -> None:
     with pytest.raises(rig.RigInputError, match="half swings of 0.1 rad or more, allowed from 3"):
-        friction_of_swing(swung(0.3, 0.8, 0.0, 327680), RATE_HZ, "key")
+        fit_joint_friction(swung(0.3, 0.8, 0.0, 327680), RATE_HZ, "key")
 
 
 @pytest.mark.parametrize(("body", "seed"), [("hammer", 3), ("whippen", 4)])
@@ -323,7 +318,7 @@ def test_the_specimens_joint_is_found_on_the_bench(body: str, seed: int) -> None
     config = rig.load_rig("virtual").config
     bench = rig.open_backend(f"sim://?swing={body}&seed={seed}", config)
     angle, rate_hz = read_swing(bench, config, body)
-    found = friction_of_swing(angle, rate_hz, body)
+    found = fit_joint_friction(angle, rate_hz, body)
     plant = bench.plant  # type: ignore[attr-defined]
     assert isinstance(plant, SwingPlant)
     friction, weight = plant.truth()
@@ -332,7 +327,7 @@ def test_the_specimens_joint_is_found_on_the_bench(body: str, seed: int) -> None
 
 
 def test_a_body_that_is_not_let_go_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rig.guided_calibration.LONGEST_SWING_S", 6.0)
+    monkeypatch.setattr("rig.calibration.joint_friction.LONGEST_SWING_S", 6.0)
     config = rig.load_rig("virtual").config
     bench = rig.open_backend(f"sim://?bench={DEFAULT_BENCH.as_posix()}", config)
     with pytest.raises(rig.RigInputError, match="the hammer did not swing within 6 s"):

@@ -10,7 +10,7 @@ import pytest
 
 import rig
 from model.calibration import damping_factor, fit_felt, read_curve
-from rig.guided_calibration import change_table
+from rig.configuration.rig_file_edit import change_table
 from rig.simulated.backend import DEFAULT_BENCH
 
 LONG_BLOCKS = {"block_s": 0.1}

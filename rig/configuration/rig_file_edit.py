@@ -1,0 +1,57 @@
+"""Values of a rig file changed in its text, which otherwise stays as it was written."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from rig.configuration.rig_file import Rig, parse_rig
+from rig.configuration.toml_file import toml_value
+from rig.errors import RigInputError
+
+Value = str | float | int | tuple[float, float]
+
+
+def change_table(text: str, table: str, values: Mapping[str, Value], *, named: str | None = None) -> str:
+    """Return a rig file's text with values of one table set.
+
+    Parameters
+    ----------
+    table : ``force`` for ``[force]``, ``encoders`` for ``[[encoders]]``
+    named : ``name`` of the table where there are several
+    """
+    heads = list(re.finditer(r"(?m)^\[\[?[^\[\]]+\]\]?[^\n]*$", text))
+    for head, following in zip(heads, [*heads[1:], None], strict=True):
+        end = len(text) if following is None else following.start()
+        body = text[head.end() : end]
+        if head.group(0).split("]")[0].strip("[ ") != table:
+            continue
+        if named is not None and not re.search(rf'(?m)^\s*name\s*=\s*"{re.escape(named)}"', body):
+            continue
+        for key, value in values.items():
+            body = _set_value(body, key, toml_value(value))
+        return text[: head.end()] + body + text[end:]
+    raise RigInputError(f"rig file: has no table [{table}]" + (f" named {named}" if named else ""))
+
+
+def rewrite_table(rig: Rig, table: str, values: Mapping[str, Value], *, named: str | None = None) -> str:
+    """Return the text as :func:`change_table` does, after checking that it is a rig file still.
+
+    With values that are there already it tells, before anything is read, whether what is read can be written.
+    """
+    text = change_table(rig.text, table, values, named=named)
+    try:
+        parse_rig(text, f"{rig.source} as calibrated")
+    except RigInputError as error:
+        raise RigInputError(f"{error}; write the keys of [{table}] as  key = value") from None
+    return text
+
+
+def _set_value(body: str, key: str, value: str) -> str:
+    """Replace a value up to its comment, or add the line below the table's head."""
+    line = re.compile(
+        rf'(?m)^([ \t]*{re.escape(key)}\s*=\s*)("(?:[^"\\\n]|\\.)*"|\[[^\]]*\]|\{{[^}}\n]*\}}|[^#\n]*?)(\s*(?:#.*)?)$'
+    )
+    if line.search(body):
+        return line.sub(lambda match: match[1] + value + match[3], body, count=1)
+    return f"\n{key} = {value}{body}"
