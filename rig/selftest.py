@@ -95,13 +95,7 @@ def read_record(path: Path) -> SelftestRecord:
 def valid_record(
     rig: Rig, records_path: Path, now: datetime | None = None, *, address: str = "ADDRESS"
 ) -> tuple[Path, SelftestRecord]:
-    """Return the newest record of this rig file, and its path; refuse one that did not pass or is too old.
-
-    Parameters
-    ----------
-    records_path : a record, or the folder of records
-    address : of the bench, for the advice
-    """
+    """Return the newest record of this rig file, of a file or folder, and its path; refuse one failed or too old."""
     now = now or datetime.now(UTC)
     advice = f"run  pianorig selftest --backend {address} --rig {rig.source}"
     files = (

@@ -133,6 +133,8 @@ def draw_learned(folder: Path, learned: rig.Learned) -> None:
     """Write a picture of pianist and motor (after Figs 3.7, 3.8) and of the error of each blow into ``folder``."""
     from matplotlib.figure import Figure  # start-up: 0.4 s that --help does not need
 
+    from rig.learning.target_force import FADE_S  # start-up: scipy.signal, as above
+
     target, best = learned.target, learned.best
     figure = Figure(figsize=(7.5, 6.6), layout="constrained")
     top, zoom, steps = figure.subplots(3, 1, height_ratios=(3, 3, 2))
@@ -146,7 +148,7 @@ def draw_learned(folder: Path, learned: rig.Learned) -> None:
         axes.grid(alpha=0.3)
     top.legend(fontsize=8)
     top.set_title(f"{target.name}: pianist and motor (blow {best.number}, {100 * best.error:.1f} % of the peak)")
-    zoom.set_xlim(target.onset_s - rig.learning.FADE_S, target.bottom_s + rig.learning.FADE_S)
+    zoom.set_xlim(target.onset_s - FADE_S, target.bottom_s + FADE_S)
     zoom.set_ylim(-0.25 * target.peak_n, 1.5 * target.peak_n)
     zoom.set_title("before key bottom (dotted), where it is learned", fontsize=9)
     _draw_errors(steps, learned)

@@ -55,14 +55,7 @@ def read_mean(backend: Backend, config: RigConfig) -> float:
 def calibrate_with_weights(
     rig: Rig, backend: Backend, masses_kg: Sequence[float], ask: Ask, *, u_mass_kg: float, gravity: float | None
 ) -> Calibration:
-    """Calibrate the load cell with dead weights, up and down; the line through them replaces the rig file's.
-
-    Parameters
-    ----------
-    masses_kg : masses above 0, rising; zero is read before, between and after
-    u_mass_kg : standard uncertainty of a mass, kg
-    gravity : local acceleration, m/s^2, known to 1e-4; None takes the standard value with an uncertainty of 0.015
-    """
+    """Calibrate the load cell with rising masses, put on and taken off; ``gravity`` None is the standard value."""
     force = rig.config.force
     g, u_g = (STANDARD_GRAVITY, U_GRAVITY) if gravity is None else (gravity, U_LOCAL_GRAVITY * gravity)
     masses = list(masses_kg)
@@ -129,12 +122,7 @@ def calibrate_with_shunt(rig: Rig, backend: SelftestBackend) -> Calibration:
     }
     if force.offset_n is not None:
         values["offset_n"] = force.physical_n[0] + (force.offset_n - force.physical_n[0]) / gain
-    found: Found = {
-        "steps_mv_per_v": steps,
-        "expected_mv_per_v": wanted,
-        "gain": gain,
-        "u_gain": u_mean / wanted,
-    }
+    found: Found = {"steps_mv_per_v": steps, "expected_mv_per_v": wanted, "gain": gain, "u_gain": u_mean / wanted}
     return _finish_calibration("shunt", found, rig, values)
 
 
@@ -151,11 +139,7 @@ def calibrate_zero(rig: Rig, backend: Backend, ask: Ask) -> Calibration:
         "calibration": f"{force.calibration}; nulled by {shift / slope:+.4g} N",
         "offset_n": 0.0,
     }
-    found: Found = {
-        "reading": reading,
-        "unit": force.electrical_unit,
-        "shift_n": shift / slope,
-    }
+    found: Found = {"reading": reading, "unit": force.electrical_unit, "shift_n": shift / slope}
     return _finish_calibration("null", found, rig, values)
 
 

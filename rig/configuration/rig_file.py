@@ -235,7 +235,6 @@ class EncoderConfig(Table):
 
     @property
     def pulses_per_revolution(self) -> int:
-        """Pulses on A (or B) per revolution, the quantity NI-DAQmx expects."""
         return self.counts_per_revolution // 4
 
 
@@ -375,7 +374,6 @@ class FurtherDevice(Table):
         return self
 
     def owns(self, channel: str) -> bool:
-        """Whether a channel or terminal is this device's, or one of its modules'."""
         first = channel.removeprefix("/").split("/", 1)[0].lower()
         return first == self.name.lower() or (
             self.product.startswith("cDAQ") and first.startswith(self.name.lower() + "mod")

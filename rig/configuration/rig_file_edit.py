@@ -13,13 +13,7 @@ Value = str | float | int | tuple[float, float]
 
 
 def change_table(text: str, table: str, values: Mapping[str, Value], *, named: str | None = None) -> str:
-    """Return a rig file's text with values of one table set.
-
-    Parameters
-    ----------
-    table : ``force`` for ``[force]``, ``encoders`` for ``[[encoders]]``
-    named : ``name`` of the table where there are several
-    """
+    """Return a rig file's text with values set in ``[table]``, or in the ``[[table]]`` whose name is ``named``."""
     heads = list(re.finditer(r"(?m)^\[\[?[^\[\]]+\]\]?[^\n]*$", text))
     for head, following in zip(heads, [*heads[1:], None], strict=True):
         end = len(text) if following is None else following.start()

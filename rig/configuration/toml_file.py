@@ -54,13 +54,11 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
 
 
 def refuse_nul(text: str, where: str) -> None:
-    """Refuse the character NUL in texts that a trial file is to hold: HDF5 does not."""
     if re.search(r"\\(u|U0000)0000", text):
         raise RigInputError(f"{where}: holds the character NUL (\\u0000), which no text may; leave it out")
 
 
 def check(model: type[Model], data: Mapping[str, Any], where: str) -> Model:
-    """Validate parsed TOML against a model."""
     try:
         return model.model_validate(data)
     except ValidationError as error:

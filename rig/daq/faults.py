@@ -42,10 +42,7 @@ _FAULT_OF_CODE: dict[int, tuple[type[HardwareFault], str]] = {
     -200452: (NotSupported, "the device does not have a call or setting that was needed"),
     -89125: (NotSupported, "no RTSI cable joins the devices; connect it and register it in NI MAX, or link = 'lines'"),
     -200170: (NotSupported, "no such channel; compare the rig file with the modules in the chassis"),
-    -200431: (
-        NotSupported,
-        "the channel cannot make this measurement; check module and channel of the rig file",
-    ),
+    -200431: (NotSupported, "the channel cannot make this measurement; check module and channel of the rig file"),
 }
 
 _FAULT_OF_STATUS: dict[grpc.StatusCode, tuple[type[HardwareFault], str]] = {
@@ -64,14 +61,9 @@ _FAULT_OF_STATUS: dict[grpc.StatusCode, tuple[type[HardwareFault], str]] = {
 
 @contextlib.contextmanager
 def translate_faults(phase: str, what: str) -> Iterator[None]:
-    """Turn anything the client raises inside the block into a :class:`rig.errors.HardwareFault`.
+    """Turn what the client raises in the block to a :class:`rig.errors.HardwareFault` of ``phase``, naming ``what``.
 
     What the client refuses by itself, without asking the driver, is an error of this program: RigError.
-
-    Parameters
-    ----------
-    phase : ``connect``, ``configure``, ``arm``, ``start``, ``read`` or ``stop``
-    what : channel or task the block deals with, for the message
     """
     try:
         yield

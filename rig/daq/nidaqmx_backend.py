@@ -282,7 +282,6 @@ class NidaqmxBackend(SafeBench, Backend):
                     self._outputs.enable_drive(config.drive_enable.line, True)
 
     def start(self) -> None:
-        """Start the master task."""
         self._require_configured()
         self._next_sample = self._reset_at_sample = 0
         with self._safe_on_failure(), translate_faults("start", tasks.MASTER):

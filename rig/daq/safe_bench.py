@@ -126,7 +126,6 @@ class SafeOutputs:
         self._write(DRIVE, add, write)
 
     def clear(self) -> None:
-        """Clear the tasks; the outputs keep their state."""
         for name in self._tasks:
             self._tasks.clear(name)
 
@@ -158,19 +157,7 @@ LOG = logging.getLogger("rig.daq")
 
 
 def attempt(step: Callable[[], None], failures: list[BaseException], what: str) -> bool:
-    """Try one step; log a failure and append it, even a Ctrl-C, which must not prevent the next step.
-
-    Parameters
-    ----------
-    step : what to do
-    failures : takes what the step raised
-    what : the step in words, for the log
-
-    Returns
-    -------
-    bool
-        Whether the step was done.
-    """
+    """Try a step and return whether it succeeded; log what it raises, even Ctrl-C, and append it to ``failures``."""
     try:
         step()
     except BaseException as error:
@@ -276,7 +263,6 @@ class SafeBench:
                 nidaqmx.Task(name, grpc_options=tasks.session_options(self._channel, name, ATTACHED)).close()
 
     def _now_s(self) -> float:
-        """Return the time on the clock that the device's watchdog runs by, s."""
         return time.monotonic()
 
     def _reset_device(self, phase: str) -> None:

@@ -39,9 +39,7 @@ ATTACHED = SessionInitializationBehavior.ATTACH_TO_SERVER_SESSION
 
 
 def session_options(
-    channel: grpc.Channel | None,
-    name: str = "",
-    behavior: SessionInitializationBehavior = AUTO,
+    channel: grpc.Channel | None, name: str = "", behavior: SessionInitializationBehavior = AUTO
 ) -> GrpcSessionOptions | None:
     """Return the client's options for a session at a server; None on the driver of this computer."""
     return None if channel is None else GrpcSessionOptions(channel, name, initialization_behavior=behavior)

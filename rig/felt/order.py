@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rig.arrays import as_numbers
-from rig.configuration.profile import Profile, motor_command
+from rig.configuration.motor_command import motor_command
+from rig.configuration.profile import Profile
 from rig.configuration.rig_file import FeltConfig, RigConfig
 from rig.errors import RigInputError
 from rig.safety.dry_run import PredictedBlow, dry_run

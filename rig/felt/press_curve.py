@@ -38,14 +38,7 @@ PRELOAD_SHARE = 0.1  # of a reading's u, to which the curve meets the preload; i
 def fit_first_touch(
     moved_m: Array, force_n: Array, loading: NDArray[np.bool_], u_n: Array, preload_n: float
 ) -> tuple[float, float]:
-    """Fit the compression at rest; return it, m, and the standard uncertainty that the readings' scatter gives it.
-
-    Parameters
-    ----------
-    moved_m, force_n : (n,) compression since rest, force of the felt
-    u_n : (n,) standard uncertainty of a reading as a force
-    preload_n : force at rest
-    """
+    """Fit the compression at rest, m, and its u, to ways since rest and forces (n,), ``u_n`` of a force."""
     from scipy.optimize import least_squares  # start-up: 0.2 s that only the press of a felt needs
 
     span, top = float(moved_m.max()), float(force_n.max())
@@ -123,12 +116,7 @@ class _Assumed:
 
 
 def fit_press_curve(trial: TrialData, felt: FeltConfig) -> PressCurve:
-    """Return the loading curve of a press, with what each common error of one standard uncertainty does to it.
-
-    Parameters
-    ----------
-    felt : ``[felt]`` of the rig file it was recorded with
-    """
+    """Return the loading curve of a press, with what each common error of one standard uncertainty does to it."""
     read, force = read_press(trial, felt), trial.force_info
     scale = next(encoder for encoder in trial.encoders if encoder.name == felt.encoder)
     u_length = float(np.hypot(felt.u_radius_m / felt.radius_m, scale.u_turn_relative))

@@ -46,11 +46,8 @@ class Readings:
 
 
 def read_press(trial: TrialData, felt: FeltConfig, lowest_share: float = LOWEST) -> Readings:
-    """Return the readings of press and release in a trial; refuse one in which the arm hardly turned.
-
-    Parameters
-    ----------
-    lowest_share : from which share of the way on; 0 takes the beginning as well, where the speed is still growing
+    """Return readings from ``lowest_share`` of the way to the peak and back; refuse a trial in which the arm hardly
+    turned.
     """
     force, rate = trial.force_info, trial.sample_rate_hz
     body = [encoder.name for encoder in trial.encoders].index(felt.encoder)

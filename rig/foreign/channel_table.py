@@ -137,7 +137,6 @@ def parse_numbers(cells: Sequence[str], decimal: str = ".", thousands: str = "")
 
 
 def shorten_cell(cell: str) -> str:
-    """Return a cell of text for a message, truncated if long."""
     return repr(cell if len(cell) <= 40 else cell[:37] + "...")  # half a line
 
 

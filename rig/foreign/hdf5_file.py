@@ -126,7 +126,6 @@ def _reason_unusable(node: h5py.Dataset, column: str, folder: Path) -> str:
 
 
 def _parent_groups(name: str) -> list[str]:
-    """Return the groups above a dataset, the nearest first."""
     parts = name.strip("/").split("/")[:-1]
     return ["/" + "/".join(parts[:k]) for k in range(len(parts), -1, -1)]
 

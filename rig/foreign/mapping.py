@@ -240,10 +240,7 @@ class ImportMapping(Table):
                 f"channels {channels} repeat; each quantity has a channel of its own",
             ),
             (self.time.channel in channels, f"time.channel = {self.time.channel!r} is a measured channel as well"),
-            (
-                unknown,
-                f"overrule_units names {', '.join(map(repr, unknown))}, allowed are the channels of the mapping",
-            ),
+            (unknown, f"overrule_units names {', '.join(map(repr, unknown))}, allowed are the channels of the mapping"),
             (self.names_row and self.skip_rows, "names_row and skip_rows: allowed is one of them"),
             (self.thousands == self.decimal, f"thousands = {self.thousands!r} is the decimal sign as well"),
         )

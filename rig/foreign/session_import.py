@@ -109,14 +109,7 @@ SATURATED = 3  # samples in a row at an end of the converter: no peak has as man
 def cut_position_trials(
     table: ChannelTable, mapping: ImportMapping, interval_s: float, first_number: int, started_utc: str
 ) -> list[tuple[TrialData, str]]:
-    """Cut a table of positions into trials, each with why it does not count, empty where it does.
-
-    Parameters
-    ----------
-    mapping : with ``positions`` and without ``force``
-    interval_s : between samples
-    first_number : of the first trial
-    """
+    """Cut a table of positions into trials, each with why it does not count, empty where it does."""
     infos = tuple(make_channel_info(one) for one in mapping.positions)
     values = np.column_stack([_read_position(table, one, mapping.overrule_units) for one in mapping.positions])
     time_s = np.arange(len(values), dtype=np.float64) * interval_s

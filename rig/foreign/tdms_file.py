@@ -46,7 +46,6 @@ class _Complaints(logging.Handler):
         self.lines: list[str] = []
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Store one line."""
         self.lines.append(record.getMessage())
 
     def take(self) -> str:

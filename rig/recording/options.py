@@ -46,7 +46,6 @@ class TimeLeft:
         self._done, self._spent_s, self._began_s = 0, 0.0, now_s()
 
     def begin(self) -> None:
-        """Tell that a trial begins."""
         self._began_s = self._now_s()
 
     def end(self) -> None:
@@ -93,7 +92,7 @@ class BlockFeed:
 
 
 class ResumeKeywords(TypedDict, total=False):
-    """Keywords of :func:`rig.recording.recover.resume`: what is not in the session already."""
+    """Keywords of :func:`rig.recording.resume.resume`: what is not in the session already."""
 
     progress: Callable[[Progress], None] | None
     before_trial: Callable[[int], None] | None

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.backend import CALM_BLOCK_S, Backend, Block, Timing
-from rig.configuration.profile import MotorCommand
+from rig.configuration.motor_command import MotorCommand
 from rig.configuration.rig_file import Rig, RigConfig, load_rig
 from rig.errors import RigInputError
 from rig.keywords import make_options

@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from rig.backend import Backend
-from rig.configuration.profile import motor_command
+from rig.configuration.motor_command import motor_command
 from rig.configuration.rig_file import RigConfig
 from rig.errors import NotPermitted, RecordingFault, RigInputError
 from rig.recording.clock_watch import ClockWatch

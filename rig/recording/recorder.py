@@ -11,7 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Unpack
 
-from rig.configuration.profile import Profile, load_profile, motor_command
+from rig.configuration.motor_command import motor_command
+from rig.configuration.profile import Profile, load_profile
 from rig.configuration.rig_file import Rig, load_rig
 from rig.keywords import refuse_unknown
 from rig.recording.begin_session import new_session

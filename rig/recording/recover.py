@@ -1,14 +1,9 @@
-"""After a recording was cut off: trials from the journals that a killed program, a crash or a full disk left behind.
+"""Recovery of trials from the journals that a killed program, a crash or a full disk left behind.
 
 They are marked ``incomplete`` unless the journal has its closing record. A journal is deleted only after its contents
 are sealed and read back; one that is damaged in its middle is renamed ``.journal.damaged``, a sealed file that was
 damaged while its journal was still there ``.h5.damaged``. A second run changes nothing more. A trial that another
 program opened for writing and closed unchanged is sealed again; one that cannot be read is named.
-
-What is left of the plan is recorded by :func:`resume`, also where trials were rejected. A trial is never rewritten: a
-repeated one gets the next free number, the earlier one stays. An entry of the plan is done when it has a trial that
-ended by itself (``complete``, ``not at rest``) and is not rejected; a warm-up blow counts as done although it is
-rejected. Rig file and profiles are the copies in the session.
 """
 
 from __future__ import annotations
@@ -16,33 +11,23 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Unpack
 
 import numpy as np
 
 from rig import platform_calls
-from rig.atomic_write import replace_when_complete, sha256_of_bytes, translate_os_error
-from rig.backend import Backend, check_contract
+from rig.atomic_write import replace_when_complete, translate_os_error
 from rig.configuration import toml_file
-from rig.configuration.profile import parse_profile
-from rig.configuration.rig_file import Rig, parse_rig
 from rig.errors import RigInputError
-from rig.keywords import make_options
-from rig.recording.options import RecordingOptions, ResumeKeywords
 from rig.recording.passive import StrokeDetector, StrokeSettings
-from rig.recording.record_entries import record_entries
 from rig.recording.seal_trials import Stroke, seal_cut, seal_journal
-from rig.recording.trial_plan import WARM_UP_REASON, Entry
-from rig.safety.dry_run import dry_run
-from rig.safety.permission import require_permission
 from rig.session import annotation_file
 from rig.session.folder import INFO_NAME, UNREADABLE, Session
-from rig.session.info import PASSIVE, FileInfo
+from rig.session.info import PASSIVE
 from rig.session.journal_records import Journal, scan_journal, stored_blocks
-from rig.session.seal import OPEN_ELSEWHERE, has_seal, seal_again
+from rig.session.seal import has_seal, seal_again
 from rig.session.sealed_trial import trial_problem
 from rig.session.trial_data import TrialData
 
@@ -244,7 +229,6 @@ def _find_stroke(file: Path, journal: Journal, settings: str) -> tuple[Stroke | 
 
 
 def _read_sealed_trial(session: Session, number: int) -> TrialData | None:
-    """Return the sealed trial; None when there is none, or it cannot be read."""
     try:
         return session.trial(number).read()
     except RigInputError:
@@ -255,159 +239,3 @@ def _rename_damaged(file: Path) -> Path:
     aside = file.with_name(file.name + ".damaged")
     platform_calls.replace(file, aside)
     return aside
-
-
-ENDED = ("complete", "not at rest")
-
-
-def due_entries(session: Session) -> list[Entry]:
-    """Return the entries of a session's plan that are not yet recorded, in their order."""
-    plan = session.info.plan
-    every = _read_planned_entries(session)
-    for trial in session.trials:
-        if trial.problem.endswith(OPEN_ELSEWHERE):
-            raise RigInputError(f"{trial.problem}, then resume: what it holds of the plan is not known")
-    done = [
-        trial.read().plan_entry
-        for trial in session.trials
-        if trial.status in ENDED and trial.rejected in (None, "", WARM_UP_REASON)
-    ]
-    if not plan.order:
-        return every[len(done) :]
-    return [entry for entry in every if entry.number not in done]
-
-
-def _read_planned_entries(session: Session) -> list[Entry]:
-    """All planned trials of a session in order, with profiles parsed from its copies."""
-    plan = session.info.plan
-    if not plan.order:
-        profile = parse_profile(_read_copy(session, session.info.profile), f"{session.path / 'profile.toml'}")
-        return [Entry(k, "", profile) for k in range(1, plan.trials + 1)]
-    by_name = {condition.name: condition for condition in plan.conditions}
-    missing = set(plan.order) - set(by_name)
-    if missing:
-        raise RigInputError(f"{session.path}: plan.order names {sorted(missing)}, which is not among plan.conditions")
-    profiles = {
-        name: parse_profile(_read_copy(session, condition.profile), str(session.path / condition.profile.copy_name))
-        for name, condition in by_name.items()
-    }
-    return [
-        Entry(k + 1, name, profiles[name], k < plan.warm_up, by_name[name].prompt) for k, name in enumerate(plan.order)
-    ]
-
-
-def _read_copy(session: Session, file: FileInfo) -> str:
-    """Return the text of a copy in the session, after checking that it is the one the session was made with."""
-    if not file.copy_name or Path(file.copy_name).name != file.copy_name:
-        raise RigInputError(f"{session.path}: {file.name}: no copy is kept beside session.toml; record a new session")
-    path = session.path / file.copy_name
-    text = toml_file.read_text(path)
-    if file.sha256 and sha256_of_bytes(text.encode("utf-8")) != file.sha256:
-        raise RigInputError(
-            f"{path}: is not the file the session was begun with; put that back, or record a new session"
-        )
-    return text
-
-
-def session_rig(session: Session) -> Rig:
-    """Return the rig file a session was begun with.
-
-    Parameters
-    ----------
-    session : Session
-
-    Returns
-    -------
-    Rig
-
-    Raises
-    ------
-    RigInputError
-        When the session's copy of it is missing or was changed.
-
-    Examples
-    --------
-    >>> import rig
-    >>> rig.session_rig(rig.Session.open("sessions/example_forte")).config.name
-    'virtual'
-    """
-    return parse_rig(_read_copy(session, session.info.rig), str(session.path / session.info.rig.copy_name))
-
-
-def resume(
-    path: str | Path,
-    backend: Backend,
-    *,
-    opened: Callable[[int], None] | None = None,
-    **keywords: Unpack[ResumeKeywords],
-) -> Session:
-    """Record what is left of a session's plan.
-
-    A trial that was cut off is recovered from its journal first.
-
-    Parameters
-    ----------
-    path : path
-        Session folder.
-    backend : Backend
-        Of the session's rig file (:func:`session_rig`); simulated or not as the session is.
-    opened : callable, optional
-        Called with the number of the last trial there is, before the first new one.
-    **keywords
-        ``progress``, ``before_trial``, ``after_trial``, ``feed``, ``ask``, ``predict``, ``permission``,
-        ``open_journal``, ``now_s`` and ``wall_s`` as for :func:`rig.recording.recorder.record`.
-
-    Returns
-    -------
-    Session
-
-    Raises
-    ------
-    RigInputError
-        No session, nothing left to record, or copies that were changed; nothing has moved.
-    HardwareFault, KeyboardInterrupt
-        As when recording.
-    TypeError
-        A keyword that is not known.
-
-    Examples
-    --------
-    >>> import rig
-    >>> def stop_at_trial_2(at):
-    ...     if at.trial == 2:
-    ...         raise KeyboardInterrupt
-    >>> try:
-    ...     rig.record("half", profile="forte", trials=2, progress=stop_at_trial_2)
-    ... except KeyboardInterrupt:
-    ...     half = rig.Session.open("half")
-    >>> bench = rig.open_backend("sim://", rig.session_rig(half).config)
-    >>> [trial.status for trial in rig.resume("half", bench).trials]
-    ['complete', 'interrupted', 'complete']
-    >>> bench.close()
-    """
-    if unknown := sorted(set(keywords) - set(ResumeKeywords.__annotations__)):
-        raise TypeError(f"resume() got unexpected keyword arguments {', '.join(unknown)}")
-    options = make_options(RecordingOptions, "rig.resume", keywords)
-    check_contract(backend)
-    recover(path)
-    session = Session.open(path, require_trials=False)
-    if session.info.simulated != backend.capabilities.simulated:
-        raise RigInputError(
-            f"{session.path}: simulated = {session.info.simulated}, but the backend {backend.capabilities.name} is "
-            f"{'' if backend.capabilities.simulated else 'not '}simulated; a session is one or the other"
-        )
-    due = due_entries(session)
-    if not due:
-        raise RigInputError(f"{session.path}: every trial of its plan is there; nothing to resume")
-    rig, permission = session_rig(session), options.permission
-    require_permission(rig, backend.capabilities, permission, options.predict is not None)
-    config = permission.applied_to(rig.config) if permission is not None else rig.config
-    if options.predict is not None:
-        for profile in {entry.condition: entry.profile for entry in due}.values():
-            dry_run(profile, config, options.predict)
-    last = max((trial.number for trial in session.trials), default=0)
-    if opened is not None:
-        opened(last)
-    backend.continue_after(last)
-    record_entries(session, backend, config, due, options, first_number=last + 1)
-    return session

@@ -1,7 +1,7 @@
 """Trial plans: which profile is played in which trial, in what order, with how much rest in between (TOML, checked).
 
 A plain number of trials is a plan of one unnamed condition. The order is drawn once, from the plan's seed, and written
-into ``session.toml``, from where an interrupted session is resumed (:mod:`rig.recording.recover`). Warm-up blows come
+into ``session.toml``, from where an interrupted session is resumed (:mod:`rig.recording.resume`). Warm-up blows come
 first, in the condition of the first trial; they are recorded and rejected.
 """
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from rig.backend import Backend, Block, Timing
-from rig.configuration.profile import MotorCommand
+from rig.configuration.motor_command import MotorCommand
 from rig.configuration.rig_file import RigConfig
 from rig.errors import HardwareFault, SamplesLost
 from rig.recording.options import Progress, RecordingOptions
@@ -145,7 +145,6 @@ def reason_of(error: BaseException) -> str:
 
 
 def close_journal(journal: JournalWriter, status: str, reason: str) -> BaseException | None:
-    """Close a journal; return what prevented it."""
     try:
         journal.close(status, reason)
     except Exception as failure:

@@ -45,13 +45,7 @@ class Permission:
 
 
 def confirm(rig: Rig, address: str, *, yes: bool, ask: Callable[[str], str | None] | None) -> str:
-    """Have the operator confirm that the motor may move; return how.
-
-    Parameters
-    ----------
-    yes : ``--yes`` was given; counts only where ``safety.allow_yes`` of the rig file is true
-    ask : shows a question and returns what was typed; None, or one that returns None, when nobody can be asked
-    """
+    """Have the operator confirm that the motor may move, and return how: ``typed``, or ``--yes`` where that may be."""
     name = rig.config.name
     if yes:
         if not rig.config.safety.allow_yes:

@@ -220,7 +220,6 @@ def _shift_origin(coefficient: Array, frequency_hz: float, middle_s: float) -> A
 
 
 def _to_polar(coefficient: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Amplitude and phase of ``a cos(ωt + φ)`` from cosine and sine coefficients."""
     c, s = coefficient[1::2], coefficient[2::2]
     return tuple(float(v) for v in np.hypot(c, s)), tuple(float(v) for v in np.arctan2(-s, c))
 

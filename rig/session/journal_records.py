@@ -69,7 +69,7 @@ def bytes_per_sample(head: TrialHead) -> int:
     return 8 * (2 + ENCODERS + 1 + len(head.channels))
 
 
-def encode_record(kind: int, sequence: int, first_sample: int, n: int, payload: bytes) -> bytes:
+def encode(kind: int, sequence: int, first_sample: int, n: int, payload: bytes) -> bytes:
     fixed = _FIXED.pack(MAGIC, kind, sequence, first_sample, n, len(payload))
     return fixed + _CRC.pack(zlib.crc32(payload, zlib.crc32(fixed))) + payload
 
@@ -154,13 +154,11 @@ def _scan_rest(stream: BinaryIO) -> tuple[int, bool]:
 
 
 def scan_journal(path: Path) -> Journal:
-    """Check a journal file; raises RigInputError only when the file itself cannot be read."""
     with translate_os_error(path, "read"), path.open("rb") as stream:
         return scan(stream)
 
 
 def stored_blocks(path: Path, scanned: Journal) -> Iterator[Block]:
-    """Yield the blocks of a journal that was scanned, one at a time; raises as :func:`scan_journal`."""
     with translate_os_error(path, "read"), path.open("rb") as stream:
         yield from decode_blocks(stream, scanned)
 

@@ -25,16 +25,7 @@ from rig import platform_calls
 from rig.atomic_write import translate_os_error
 from rig.backend import Block
 from rig.errors import RecordingFault, RigInputError, is_defect
-from rig.session.journal_records import (
-    BLOCK,
-    COMMAND,
-    END,
-    HEAD,
-    OVERHEAD,
-    bytes_per_sample,
-    encode_block,
-    encode_record,
-)
+from rig.session.journal_records import BLOCK, COMMAND, END, HEAD, OVERHEAD, bytes_per_sample, encode, encode_block
 from rig.session.trial_head import TrialHead
 
 PATIENCE_S = 0.05  # between two looks at what waits to be written
@@ -105,9 +96,7 @@ class JournalWriter:
         return self._synced
 
     def append(self, block: Block) -> int:
-        """Queue the next block and wait 50 ms at most; return the samples committed, or raise what the writer failed
-        with.
-        """
+        """Queue the next block, wait 50 ms for it at most, and return the number of samples committed."""
         n = block.force_n.size
         if block.first_sample != self._samples:
             raise RecordingFault(
@@ -148,12 +137,11 @@ class JournalWriter:
         self._raise_error()
 
     def remove(self) -> None:
-        """Delete the journal of a trial that is sealed, or has no sample."""
         platform_calls.remove(self.path)
 
     def _record(self, kind: int, n: int, payload: bytes, first_sample: int = 0) -> bytes:
         """Bytes of the next record, of ``n`` samples; the sequence number goes on."""
-        record = encode_record(kind, self._sequence, first_sample, n, payload)
+        record = encode(kind, self._sequence, first_sample, n, payload)
         self._sequence += 1
         return record
 

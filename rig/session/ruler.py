@@ -75,13 +75,7 @@ class SmoothCurve:
 
 
 def fit_smooth(places: Array, height: Array) -> SmoothCurve:
-    """Fit a monotone smoothing spline whose stretch and stiffness predict points left out best; else go through all.
-
-    Parameters
-    ----------
-    places : (p,), rising; p from 4
-    height : (p,), rising or falling with the places
-    """
+    """Fit a monotone smoothing spline whose stretch and stiffness predict points left out best; else go through all."""
     share = (places - places[0]) / (places[-1] - places[0])
     sense = np.sign(height[-1] - height[0])
     best, least = None, np.inf
@@ -208,18 +202,12 @@ class Position:
 
     @property
     def travel_m(self) -> float:
-        """Length of the ruler, m."""
         return float(np.ptp(np.array(self.ruler.displacement_m)))
 
 
 @lru_cache(maxsize=16)
 def ruler_curve(ruler: RulerInfo, where: str = "ruler") -> RulerCurve:
-    """Fit the monotone curve of displacement, m, over readings of a position sensor; refuse points that go back.
-
-    Parameters
-    ----------
-    where : the channel, for messages
-    """
+    """Fit the monotone curve of displacement, m, over readings of a position sensor; refuse points that go back."""
     reading, displacement = np.array(ruler.reading), np.array(ruler.displacement_m)
     sense = 1.0 if reading[-1] > reading[0] else -1.0
     allowed = 2.0 * np.sqrt(2.0) * ruler.u_reading
@@ -248,14 +236,7 @@ def _pool_neighbours(reading: Array, displacement: Array) -> tuple[Array, Array]
 
 
 def position_of(name: str, ruler: RulerInfo, time_s: Array, reading: Array, u_noise: float) -> Position:
-    """Return the displacement, m, that a position sensor's readings mean, with its uncertainties and flags.
-
-    Parameters
-    ----------
-    name : of the channel
-    time_s, reading : (n,), sample times, s, and readings in the unit of the ruler's points
-    u_noise : standard deviation of a reading's noise, same unit
-    """
+    """Return the displacement, m, with uncertainties and flags, that readings (n,) with noise ``u_noise`` mean."""
     curve = ruler_curve(ruler, name)
     beyond = max(CLIP_NOISE * u_noise, 2.0 * ruler.u_reading)
     flag = np.zeros(reading.size, dtype=np.uint8)

@@ -82,7 +82,6 @@ class _Patient(io.RawIOBase):
         return self._stream.readinto(buffer) or 0
 
     def seek(self, offset: int, whence: int = 0) -> int:
-        """Move to a position."""
         return self._stream.seek(offset, whence)
 
     def tell(self) -> int:

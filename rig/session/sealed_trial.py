@@ -5,11 +5,6 @@ unit and the SHA-256 of its bytes; the root carries the SHA-256 of all content, 
 results. HDF5's own bookkeeping, such as the attributes of dimension scales, is not in it: it covers only what is
 written through :class:`Content`, in the order of names, whatever the order of writing. A truncated or altered file is
 refused.
-
-Codes of the analog-to-digital converter behind a force channel are stored where its readings give whole codes again by
-the polynomial with which the driver says that it scales them: then they are the converter's, to the last bit, and a
-stuck bit, a missing code or the end of the range shows in them. Where they do not, the driver has done more than it
-states (a nulled bridge, a filter), and the sample has no code.
 """
 
 from __future__ import annotations
@@ -28,30 +23,10 @@ from numpy.typing import NDArray
 
 from rig import platform_calls
 from rig.errors import RigInputError, refuse
+from rig.session.converter_codes import NO_CODE, force_codes
 from rig.session.info import NO_FORCE, ChannelInfo, EncoderInfo, ForceInfo
 from rig.session.seal import CONTENT, array_sha256, file_state, open_sealed, write_sealed
 from rig.session.trial_data import CameraInfo, TrialData
-
-NO_CODE = -(2**31)  # in place of a code that is not whole
-WHOLE = 0.02  # largest distance from a whole number, codes
-_STEPS = 6  # of Newton's method: digits double with each
-
-
-def force_codes(reading: NDArray[np.float64], info: ForceInfo) -> NDArray[np.int64]:
-    """Return the converter's code of each electrical reading (n,), ``NO_CODE`` where there is none."""
-    volts = np.asarray(reading, dtype=np.float64) * info.volts_per_unit
-    gain = info.device_scaling[1] if len(info.device_scaling) > 1 else 0.0
-    if gain == 0.0:
-        return np.full(volts.shape, NO_CODE, dtype=np.int64)
-    scaling = np.polynomial.Polynomial(info.device_scaling)
-    slope = scaling.deriv()
-    with np.errstate(all="ignore"):
-        code = (volts - info.device_scaling[0]) / gain
-        for _ in range(_STEPS if len(info.device_scaling) > 2 else 0):
-            code = code - (scaling(code) - volts) / slope(code)
-        whole = np.rint(code)
-        known = np.isfinite(code) & (np.abs(code - whole) <= WHOLE) & (np.abs(whole) < 2**31)
-    return np.where(known, np.where(known, whole, 0.0), NO_CODE).astype(np.int64)
 
 
 class Content:
@@ -62,14 +37,12 @@ class Content:
         self._arrays: dict[str, str] = {}
 
     def describe(self, node: h5py.Group | h5py.Dataset, **attributes: Any) -> None:
-        """Write attributes of a group, a dataset or the file."""
         target, hashed = node.attrs, self._attributes.setdefault(_name(node), {})
         for key, value in attributes.items():
             target[key] = value
             hashed[key] = array_sha256(np.asarray(value))
 
     def dataset(self, group: h5py.Group, name: str, values: NDArray[Any], /, **attributes: Any) -> h5py.Dataset:
-        """Write an array with its attributes."""
         dataset = group.create_dataset(name, data=values)
         self._arrays[_name(dataset)] = array_sha256(values)
         self.describe(dataset, **attributes)
@@ -113,19 +86,8 @@ def write_trial(path: Path, data: TrialData) -> str:
 
 
 def write_trial_parts(path: Path, about: TrialData, n_samples: int, parts: Iterable[TrialData]) -> str:
-    """Write and seal one trial whose samples come in parts, so that a long one never is in memory as a whole.
-
-    Parameters
-    ----------
-    path : an existing file is never replaced
-    about : all that is not samples; its arrays count for their columns only
-    n_samples : samples of all parts
-    parts : successive parts; only their arrays are read
-
-    Returns
-    -------
-    str
-        The seal (SHA-256), the same however the samples were divided.
+    """Write and seal one new trial from successive parts, ``n_samples`` in all, whose arrays alone are read; return the
+    seal. ``about`` is all else of it.
     """
     if path.exists():
         raise RigInputError(f"{path}: exists already; a sealed trial is never replaced")

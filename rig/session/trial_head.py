@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.backend import Block, Timing
-from rig.configuration.profile import MotorCommand
+from rig.configuration.motor_command import MotorCommand
 from rig.configuration.rig_file import CameraConfig, RigConfig
 from rig.errors import HardwareFault
 from rig.session.annotation_file import utc_now

@@ -36,12 +36,15 @@ from rig.configuration.rig_file import RigConfig
 from rig.daq import NidaqmxBackend
 from rig.errors import RigInputError
 from rig.simulated.bench.bench_time import BenchTime, PacedClock, VirtualClock
-from rig.simulated.bench.parts_alone import make_felt_plant, make_pose_plant, make_swing_plant
+from rig.simulated.bench.felt_plant import make_felt_plant
 from rig.simulated.bench.plant import load_plant
 from rig.simulated.bench.plant_protocol import Plant, read_bench
+from rig.simulated.bench.pose_plant import make_pose_plant
 from rig.simulated.bench.sensors import SensorSet, load_sensors
+from rig.simulated.bench.swing_plant import make_swing_plant
 from rig.simulated.bench.wiring import Wiring, plant_wiring_faults, usual_wiring
-from rig.simulated.device.state import DeviceState, FaultPlan, parse_faults
+from rig.simulated.device.faults import parse_faults
+from rig.simulated.device.state import DeviceState, FaultPlan
 from rig.simulated.product import PRODUCTS, Inventory
 from rig.simulated.rpc.messages import CALLS
 from rig.simulated.rpc.service import Service, in_process_channel

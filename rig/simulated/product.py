@@ -107,10 +107,7 @@ def number_channels(prefix: str, count: int, kind: Kind, resource: str) -> tuple
 CDAQ_9189 = Product(
     name="cDAQ-9189",
     counter_pins={
-        "Mod4": CounterPins(
-            source=("PFI0", "PFI4", "PFI3", "PFI7"),
-            auxiliary=("PFI2", "PFI6", "PFI0", "PFI4"),
-        )
+        "Mod4": CounterPins(source=("PFI0", "PFI4", "PFI3", "PFI7"), auxiliary=("PFI2", "PFI6", "PFI0", "PFI4"))
     },
     modules=(("Mod1", "NI 9237"), ("Mod2", "NI 9263"), ("Mod3", "NI 9411"), ("Mod4", "NI 9401")),
     channels=(
@@ -197,10 +194,7 @@ PCI_6034E = Product(
 PCI_6602 = Product(
     name="PCI-6602",
     rtsi=True,
-    channels=(
-        *number_channels("ctr", 8, "counter", "ctr"),
-        *number_channels("port0/line", 32, "static_line", "line"),
-    ),
+    channels=(*number_channels("ctr", 8, "counter", "ctr"), *number_channels("port0/line", 32, "static_line", "line")),
     terminals=(r"PFI([12][0-9]|3[0-9]|[0-9])", r"RTSI[0-6]"),
     counter_timebase_hz=80e6,
     counter_pins={
@@ -301,11 +295,9 @@ class Inventory:
         return self.name + relative if relative.startswith("Mod") else f"{self.name}/{relative}"
 
     def devices(self) -> dict[str, str]:
-        """Return product types by name, of all devices and modules."""
         return {name: kind for one in (self, *self._others) for name, kind in one.own_devices().items()}
 
     def own_devices(self) -> dict[str, str]:
-        """Return product types by device name: the card, or the chassis and its modules."""
         modules = {self.full_name(name): kind for name, kind in self.product.modules}
         return {self.name: self.product.name, **modules}
 
@@ -327,7 +319,6 @@ class Inventory:
         return relative if owner is self or relative.startswith("/") else "/" + owner.full_name(relative)
 
     def are_linked(self, one: Inventory, other: Inventory) -> bool:
-        """Whether two devices can route clocks and triggers to each other without a wire of the lab's own."""
         return one is other or {one.name, other.name} <= self._linked
 
     def channel(self, name: str, kind: Kind) -> PhysicalChannel:
@@ -346,7 +337,6 @@ class Inventory:
         return channel
 
     def names(self, *kinds: Kind) -> list[str]:
-        """Return the full names of all channels of these kinds."""
         return [channel.name for channel in self._channels.values() if channel.kind in kinds]
 
     def lines(self, text: str) -> list[PhysicalChannel]:
@@ -374,7 +364,6 @@ class Inventory:
         return f"{module}/{found}" if module and found else found
 
     def line(self, name: str) -> PhysicalChannel:
-        """Return one digital line by its full name."""
         return self._channels[name.lower()]
 
     def terminal(self, name: str, *, output: bool = False) -> str:

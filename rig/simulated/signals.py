@@ -18,7 +18,6 @@ from rig.simulated.status import Code, DaqStatusError
 
 
 def pulse_train(task: SimulatedTask) -> PulseTrain:
-    """Return the pulses a counter output generates from the moment it became live."""
     settings, pulses = task.channels[0].settings, task.pulses
     rate_hz = settings["pulse_hz"] * pulses.drift
     first_s = task.progress.live_since_s + settings["delay_s"] / pulses.drift
@@ -72,7 +71,6 @@ def edges_passed(device: DeviceState, terminal: str, edge: NDArray[np.int64]) ->
 
 
 def edges_now(device: DeviceState, terminal: str) -> int:
-    """Return how many rising edges have passed on a terminal so far."""
     return int(edges_passed(device, terminal, np.array([device.bench.edge]))[0])
 
 
@@ -167,7 +165,6 @@ def latch_now(device: DeviceState, task: SimulatedTask) -> NDArray[np.float64]:
 
 
 def set_outputs(device: DeviceState, task: SimulatedTask, row: NDArray[np.float64]) -> None:
-    """Set a task's outputs, V per channel or levels per line."""
     if task.type == "AO":
         device.output_v.update({c.physical.name: float(row[i]) for i, c in enumerate(task.channels)})
     else:

@@ -103,7 +103,6 @@ def _find_engine(device: DeviceState, terminal: str, visited: set[str]) -> Engin
 
 
 def await_trigger(device: DeviceState, task: SimulatedTask) -> None:
-    """Let a task wait for the next edge on its trigger's terminal."""
     task.progress.trigger_edges = edges_now(device, task.triggers.begin)
 
 
@@ -174,7 +173,6 @@ def edges_to_trigger(device: DeviceState) -> float:
 
 
 def check_triggers(device: DeviceState) -> None:
-    """Start what waited for an edge that has come."""
     for task in _waiting(device):
         if edges_now(device, task.triggers.begin) > task.progress.trigger_edges:
             go_live(device, task)
@@ -349,7 +347,6 @@ def _edges_of_timeout(device: DeviceState, timeout_s: float) -> int:
 
 
 def let_pass(device: DeviceState, duration_s: float) -> None:
-    """Let a time pass whether or not anything runs, e.g. that of a call on a slow network."""
     clock = device.bench.clock
     end_s = clock.now_s + duration_s
     advance(device, int(duration_s * device.bench.rate_hz))

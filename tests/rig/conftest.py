@@ -19,7 +19,7 @@ import pytest
 from rig import Profile, Rig, RigConfig, Session, load_rig, parse_profile, parse_rig
 from rig import record as record_session
 from rig.daq import nidaqmx_backend
-from rig.session.journal_records import END, encode_record, read_records
+from rig.session.journal_records import END, encode, read_records
 from rig.session.journal_writer import JournalWriter
 from rig.simulated.backend import DEFAULT_BENCH, SimulatedBackend, build_device
 from rig.simulated.bench.plant_protocol import PlantBlock
@@ -261,9 +261,7 @@ def died_then(tmp_path: Path) -> Any:
         shutil.copytree(folder, target)
         journal = target / f"trial_{number:04d}.journal"
         open_records = [r for r in read_records(io.BytesIO(journal.read_bytes())) if r.kind != END]
-        journal.write_bytes(
-            b"".join(encode_record(r.kind, r.sequence, r.first_sample, r.n, r.payload) for r in open_records)
-        )
+        journal.write_bytes(b"".join(encode(r.kind, r.sequence, r.first_sample, r.n, r.payload) for r in open_records))
         (target / f"trial_{number:04d}.h5").unlink()
         return target
 

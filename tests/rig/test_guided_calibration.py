@@ -29,7 +29,7 @@ from rig.calibration.load_cell import (
 )
 from rig.configuration.rig_file_edit import change_table
 from rig.simulated.backend import DEFAULT_BENCH
-from rig.simulated.bench.parts_alone import SwingPlant
+from rig.simulated.bench.swing_plant import SwingPlant
 from tests.command_line import run
 
 ANGLES = (-0.04, -0.03, -0.02, -0.01, 0.0)

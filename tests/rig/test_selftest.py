@@ -169,7 +169,8 @@ def test_a_watchdog_that_does_not_run_is_found(run) -> None:
 
 
 def test_a_fault_of_the_hardware_is_a_finding_and_the_test_goes_on(run, assert_safe) -> None:
-    from rig.simulated.device.state import FaultPlan, parse_faults
+    from rig.simulated.device.faults import parse_faults
+    from rig.simulated.device.state import FaultPlan
 
     def plant(device) -> None:
         device.faults = FaultPlan(parse_faults("overwrite@2/0.5"))

@@ -31,7 +31,6 @@ class VirtualClock:
 
     @property
     def now_s(self) -> float:
-        """Time since the clock was made, s."""
         return self._now_s
 
     @property
@@ -101,7 +100,6 @@ class PulseTrain:
     high_s: float
 
     def count_edges(self, time_s: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return how many rising edges have passed by each time."""
         edges = np.floor((time_s - self.first_s) * self.rate_hz + 1e-9) + 1
         return np.asarray(np.clip(edges, 0, self.count), dtype=np.int64)
 
@@ -125,12 +123,10 @@ PRESS_N = 2.5  # at the arm's tip: a gentle hand
 
 
 def press_n(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the force of the operator at the arm's tip, N."""
     return np.interp(time_s, PRESS_S, (0.0, PRESS_N, PRESS_N, 0.0))
 
 
 def is_arm_lifted(time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return when the arm is off the key."""
     return (time_s >= LIFTED_S[0]) & (time_s < LIFTED_S[1])
 
 
@@ -210,12 +206,10 @@ class BenchTime:
 
     @property
     def rate_hz(self) -> float:
-        """Rate of the edges, Hz."""
         return self.plant.sample_rate_hz
 
     @property
     def now_s(self) -> float:
-        """Time since the trial began, s."""
         return self.edge / self.rate_hz
 
     def begin(self, trial: int, rate_hz: float, *, by_operator: bool = False, by_pianist: bool = False) -> None:

@@ -51,7 +51,6 @@ class PlantTruth(ArrayRecord):
     coordinates: tuple[str, ...] = ()
 
     def column(self, coordinate: str) -> NDArray[np.float64]:
-        """One coordinate over time, (n,)."""
         return self.angle_rad[:, self.coordinates.index(coordinate)]
 
     def angles_at(self, time_s: ArrayLike) -> NDArray[np.float64]:
@@ -238,10 +237,5 @@ def load_plant(
         if key != "motor_gain":
             action[key]  # an unknown path is refused here, before anything moves
     return ActionPlant(
-        action,
-        choice,
-        float(torque),
-        scatter,
-        int(bench.get("seed", 0)) if seed is None else int(seed),
-        sample_rate_hz,
+        action, choice, float(torque), scatter, int(bench.get("seed", 0)) if seed is None else int(seed), sample_rate_hz
     )

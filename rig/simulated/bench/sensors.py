@@ -44,7 +44,6 @@ class DelayLine:
 
 
 def quantise(values: NDArray[np.float64], half_range: float, bits: int) -> NDArray[np.float64]:
-    """Clip to ±half_range and round to the converter's steps."""
     step = 2 * half_range / 2**bits
     return np.clip(np.rint(values / step), -(2 ** (bits - 1)), 2 ** (bits - 1) - 1) * step
 
@@ -120,9 +119,7 @@ def load_sensors(bench: Path | Mapping[str, Any], *, seed: int | None = None) ->
     tables = toml_file.check(_BenchTables, data, where)
     encoders = tables.encoders
     return SensorSet(
-        tables.force_sensor,
-        (encoders.key, encoders.whippen, encoders.hammer),
-        tables.seed if seed is None else seed,
+        tables.force_sensor, (encoders.key, encoders.whippen, encoders.hammer), tables.seed if seed is None else seed
     )
 
 

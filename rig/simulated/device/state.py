@@ -1,14 +1,11 @@
-"""The state of the virtual device: tasks, reservations, outputs, faults, watchdogs, and the bench it is wired to.
+"""The state of the virtual device: tasks, outputs, watchdog timers, planted faults, and the bench it is wired to.
 
 Faults are what goes wrong in a lab, on demand, by time or by call. The service asks the plan before each call; passing
-time lets it change what stands at the sensors' terminals. Faults are written ``KIND@TRIAL/SECONDS``,
-``KIND:BODY@TRIAL/SECONDS`` or ``KIND@CALL#NUMBER``, several with commas, in the option ``fault`` of a ``sim://``
-address; e.g. ``sim://?fault=stuck:hammer@2/0.4,reserved@TaskControl%231``.
+time lets it change what stands at the sensors' terminals.
 """
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -16,60 +13,19 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import RigInputError
-from rig.simulated import daqmx
 from rig.simulated.bench.bench_time import BenchTime
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES
 from rig.simulated.bench.wiring import Wiring
+from rig.simulated.device.faults import CAMERA, CELL, LASTING, SCALE, SENSORS, STATUS, Fault
+from rig.simulated.device.reservations import Reservations
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.product import Inventory
 from rig.simulated.status import Code, DaqStatusError, ServerGone
 
-STATUS = {
-    "overwrite": Code.SAMPLES_NO_LONGER_AVAILABLE,
-    "timeout": Code.SAMPLES_NOT_YET_AVAILABLE,
-    "underrun": Code.GEN_STOPPED_TO_PREVENT_REGEN_OF_OLD_SAMPLES,
-    "reserved": Code.PAL_RESOURCE_RESERVED,
-    "device-lost": Code.DEV_CANNOT_BE_ACCESSED,
-}
-LASTING = ("device-lost", "server-gone", "underrun")
-CELL = ("bridge-open", "saturated", "silent")
-SCALE = ("stuck", "miscount")
-CAMERA = ("dropped",)
-SENSORS = (*CELL, *SCALE, *CAMERA)
-KINDS = (*STATUS, "server-gone", *SENSORS)
 DROPPED_FRAMES = 5  # by the fault of that name: choice
 LOST_COUNTS = 300  # as above
 OPEN_MV_PER_V = 1e4  # beyond any range
 SILENT_NOISE_MV_PER_V = 3e-4  # of the amplifier alone: choice
-_FORM = re.compile(r"([a-z-]+)(?::([a-z]+))?@(?:(\d+)/(\d+(?:\.\d+)?)|([A-Za-z0-9]+)#(\d+))")
-
-
-@dataclass(frozen=True)
-class Fault:
-    """One fault: from ``at_s`` of trial ``trial`` on, or from the ``number``-th call named ``call`` on."""
-
-    kind: str
-    body: str = ""
-    trial: int = 0
-    at_s: float = 0.0
-    call: str = ""
-    number: int = 0
-
-
-def parse_faults(text: str) -> tuple[Fault, ...]:
-    """Read faults from text; raises RigInputError in one line."""
-    faults = []
-    for part in filter(None, text.split(",")):
-        match = _FORM.fullmatch(part)
-        kind, body, trial, at_s, call, number = match.groups() if match else ("",) * 6  # groups of `_FORM`
-        if match is None or kind not in KINDS or (kind in SCALE) != (body in ENCODED_BODIES):
-            raise RigInputError(
-                f"fault {part!r}: write KIND@TRIAL/SECONDS or KIND@CALL#NUMBER with a kind of {', '.join(KINDS)}, "
-                f"and :BODY ({', '.join(ENCODED_BODIES)}) behind {' and '.join(SCALE)}"
-            )
-        faults.append(Fault(kind, body or "", int(trial or 0), float(at_s or 0), call or "", int(number or 0)))
-    return tuple(faults)
 
 
 class FaultPlan:
@@ -149,63 +105,6 @@ class FaultPlan:
                 else:
                     counts[after, column] -= LOST_COUNTS
         return cell, counts
-
-
-class Reservations:
-    """Resources of one device and the tasks that have reserved them."""
-
-    def __init__(self, inventory: Inventory) -> None:
-        self._inventory = inventory
-        self._reserved: dict[str, str] = {}
-
-    def needed_resources(self, task: SimulatedTask) -> list[str]:
-        """Return the hardware a task needs for itself; refuses terminals not set, or of no linked device."""
-        owner = self._inventory.owner_of(task.channels[0].physical.name) if task.channels else self._inventory
-        source = task.clock.source if task.clock is not None else ""
-        for route in filter(None, (source, task.triggers.start, task.triggers.arm_start)):
-            origin = self._inventory.owner_of(route) if route.startswith("/") else self._inventory
-            if not self._inventory.are_linked(origin, owner):  # no cable carries it here
-                detail = f"Task: {task.name}: {route} of {origin.name} to {owner.name}"
-                raise DaqStatusError(Code.TRIG_LINE_NOT_FOUND_ROUTING, detail)
-        if task.type == "DO":
-            needed = [self._inventory.line(line).resource for line in task.lines]
-        else:
-            needed = [channel.physical.resource for channel in task.channels]
-        multiplexed = task.type == "AI" and not owner.product.chassis  # one converter, also on demand
-        if (task.clock is not None and task.type in ("AI", "AO")) or multiplexed:
-            needed.append(f"{task.type} timing engine")
-        if (
-            task.setting("Trig", "", daqmx.ARM_START_TRIG_TYPE, daqmx.NO_TRIGGER) != daqmx.NO_TRIGGER
-            and not task.triggers.arm_start
-        ):
-            raise DaqStatusError(
-                Code.INVALID_ROUTING_SOURCE_TERMINAL_NAME_ROUTING,
-                f"Task: {task.name}: arm start trigger without a source",
-            )
-        for channel in task.channels:
-            if task.type == "CI" and "decoding_type" in channel.settings:
-                for terminal in (daqmx.CI_ENCODER_A_INPUT_TERM, daqmx.CI_ENCODER_B_INPUT_TERM):
-                    self._inventory.terminal(task.setting("Chan", channel.name, terminal, ""))
-            if task.type == "CO" and (named := task.setting("Chan", channel.name, daqmx.CO_PULSE_TERM, "")):
-                relative = self._inventory.own_name(self._inventory.terminal(named, output=True))
-                # on the 9401 a terminal and a line of the same number are one pin
-                needed.append("pin4." + relative[-1] if relative.startswith("Mod4") else "PFI " + relative)
-        return needed if owner is self._inventory else [f"{owner.name}: {resource}" for resource in needed]
-
-    def reserve(self, task: SimulatedTask) -> None:
-        """Reserve all a task needs, or nothing."""
-        needed = self.needed_resources(task)
-        for resource in needed:
-            holder = self._reserved.get(resource)
-            if holder not in (None, task.name):
-                raise DaqStatusError(Code.PAL_RESOURCE_RESERVED, f"Resource: {resource}, held by task {holder}")
-        self._reserved.update(dict.fromkeys(needed, task.name))
-
-    def is_reserved(self, resource: str) -> bool:
-        return resource in self._reserved
-
-    def release(self, task: SimulatedTask) -> None:
-        self._reserved = {key: holder for key, holder in self._reserved.items() if holder != task.name}
 
 
 @dataclass(eq=False)

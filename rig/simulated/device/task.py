@@ -44,7 +44,6 @@ class InputBuffer:
 
     @property
     def available(self) -> int:
-        """Samples per channel waiting to be read."""
         return self.acquired - self.read
 
     def append(self, values: NDArray[np.float64]) -> None:
@@ -75,7 +74,6 @@ class OutputBuffer:
 
     @property
     def n_written(self) -> int:
-        """Samples per channel written."""
         return 0 if self.samples is None else self.samples.shape[0]
 
 
@@ -171,17 +169,14 @@ class SimulatedTask:
         self.channels.append(channel)
 
     def refuse_while_running(self) -> None:
-        """Raise the driver's status for what cannot be done to a running task."""
         if self.state == "running":
             raise DaqStatusError(Code.CAN_NOT_PERFORM_OP_WHILE_TASK_RUNNING, f"Task: {self.name}")
 
     def setting(self, category: str, channel: str, number: int, default: Any) -> Any:
-        """Return a property that was set, or ``default``."""
         return self.properties.get((category, channel, number), default)
 
     @property
     def is_finite(self) -> bool:
-        """Whether a set number of samples is acquired or generated."""
         return self.clock is not None and self.clock.mode == daqmx.FINITE
 
     @property
@@ -217,7 +212,6 @@ class SimulatedTask:
 
     @property
     def total_samples(self) -> int:
-        """Samples per channel acquired or generated since the start."""
         return self.buffer.acquired if self.buffer is not None else self.output.generated
 
     @property

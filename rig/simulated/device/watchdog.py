@@ -124,7 +124,6 @@ def refuse_locked(device: DeviceState, call: str) -> None:
 
 
 def refuse_expired(device: DeviceState, task: SimulatedTask) -> None:
-    """Refuse to write to an output that an expired timer controls."""
     for channel in task.channels:
         if any(timer.controls(channel.physical.name) for timer in device.watchdogs.values()):
             raise DaqStatusError(

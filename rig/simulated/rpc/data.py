@@ -18,7 +18,6 @@ MOST_VALUES = 2**26  # values one call may move
 
 
 def _refuse_other_type(task: SimulatedTask, type_: str) -> None:
-    """Refuse to read or write a task of another type than the call moves."""
     if task.type != type_:
         code = Code.PHYS_CHAN_OUTPUT_TYPE if type_ in ("AO", "DO") else Code.PHYS_CHAN_MEAS_TYPE
         raise DaqStatusError(code, f"Task: {task.name} is {task.type}")

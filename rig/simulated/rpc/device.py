@@ -6,12 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from rig.simulated.device.state import DeviceState
-from rig.simulated.device.watchdog import (
-    control_watchdog,
-    set_expiration_level,
-    set_expiration_volts,
-    watchdog_timer,
-)
+from rig.simulated.device.watchdog import control_watchdog, set_expiration_level, set_expiration_volts, watchdog_timer
 from rig.simulated.driver import create_task, create_watchdog_task, reset_device
 from rig.simulated.product import Inventory, Kind, channel_names
 from rig.simulated.rpc.messages import Fields, Property, enum, open_session
@@ -93,7 +88,6 @@ def open_task(device: DeviceState, request: Any) -> Fields:
 
 
 def open_watchdog(device: DeviceState, request: Any) -> Fields:
-    """Make the task of a watchdog timer, or attach to it."""
     _refuse_other_device(device, request.device_name)
     name, timeout_s = request.session_name, request.timeout
     return open_session(device, request, lambda: create_watchdog_task(device, name, timeout_s, request.device_name))
@@ -129,7 +123,6 @@ def set_line_states(device: DeviceState, request: Any) -> None:
 
 
 def control_timer(device: DeviceState, request: Any) -> None:
-    """Reset a watchdog timer, or clear its expiration."""
     control_watchdog(device, watchdog_timer(device, request.task.name), enum(request, "action"))
 
 

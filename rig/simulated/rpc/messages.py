@@ -55,7 +55,6 @@ def attribute_fields(call: str, value: Any) -> dict[str, Any]:
 
 
 def property_number(category: str, name: str) -> int:
-    """Return the driver's number of a property, e.g. of ``SAMP_CLK_RATE`` in category ``Timing``."""
     return int(getattr(nidaqmx_pb2, f"{_prefix(category)}{name}"))
 
 
@@ -81,7 +80,6 @@ def refuse_not_finite(request: Any) -> None:
 
 
 def enum(request: Any, field: str) -> int:
-    """Return an enumeration field, given as the enumeration or as a raw number."""
     return int(getattr(request, field + "_raw") or getattr(request, field))
 
 
@@ -94,7 +92,6 @@ def refuse_falling_edge(request: Any, field: str) -> None:
 
 
 def attribute_value(request: Any) -> Any:
-    """Return the value of a Set…Attribute request, given as such or as a raw number."""
     names = {field.name for field in request.DESCRIPTOR.fields}
     if "value_raw" in names and request.WhichOneof("value_enum") != "value":
         return request.value_raw

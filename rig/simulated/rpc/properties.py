@@ -48,7 +48,6 @@ def find_channels(task: SimulatedTask, name: str) -> list[Channel]:
 
 
 def sample_rate(device: DeviceState, task: SimulatedTask) -> float:
-    """Rate of the sample clock after coercion, Hz."""
     if task.clock is None:
         raise Unsupported(f"Task: {task.name} has no sample clock")
     return task.clock.rate_hz
@@ -138,7 +137,6 @@ def check_terminal(device: DeviceState, channel: Channel, value: str) -> None:
 
 
 def check_output_terminal(device: DeviceState, channel: Channel, value: str) -> None:
-    """Refuse a terminal through which no signal leaves."""
     device.inventory.terminal(value, output=True)
 
 
@@ -152,7 +150,6 @@ def accept_any(*anything: object) -> None:
 
 
 def check_arm_type(device: DeviceState, value: int) -> None:
-    """Refuse an arm start trigger that is no digital edge."""
     require_one_of(value, (daqmx.DIGITAL_EDGE, daqmx.NO_TRIGGER), "Arm start trigger type")
 
 

@@ -145,7 +145,6 @@ class InProcessError(grpc.RpcError):
         self._code, self._details, self._metadata = code, details, metadata
 
     def code(self) -> grpc.StatusCode:
-        """Return the gRPC status."""
         return self._code
 
     def details(self) -> str:

@@ -34,7 +34,7 @@ def put_folder(path: Path) -> None:
 def put_derived_table(path: Path) -> None:
     import pandas as pd
 
-    from rig.session.folder import write_table
+    from rig.session.derived_table import write_table
 
     write_table(path, pd.DataFrame({"a": [1.0]}), {}, {})
 

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from rig import Block, ChannelInfo, MotorCommand, Session, Timing, load_rig, read_channels
-from rig.session.journal_records import BLOCK, COMMAND, HEAD, Journal, decode_blocks, encode_block, encode_record, scan
+from rig.session.journal_records import BLOCK, COMMAND, HEAD, Journal, decode_blocks, encode, encode_block, scan
 from rig.session.trial_head import TrialHead
 from tests.rig.foreign import tdms_bytes
 from tests.rig.fuzz.damage import Case, same_values
@@ -166,10 +166,10 @@ def journal_case(folder: Path) -> Case:
         Block(5 * k, np.arange(5.0) + k, np.arange(5.0) - k, counts * (k + 1), None, 0.1 * k + counts[:, :1])
         for k in range(8)
     ]
-    whole = encode_record(HEAD, 0, 0, 0, json.dumps(head.to_plain()).encode())
-    whole += encode_record(COMMAND, 1, 0, 10, np.zeros(10).tobytes())
+    whole = encode(HEAD, 0, 0, 0, json.dumps(head.to_plain()).encode())
+    whole += encode(COMMAND, 1, 0, 10, np.zeros(10).tobytes())
     for k, block in enumerate(blocks):
-        whole += encode_record(BLOCK, k + 2, block.first_sample, 5, encode_block(block))
+        whole += encode(BLOCK, k + 2, block.first_sample, 5, encode_block(block))
 
     def right(data: bytes, found: Any) -> None:
         for got, wanted in zip(found[1], blocks, strict=False):

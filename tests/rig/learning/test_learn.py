@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rig import InputError, Profile, Timing, TrialData, learn, make_target, motor_command, parse_profile
-from rig.learning import key_bottom
+from rig.learning.target_force import find_key_bottom
 from rig.session.trial_head import TrialHead
 
 RATE = 5000.0
@@ -162,7 +162,7 @@ def test_what_is_no_blow_is_refused(force: np.ndarray, arguments: dict, words: s
 def test_the_first_of_two_spikes_is_key_bottom() -> None:
     force = pianist()
     force[1000:1020] += 14 * (1 - np.abs(np.arange(20) - 10) / 10)
-    assert key_bottom(force, RATE) == pytest.approx(BOTTOM_S * RATE, abs=6)
+    assert find_key_bottom(force, RATE) == pytest.approx(BOTTOM_S * RATE, abs=6)
 
 
 def test_the_first_command_does_not_ring_with_the_recording() -> None:

@@ -31,7 +31,8 @@ from rig import record as record_session
 from rig import recover as recover_session
 from rig.session.journal_writer import JournalWriter
 from rig.simulated import SimulatedBackend
-from rig.simulated.device.state import FaultPlan, parse_faults
+from rig.simulated.device.faults import parse_faults
+from rig.simulated.device.state import FaultPlan
 from rig.simulated.device.watchdog import check_watchdogs
 from rig.simulated.driver import reset_device
 from rig.simulated.status import DaqStatusError, ServerGone

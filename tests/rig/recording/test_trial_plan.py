@@ -10,7 +10,7 @@ import pytest
 from rig import ActionInfo, InputError, NotPermitted, Session
 from rig import resume as resume_session
 from rig.configuration.toml_file import dump_toml
-from rig.recording.recover import due_entries
+from rig.recording.resume import due_entries
 from rig.recording.trial_plan import WARM_UP_REASON, parse_plan
 from tests.rig.fake_backend import FakeBackend
 from tests.rig.recording.test_recorder import stop_at

@@ -14,7 +14,8 @@ from rig import (
 from rig import (
     record as record_session,
 )
-from rig.simulated.device.state import FaultPlan, parse_faults
+from rig.simulated.device.faults import parse_faults
+from rig.simulated.device.state import FaultPlan
 
 
 @pytest.fixture

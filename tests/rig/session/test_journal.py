@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 from rig import Block, EncoderInfo, ForceInfo, HardwareFault, InputError, RecordingFault
 from rig.platform_calls import remove
-from rig.session.journal_records import BLOCK, COMMAND, END, HEAD, encode_block, encode_record, scan, scan_journal
+from rig.session.journal_records import BLOCK, COMMAND, END, HEAD, encode, encode_block, scan, scan_journal
 from rig.session.journal_writer import JournalWriter
 from rig.session.live_view import JournalFollower, SessionFollower
 from rig.session.trial_head import FrameClock, TrialHead
@@ -50,11 +50,11 @@ def blocks(n: int = 4, size: int = 5) -> list[Block]:
 
 
 def journal_bytes(ending: bool = True) -> bytes:
-    data = encode_record(HEAD, 0, 0, 0, json.dumps(head().to_plain()).encode())
-    data += encode_record(COMMAND, 1, 0, 3, head().command_v.tobytes())
+    data = encode(HEAD, 0, 0, 0, json.dumps(head().to_plain()).encode())
+    data += encode(COMMAND, 1, 0, 3, head().command_v.tobytes())
     for i, block in enumerate(blocks()):
-        data += encode_record(BLOCK, 2 + i, block.first_sample, block.force_n.size, encode_block(block))
-    return data + (encode_record(END, 6, 20, 0, b'{"status": "fault", "reason": "why"}') if ending else b"")
+        data += encode(BLOCK, 2 + i, block.first_sample, block.force_n.size, encode_block(block))
+    return data + (encode(END, 6, 20, 0, b'{"status": "fault", "reason": "why"}') if ending else b"")
 
 
 WHOLE = journal_bytes()
@@ -94,7 +94,7 @@ def test_what_is_written_is_read(tmp_path) -> None:
 @given(st.integers(0, len(WHOLE)), st.integers(0, 200))
 @example(1495, 2)
 def test_a_journal_cut_off_anywhere_gives_all_whole_blocks(cut, zeros) -> None:
-    size = len(encode_record(BLOCK, 0, 0, 5, encode_block(blocks()[0])))
+    size = len(encode(BLOCK, 0, 0, 5, encode_block(blocks()[0])))
     ends = [len(journal_bytes(ending=False)) - size * missing for missing in range(4)]
     data = WHOLE[:cut] + bytes(zeros)
     # zeros behind the cut may be the very bytes that were cut off: what counts is how far the file is as written
@@ -123,7 +123,7 @@ def test_anything_at_all_can_be_read(data) -> None:
 @pytest.mark.parametrize("payload", [b"[]", b"{}", b'{"number": 1}', b"\xff", b"1e999"])
 def test_whole_records_with_another_content_are_not_a_trial(payload) -> None:
     for size in (7, 8):
-        data = encode_record(HEAD, 0, 0, 0, payload) + encode_record(COMMAND, 1, 0, 0, bytes(size))
+        data = encode(HEAD, 0, 0, 0, payload) + encode(COMMAND, 1, 0, 0, bytes(size))
         assert scan(io.BytesIO(data)).head is None
 
 

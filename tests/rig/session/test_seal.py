@@ -22,7 +22,7 @@ import pandas as pd
 import pytest
 
 from rig import InputError, Trial, TrialData, platform_calls
-from rig.session.folder import read_table, write_table
+from rig.session.derived_table import read_table, write_table
 from rig.session.seal import MARK, content_sha256, has_seal, seal_again
 from rig.session.sealed_trial import read_status, read_trial, trial_problem, write_trial
 from tests.rig.session.test_sealed_trial import assert_same, trial

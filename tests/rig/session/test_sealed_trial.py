@@ -21,7 +21,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from rig import CameraInfo, EncoderInfo, ForceInfo, InputError, TrialData, load_rig, parse_rig
-from rig.session.sealed_trial import NO_CODE, force_codes, read_status, read_trial, write_trial
+from rig.session.converter_codes import NO_CODE, force_codes
+from rig.session.sealed_trial import read_status, read_trial, write_trial
 from tests.rig.lab_channels import READBACK
 
 ENCODERS = (

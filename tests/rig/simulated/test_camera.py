@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from rig.simulated import ActionGeometry, CameraSettings, FilmTruth, film_bodies, film_trial
 from rig.simulated.bench.camera import poses
-from rig.simulated.device.state import FaultPlan, parse_faults
+from rig.simulated.device.faults import parse_faults
+from rig.simulated.device.state import FaultPlan
 from vision import InputError, open_film
 from vision import track as track_film
 from vision.film.mraw import MrawFilm

@@ -11,12 +11,12 @@ import pytest
 import model
 from rig import InputError, RigInputError, load_profile, open_backend
 from rig.simulated.backend import DEFAULT_BENCH
-from rig.simulated.bench.parts_alone import make_swing_plant
 from rig.simulated.bench.plant import ActionPlant, PlantTruth, load_plant
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES, read_bench
 from rig.simulated.bench.sensors import (
     load_sensors,
 )
+from rig.simulated.bench.swing_plant import make_swing_plant
 
 
 def test_a_drive_beside_a_torque_per_volt_is_refused(tmp_path: Path) -> None:

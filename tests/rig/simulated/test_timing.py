@@ -12,7 +12,8 @@ from nidaqmx.errors import DaqError
 
 from rig import load_rig
 from rig.simulated.bench.bench_time import PacedClock
-from rig.simulated.device.state import FaultPlan, parse_faults
+from rig.simulated.device.faults import parse_faults
+from rig.simulated.device.state import FaultPlan
 
 CONTINUOUS = ni.AcquisitionType.CONTINUOUS
 

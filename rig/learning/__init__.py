@@ -1,0 +1,1 @@
+"""Profiles that reproduce a recorded force, by iterative learning control; force in N, positive downwards."""
