@@ -138,5 +138,5 @@ def test_five_frames_are_dropped_from_the_moment_on_wherever_blocks_end() -> Non
     count, time_s = np.arange(21), np.arange(21) / 1000.0
     for end in (7, 11, 14):  # 11: the moment is the last sample of its block
         plan = FaultPlan(parse_faults("dropped@1/0.01"))
-        parts = [plan.exposures(1, time_s[part], count[part]) for part in (slice(end), slice(end, None))]
+        parts = [plan.drop_exposures(1, time_s[part], count[part]) for part in (slice(end), slice(end, None))]
         assert np.concatenate(parts).tolist() == [*range(10), *[10] * 6, *range(11, 16)]
