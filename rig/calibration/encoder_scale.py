@@ -21,9 +21,9 @@ from rig.calibration.quiet_reading import read_quiet
 from rig.configuration.rig_file import BODIES, EncoderConfig, Rig, RigConfig
 from rig.configuration.rig_file_edit import rewrite_table
 from rig.errors import RigInputError
+from rig.session.force_correction import MOVED_COUNTS
 
 HELD_S = 0.8  # at least, at a reference angle: 40 periods of 50 Hz
-STILL_COUNTS = 3  # within which an encoder counts as at rest
 APART = 0.3  # of the smallest step, by which two angles must differ to be two: choice below a half
 LONGEST_ARC_S = 1800.0  # half an hour for all angles by hand
 CONTRADICTS = 3.0  # standard uncertainties between references and rig file, from which the references replace it
@@ -59,7 +59,7 @@ def read_plateaus(backend: Backend, config: RigConfig, body: str, references: Se
         nonlocal recent
         held = int(HELD_S * rate_hz)
         recent = np.concatenate((recent, block.encoder_count[:, index]))[-held:]
-        still = recent.size == held and np.ptp(recent) <= STILL_COUNTS
+        still = recent.size == held and np.ptp(recent) <= MOVED_COUNTS
         if still and (not found or abs(float(recent.mean()) - found[-1]) > apart):
             found.append(float(recent.mean()))
         return len(found) == len(references)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,12 +13,12 @@ from rig.configuration.motor_command import motor_command
 from rig.configuration.profile import Profile
 from rig.configuration.rig_file import FeltConfig, RigConfig
 from rig.errors import RigInputError
+from rig.recording.trial_plan import MAX_TRIALS
 from rig.safety.dry_run import PredictedBlow, dry_run
 
 BLOCK = "block"
 """What is pressed to measure the compliance of arm and cell: a block of steel."""
 SLOWEST_M_PER_S, FASTEST_M_PER_S = 1e-4, 0.2  # of a press: a millimetre in ten seconds; in 5 ms, below a blow's 1 m/s
-MOST_REPEATS, LONGEST_REST_S = 100, 3600.0  # that may be asked for: a typing error is larger
 
 
 @dataclass(frozen=True)
@@ -61,11 +62,9 @@ def check_order(order: FeltOrder, config: RigConfig, source: str) -> FeltConfig:
             raise RigInputError(
                 f"felt: peak force {peak:g} N, allowed 1 to {felt.force_limit_n:g} N (felt.force_limit_n)"
             )
-    if not 1 <= order.repeats <= MOST_REPEATS or not 0 <= order.rest_s <= LONGEST_REST_S:
-        raise RigInputError(
-            f"felt: {order.repeats} repeats, rest {order.rest_s:g} s; allowed 1 to {MOST_REPEATS}, "
-            f"0 to {LONGEST_REST_S:g} s"
-        )
+    most = (MAX_TRIALS - 1) // (len(order.speeds_m_per_s) * len(order.peaks_n))  # beside the ramp
+    if not 1 <= order.repeats <= most or not 0 <= order.rest_s < math.inf:
+        raise RigInputError(f"felt: {order.repeats} repeats, rest {order.rest_s:g} s; allowed 1 to {most}, from 0 s on")
     return felt
 
 

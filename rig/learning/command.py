@@ -18,7 +18,7 @@ from rig.learning.measured_force import Measured, window
 from rig.learning.target_force import FADE_S, TargetForce, low_pass
 
 CUTOFF_HZ = 150.0  # of the low-pass Q: below the resonance of arm and cell
-GUARD_S = 0.001  # before key bottom, where learning ends: a zero-phase filter spreads the spike backwards
+GUARD_S = 1 / (2 * np.pi * CUTOFF_HZ)  # before key bottom, where learning ends: Q spreads the spike backwards so far
 
 
 def correct_command(

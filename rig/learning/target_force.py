@@ -18,7 +18,7 @@ from rig.errors import RigInputError, refuse
 
 LEAD_S = 0.05  # before the force rises, as in the thesis's profiles
 QUIET_S = 0.01  # rest that a recording must begin with: its mean and drift are the zero
-LONGEST_INTERVAL_S = 0.005  # between samples of a recording: ten in the rise of a forte
+LONGEST_INTERVAL_S = QUIET_S / 2  # between samples of a recording: two tell the rest's mean and drift
 LONGEST_S = 60.0  # of a recording: one blow was cut out
 ONSET = 0.02  # of the peak before key bottom: the force has risen when it is so far off its rest
 SMOOTH_S = 0.001  # window over which the force's slope is averaged

@@ -20,7 +20,6 @@ from rig.backend import Block, Timing
 from rig.configuration.rig_file import BODIES, RigConfig
 from rig.errors import LimitExceeded
 
-STILL_S = 0.2  # that the encoders must have been still before a blow
 SUSTAINED_S = 2e-3  # that a departure from rest must hold: a spike on a wire is no stroke
 SPEED_OVER_S = 1e-3  # over which a speed is a difference: a count of 8192 a turn is then below 1 rad/s
 STUCK_OVER_S = 0.01  # in which an encoder is stuck whose count does not change
@@ -45,7 +44,7 @@ class Interlocks:
         self._delay = int(np.ceil(timing.force_group_delay_s * self._rate)) + 1
         self._blow = int(blow_start_s * self._rate)
         self._rad = np.array([encoder.rad_per_count for encoder in config.encoders])
-        self._keep = self._samples(max(STILL_S, self._limits.stuck_s, self._limits.no_force_s))
+        self._keep = self._samples(max(config.recording.rest_s, self._limits.stuck_s, self._limits.no_force_s))
         self._force, self._count = np.empty(0), np.empty((0, len(BODIES)), dtype=np.int64)
         self._zero: NDArray[np.int64] | None = None
         self._baseline_n: float | None = None
@@ -178,12 +177,13 @@ class Interlocks:
         self._baseline_n = float(self._force.mean())
         # a cell that had noise before the blow has noise during it
         self._noisy = longest_run(np.diff(self._force) == 0) < self._samples(self._limits.stuck_s)
-        recent = self._count[-self._samples(STILL_S) :]
+        still_s = self._config.recording.rest_s
+        recent = self._count[-self._samples(still_s) :]
         wander = np.ptp(recent, axis=0)
         worst = int(np.argmax(wander))
         if wander[worst] > 2 * self._config.recording.rest_counts:
             self._stop(
-                f"{BODIES[worst]} encoder moved by {wander[worst]} counts in the {STILL_S:g} s before the blow, "
+                f"{BODIES[worst]} encoder moved by {wander[worst]} counts in the {still_s:g} s before the blow, "
                 f"allowed {2 * self._config.recording.rest_counts}; wait until the action is still"
             )
         low, high = self._limits.baseline_n

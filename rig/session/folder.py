@@ -35,7 +35,7 @@ from rig.session.sealed_trial import (
     write_trial_parts,
 )
 from rig.session.trial_data import TrialData
-from rig.tabular import Tabular
+from rig.tabular import MOST_NAMES, Tabular
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,7 +43,6 @@ if TYPE_CHECKING:
     from rig.session.force_correction import CorrectedForce
 
 INFO_NAME = "session.toml"
-MOST_NAMED = 8  # sessions of a folder, in a message
 FILM_SUFFIXES = (
     *(".mraw", ".cine", ".avi", ".tif", ".tiff", ".mp4", ".mov", ".mkv", ".m4v", ".webm", ".3gp"),
     *(".mts", ".m2ts", ".ts", ".mpg", ".mpeg", ".mxf"),
@@ -190,7 +189,7 @@ class Session:
             raise RigInputError(f"{folder}: no such session folder")
         file = folder / INFO_NAME
         if not file.is_file():
-            inside = sorted(one.parent.name for one in folder.glob(f"*/{INFO_NAME}"))[:MOST_NAMED]
+            inside = sorted(one.parent.name for one in folder.glob(f"*/{INFO_NAME}"))[:MOST_NAMES]
             hint = f"; it holds the sessions {', '.join(inside)}" if inside else ""
             raise RigInputError(f"{folder}: not a session, {INFO_NAME} is missing{hint}")
         info = toml_file.check(SessionInfo, toml_file.parse_toml(toml_file.read_text(file), str(file)), str(file))

@@ -33,7 +33,7 @@ from rig.atomic_write import replace_when_complete, translate_os_error
 from rig.errors import RigInputError
 
 MARK = b"\npiano-action-rig sha256 "
-_TAIL = len(MARK) + 64 + 1  # hexadecimal digits of a SHA-256
+_TAIL = len(MARK) + len(hashlib.sha256().hexdigest()) + 1
 _CHUNK = 1 << 20
 CONTENT = "sha256"
 """Attribute of the root: SHA-256 of the content."""

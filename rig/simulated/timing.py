@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.simulated.bench.bench_time import POLL_S
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.device.watchdog import check_watchdogs
@@ -231,7 +232,6 @@ def _generate(device: DeviceState, task: SimulatedTask, engine: Engine, command_
 
 
 STRETCH_S = 0.02  # of virtual time that passes at once: as long as a block
-POLL_S = 0.01  # between two looks of a call that waits
 CALL_S = 1e-3  # of virtual time: a further question in a row, or a reading on demand without a sample clock
 MOST_DUE_S = 0.5  # that passes by itself at once; a bench that cannot keep up with its clock falls behind it
 ENDLESS = np.iinfo(np.int64).max

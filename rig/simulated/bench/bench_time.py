@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rig.simulated.bench.plant_protocol import Plant
 from rig.simulated.bench.sensors import DelayLine, EncoderSignals, ForceSignal, SensorSet
 
-POLL_S = 0.01  # between two looks of a bench that follows the wall clock
+POLL_S = 0.01  # between two looks of a call that waits, or of a bench that follows the wall clock
 
 
 class VirtualClock:

@@ -145,8 +145,9 @@ def film_scene(settings: CameraSettings, seed: int) -> Scene:
     bodies = []
     for number, name in enumerate(_DRAW_ORDER):
         polygon = ground_to_picture(_OUTLINES_M[name], settings.scale_px_per_m, (0.0, 0.0))
-        low, high = polygon.min(axis=0) - 6.0, polygon.max(axis=0) + 6.0  # room for the widest fibre
-        extent = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+        fibre = 6.0  # px: room for the widest
+        low, high = (polygon.min(axis=0) - fibre).tolist(), (polygon.max(axis=0) + fibre).tolist()
+        extent = (low[0], low[1], high[0], high[1])
         body_seed = 1000 * seed + number
         if settings.texture == "speckle":
             texture = speckle(extent, body_seed)

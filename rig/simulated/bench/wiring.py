@@ -14,6 +14,7 @@ from typing import Any
 from rig.configuration.rig_file import RigConfig
 from rig.errors import RigInputError
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES
+from rig.simulated.product import PCI_6602
 
 
 @dataclass(frozen=True)
@@ -76,9 +77,8 @@ def usual_wiring(config: RigConfig) -> Wiring:
     for further in config.devices:
         name = further.name
         if further.product == "PCI-6602":
-            heads = [
-                (f"/{name}/PFI{39 - 4 * k}", f"/{name}/PFI{37 - 4 * k}") for k in range(4)
-            ]  # A and B as the PCI-6602 numbers its terminals
+            pins = PCI_6602.counter_pins[""]
+            heads = [(f"/{name}/{a}", f"/{name}/{b}") for a, b in zip(pins.source, pins.auxiliary, strict=True)]
             changed |= {"encoders": tuple(heads[:3]), "opposite": heads[3]}
         elif further.product == "PCI-6733":
             changed |= {"motor": f"/{name}/ao0", "drive_enable": f"/{name}/port0/line0"}

@@ -48,11 +48,11 @@ def parse_faults(text: str) -> tuple[Fault, ...]:
     faults = []
     for part in filter(None, text.split(",")):
         match = _FORM.fullmatch(part)
-        kind, body, trial, at_s, call, number = match.groups() if match else ("",) * 6  # groups of `_FORM`
+        kind, body, trial, at_s, call, number = match.groups("") if match else ("",) * _FORM.groups
         if match is None or kind not in KINDS or (kind in SCALE) != (body in ENCODED_BODIES):
             raise RigInputError(
                 f"fault {part!r}: write KIND@TRIAL/SECONDS or KIND@CALL#NUMBER with a kind of {', '.join(KINDS)}, "
                 f"and :BODY ({', '.join(ENCODED_BODIES)}) behind {' and '.join(SCALE)}"
             )
-        faults.append(Fault(kind, body or "", int(trial or 0), float(at_s or 0), call or "", int(number or 0)))
+        faults.append(Fault(kind, body, int(trial or 0), float(at_s or 0), call, int(number or 0)))
     return tuple(faults)
