@@ -93,7 +93,7 @@ class NotPermitted(HardwareFault):
 
 
 def refuse(kind: type[Exception], *checks: tuple[object, str]) -> None:
-    """Raise the message of the first check that holds.
+    """Raise ``kind`` with the message of the first check whose condition is true.
 
     Parameters
     ----------

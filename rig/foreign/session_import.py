@@ -136,6 +136,7 @@ def cut_position_trials(
 
 
 def make_channel_info(one: PositionMapping) -> ChannelInfo:
+    """Return what a session states of a position sensor that a mapping describes."""
     return ChannelInfo(
         name=one.name,
         quantity=f"reading of the position sensor at: {one.ruler.sensor_at}",

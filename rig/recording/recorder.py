@@ -26,7 +26,7 @@ from rig.session.info import ActionInfo, FileInfo, RoomInfo
 
 
 def record(out: str | Path, options: RecordingOptions | None = None, **keywords: Unpack[RecordingKeywords]) -> Session:
-    """Record a session.
+    """Record trials of a profile or a plan in a new session folder, checked before anything moves; return the session.
 
     Parameters
     ----------

@@ -112,9 +112,7 @@ def resume(
     opened: Callable[[int], None] | None = None,
     **keywords: Unpack[ResumeKeywords],
 ) -> Session:
-    """Record what is left of a session's plan.
-
-    A trial that was cut off is recovered from its journal first.
+    """Recover what was cut off, then record what is left of a session's plan; return the session.
 
     Parameters
     ----------

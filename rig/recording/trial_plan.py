@@ -98,7 +98,7 @@ class Plan:
         return {**copies, **({"plan.toml": self.text} if self.text else {})}
 
     def info(self) -> PlanInfo:
-        """What goes into ``session.toml``."""
+        """The plan as ``session.toml`` states it."""
         plain = not self.text
         conditions = () if plain else tuple(self._condition(name, profile) for name, profile in self.profiles.items())
         return PlanInfo(

@@ -202,7 +202,7 @@ class Session:
 
     @classmethod
     def create(cls, path: str | Path, info: SessionInfo, files: Mapping[str, str] | None = None) -> Session:
-        """Create a session folder.
+        """Create a session folder with ``session.toml`` and copies of files.
 
         Parameters
         ----------

@@ -105,7 +105,7 @@ def read_records(stream: BinaryIO, first_sequence: int = 0) -> Iterator[Record]:
 
 
 def scan(stream: BinaryIO) -> Journal:
-    """Check a journal up to the first damage, one block in memory; never raises for what it holds."""
+    """Return what a journal holds up to its first damage, read block by block; never raises for what it holds."""
     head_json: bytes | None = None
     head: TrialHead | None = None
     ending: tuple[str, str] | None = None

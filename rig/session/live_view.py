@@ -40,7 +40,7 @@ class JournalFollower:
         self._n_bytes = self._n_records = 0
 
     def poll(self) -> bool:
-        """Read what was written since the last poll; False when the journal is gone."""
+        """Read what was written since the last poll into ``head`` and ``blocks``; False when the journal is gone."""
         try:
             with self.path.open("rb") as stream:
                 stream.seek(self._n_bytes)

@@ -216,7 +216,7 @@ def _ticks(task: SimulatedTask, engine: Engine, edge: int, n: int) -> tuple[int,
 
 
 def _generate(device: DeviceState, task: SimulatedTask, engine: Engine, command_v: NDArray[np.float64]) -> None:
-    """Generate the samples of the next edges; those of the motor's channel go into ``command_v``, (n,)."""
+    """Put out a task's samples at the next edges; those of the motor's channel go into ``command_v`` (n,), V."""
     edge, n = device.bench.edge, command_v.size
     first, last = _ticks(task, engine, edge, n)
     rows = task.generate(last - first)

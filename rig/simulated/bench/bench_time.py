@@ -213,7 +213,7 @@ class BenchTime:
         return self.edge / self.rate_hz
 
     def begin(self, trial: int, rate_hz: float, *, by_operator: bool = False, by_pianist: bool = False) -> None:
-        """Put the bench at rest for a new trial whose edges come at ``rate_hz``."""
+        """Put the bench at rest for a new trial with edges at ``rate_hz``; operator or pianist act where told so."""
         self.edge, self._by_operator = 0, by_operator and self.operator_acts
         self._pianist = VirtualPianist(self.sensors.seed, trial) if by_pianist and self.pianist_plays else None
         self.plant.sample_rate_hz = rate_hz

@@ -373,7 +373,7 @@ class _Exposures:
         self._instants = np.clip(np.ceil(blur / MAX_BLUR_STEP_PX), 1, MAX_INSTANTS).astype(int)
 
     def frames(self) -> Iterator[NDArray[Any]]:
-        """Exposed frames in order, with noise and flicker."""
+        """Yield the exposed frames in order, with noise and flicker, and report each to ``progress``."""
         settings = self.settings
         sensor = Sensor(settings.noise_grey, settings.bit_depth, 1000 * self.seed + 98)
         # mean of the ripple over the exposure
@@ -384,7 +384,7 @@ class _Exposures:
                 self.progress(i + 1, self.times.size)
 
     def _lights(self) -> Iterator[NDArray[np.float32]]:
-        """Noise-free pictures in order, drawn on threads while the ones before become frames and go to disk."""
+        """Yield noise-free pictures in order, drawn on threads while the ones before become frames and go to disk."""
         with ThreadPoolExecutor(2) as pool:
             drawn: deque[Future[NDArray[np.float32]]] = deque()
             before = np.empty(0)

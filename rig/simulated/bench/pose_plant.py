@@ -30,7 +30,7 @@ class PosePlant:
         self._edge = 0
 
     def advance(self, command_v: NDArray[np.float64]) -> PlantBlock:
-        """Hold, move on, hold; the motor has nothing to do with it."""
+        """Return the state at the next n edges, at a pose or on the way to the next; the volts (n,) have no effect."""
         n = len(command_v)
         time_s = np.arange(self._edge, self._edge + n, dtype=np.float64) / self.sample_rate_hz
         self._edge += n

@@ -56,7 +56,7 @@ class SwingPlant:
         self._angle, self._speed, self._edge = LIFTED_RAD * (1.0 + 0.01 * (trial % 7)), 0.0, 0  # other heights
 
     def advance(self, command_v: NDArray[np.float64]) -> PlantBlock:
-        """Swing for n sample periods; the motor has nothing to do with it."""
+        """Swing for n sample periods and return the state at their edges; the volts (n,) have no effect."""
         n, h = len(command_v), 1.0 / self.sample_rate_hz
         angles = np.empty(n)
         for k in range(n):
@@ -73,7 +73,7 @@ class SwingPlant:
         return self.friction_nm, self.weight_nm
 
     def _step(self, h: float) -> None:
-        """Half a step of weight, one of friction against the speed it leaves, half a step of weight."""
+        """Step angle and speed by ``h`` s: half of weight, all of friction against the speed so far, half of weight."""
         before = self._speed - 0.5 * h * self.weight_nm / self._inertia * math.sin(self._angle)
         pad = self._pad
         holds = self.friction_nm + (0.0 if pad is None else pad.load_n * pad.radius_m * pad.a)
