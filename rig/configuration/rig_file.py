@@ -294,8 +294,7 @@ class ArmConfig(Table):
 
 class CameraConfig(Table):
     """The camera's counter. ``mode`` "pulses": it gives the frame pulses, exposure starts on each rising edge;
-    "counted": the camera runs by itself and the counter counts the edges of its exposure signal.
-    """
+    "counted": the camera runs by itself and the counter counts the edges of its exposure signal."""
 
     mode: Literal["pulses", "counted"] = "pulses"
     counter: Text

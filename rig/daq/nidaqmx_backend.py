@@ -220,8 +220,7 @@ class NidaqmxBackend(SafeBench, Backend):
 
     def _begin_safely(self, config: RigConfig) -> CallDelay:
         """Put the outputs in their safe state, reset the device if that was not done yet, refuse a slow connection;
-        return how long a driver call takes.
-        """
+        return how long a driver call takes."""
         failures: list[BaseException] = []
         self._make_outputs_safe("configure", failures)
         if failures:

@@ -47,8 +47,7 @@ class Readings:
 
 def read_press(trial: TrialData, felt: FeltConfig, lowest_share: float = LOWEST) -> Readings:
     """Return readings from ``lowest_share`` of the way to the peak and back; refuse a trial in which the arm hardly
-    turned.
-    """
+    turned."""
     force, rate = trial.force_info, trial.sample_rate_hz
     body = [encoder.name for encoder in trial.encoders].index(felt.encoder)
     per_count = abs(trial.encoders[body].rad_per_count) * felt.radius_m

@@ -156,8 +156,7 @@ def _scales(stated: dict[str, Any]) -> dict[str, float]:
 
 def _apply_scale(raw: NDArray[np.generic], stated: dict[str, Any]) -> tuple[NDArray[np.float64], str]:
     """Return the values (n,), scaled as their attributes state, missing ones NaN; and what of that is in doubt, or
-    empty.
-    """
+    empty."""
     if text_of(stated.get("_Unsigned", "")).lower() == "true" and raw.dtype.kind == "i":
         raw = raw.view(raw.dtype.str.replace("i", "u"))
     values = np.asarray(raw, dtype=np.float64)

@@ -285,8 +285,7 @@ def _resolution(cell: str) -> float:
 
 def _column_clock(time: NDArray[np.float64], stated: float | None, resolution: float, what: str) -> Clock | None:
     """Clock of times (n,), s, which must agree with the ``stated`` ``Delta_X`` to both's digits; None where nothing
-    tells.
-    """
+    tells."""
     try:
         found = even_interval(time, what)
     except CoarseTimes:

@@ -50,8 +50,7 @@ FIRST_S = 0.01  # of rest that tells when the first stroke leaves it, where that
 @dataclass(frozen=True)
 class Cut:
     """A stroke: samples ``first`` to ``end``, ``trigger`` the first beyond the level; ``cut_off`` is empty or says why
-    it is not whole.
-    """
+    it is not whole."""
 
     first: int
     trigger: int
@@ -186,8 +185,7 @@ def _make_position_trial(
     origin: tuple[float, str],
 ) -> tuple[TrialData, str]:
     """Trial of one stroke, and why it does not count, empty where it does; ``values`` (n, channels) are of the whole
-    recording, ``origin`` is its first time, s, and its file.
-    """
+    recording, ``origin`` is its first time, s, and its file."""
     n = cut.end - cut.first
     origin_s, file = origin
     start_s = origin_s + cut.first * interval_s

@@ -56,8 +56,7 @@ class HumFit:
 
     def baseline_n(self, time_s: Array) -> Array:
         """What is subtracted from the raw force at times, s: the offset and, when accepted, the sinusoids, N, same
-        shape.
-        """
+        shape."""
         time = np.asarray(time_s, dtype=float)
         out = np.full(time.shape, self.offset_n)
         if self.accepted:
@@ -187,8 +186,7 @@ def fit_hum(time_s: Array, force_n: Array, mains_hz: float | None = None) -> Hum
 
 def _reason_to_refuse(time: Array, force: Array, f: float, before: float, after: float, parameters: int) -> str:
     """Why hum at ``f``, Hz, must not be subtracted, or empty; ``before`` and ``after``: residual without and with it,
-    N.
-    """
+    N."""
     n = time.size
     gained = before**2 * (n - 1) - after**2 * (n - parameters)
     if after == 0.0:

@@ -87,8 +87,7 @@ def write_trial(path: Path, data: TrialData) -> str:
 
 def write_trial_parts(path: Path, about: TrialData, n_samples: int, parts: Iterable[TrialData]) -> str:
     """Write and seal one new trial from successive parts, ``n_samples`` in all, whose arrays alone are read; return the
-    seal. ``about`` is all else of it.
-    """
+    seal. ``about`` is all else of it."""
     if path.exists():
         raise RigInputError(f"{path}: exists already; a sealed trial is never replaced")
     _check_shapes(path, about)

@@ -25,8 +25,7 @@ def _refuse_other_type(task: SimulatedTask, type_: str) -> None:
 
 def make_reader(type_: str) -> TaskHandler:
     """Return the handler of the calls that read samples of an ``AI`` or ``CI`` task, fewer where the timeout ends
-    first.
-    """
+    first."""
 
     def read(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
         _refuse_other_type(task, type_)
