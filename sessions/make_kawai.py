@@ -37,7 +37,7 @@ from rig.session import Session
 from validation.conventions import HAMMER
 from validation.events.strikes import find_key_phases, find_key_strikes
 from validation.infer.budget import OUT_OF_BUDGET, End
-from validation.infer.result import Identification, calibrated
+from validation.infer.result import Identification, apply_calibration
 from validation.measurement.position_sensors import (
     ERROR_NAMES,
     N_KEY,
@@ -283,7 +283,7 @@ def identified(session: Session, trials: Sequence[MeasuredTrial], best: tuple[Ar
     sensors = SensorCalibration(tuple(z[:N_SENSORS].tolist()), tuple(u.tolist()), trials[0].sensors.sensors)
     name = session.info.name or session.path.name
     seals = {f"{name}, trial {m.number}": m.seal for m in trials}
-    seen = [calibrated(m, sensors) for m in trials]
+    seen = [apply_calibration(m, sensors) for m in trials]
     moved = [(one.name, one.paths, one.u, one.factor) for one in FREE]
     posterior = replace(
         make_posterior(moved, covariance[N_SENSORS:, N_SENSORS:], seals),
