@@ -54,7 +54,7 @@ def command(
             print_json(view_facts(view))
         elif png is None:
             clear_screen()
-            print(view_as_text(view, drawing_width(), braille=can_print(BLANK)), flush=True)
+            print(view_text(view, drawing_width(), braille=can_print(BLANK)), flush=True)
 
     try:
         last = follow_session(session, show, every_s=every, once=once)
@@ -66,7 +66,7 @@ def command(
         print(f"trial {last.trial} of {last.trials}, {last.state}: {png}")
 
 
-def curve(values: NDArray[np.float64], width: int, height: int, braille: bool = True) -> list[str]:
+def draw_curve(values: NDArray[np.float64], width: int, height: int, braille: bool = True) -> list[str]:
     """Draw evenly spaced values as ``height`` lines of ``width`` characters, minimum to maximum within each column.
 
     The lowest value is at the bottom, the highest at the top; a constant is a line in the middle. Without ``braille``
@@ -115,7 +115,7 @@ def view_facts(view: LiveView) -> dict[str, Any]:
 HEIGHT = 6  # lines of a curve: three of them and the title fit 24 lines
 
 
-def view_as_text(view: LiveView, width: int, *, braille: bool = True) -> str:
+def view_text(view: LiveView, width: int, *, braille: bool = True) -> str:
     """Force and the last body's angle, the hammer's, over time as lines of text of at most ``width`` characters.
 
     Without ``braille`` the curves are drawn with signs that every terminal has.
@@ -136,7 +136,10 @@ def view_as_text(view: LiveView, width: int, *, braille: bool = True) -> str:
         lines.append(f"not recorded: {', '.join(absent)}")
     drawn: list[str] = []
     for label, values in curves:
-        drawn += [f"{label}: {values.min():.2f} to {values.max():.2f}"[:width], *curve(values, width, HEIGHT, braille)]
+        drawn += [
+            f"{label}: {values.min():.2f} to {values.max():.2f}"[:width],
+            *draw_curve(values, width, HEIGHT, braille),
+        ]
     return "\n".join([*(part for line in lines for part in textwrap.wrap(line, width)), *drawn])
 
 

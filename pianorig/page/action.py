@@ -113,7 +113,7 @@ def action_facts(name: str, scene: str = "whole") -> dict[str, Any]:
         )
     parameters = []
     for path, quantity in model.quantities_of(given).items():
-        low, high = reach(path, quantity.value, quantity.unit)
+        low, high = slider_range(path, quantity.value, quantity.unit)
         about = contacts.get(path.split(".")[0], "")
         facts = {
             "path": path,
@@ -135,7 +135,7 @@ def _name(path: str, action: model.Action) -> str:
     return f"{part}, {'.'.join(told)}" if told else part
 
 
-def reach(path: str, value: float, unit: str) -> tuple[float, float]:
+def slider_range(path: str, value: float, unit: str) -> tuple[float, float]:
     """Lowest and highest value of a parameter's slider: a few millimetres about a length, some times any other
     quantity."""
     if path in COUNTS:
@@ -244,7 +244,7 @@ def _events(action: model.Action, solution: model.Solution, rest_rad: NDArray[np
 LARGEST_TURN_M = LENGTH_M
 
 
-def touch(action: model.Action) -> dict[str, Any]:
+def measure_touch(action: model.Action) -> dict[str, Any]:
     """Force over dip of a slow press and release (m, N), and the weights read from it (N)."""
     found = model.touch.weigh(action)
     (down_m, down_n), (up_m, up_n) = found.curve()

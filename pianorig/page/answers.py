@@ -24,10 +24,10 @@ from pianorig.page.action import (
     built_in_actions,
     changed_action,
     live_blow,
+    measure_touch,
     scenes,
     technician_step,
     toml_of,
-    touch,
 )
 from pianorig.page.catalogue import (
     COMPARISONS,
@@ -39,7 +39,7 @@ from pianorig.page.catalogue import (
     session_detail,
 )
 from pianorig.page.live import LiveStream
-from pianorig.page.outlines import FilmSubject, outlines_of, save, subject_of, track_again
+from pianorig.page.outlines import FilmSubject, outlines_of, save_outlines, subject_of, track_again
 from pianorig.page.reply import Asked, Guarded, Reply, Sent, Served, Stream
 from pianorig.page.review import MOST_MODELS, film_view, trial_view
 from pianorig.player.animation import WEB as PLAYER
@@ -327,7 +327,7 @@ ADDRESSES: dict[str, dict[str, Any]] = {
     f"{ACTION}/blow": {"get": lambda it, name, asked: live_blow(*_blow(name, asked))},
     f"{ACTION}/curves": {"get": lambda it, name, asked: blow_curves(*_blow(name, asked))},
     f"{ACTION}/animation": {"get": _blow_animation},
-    f"{ACTION}/touch": {"get": lambda it, name, asked: touch(_set_action(name, asked))},
+    f"{ACTION}/touch": {"get": lambda it, name, asked: measure_touch(_set_action(name, asked))},
     f"{ACTION}/step": {"get": _turn_screw},
     f"{ACTION}/file": {"get": lambda it, name, asked: {"text": toml_of(_set_action(name, asked))}},
     TRIAL: {"get": _review},
@@ -336,7 +336,9 @@ ADDRESSES: dict[str, dict[str, Any]] = {
     "/api/films": {"get": lambda it, asked: {"films": it.catalogue.films()}},
     OUTLINES: {
         "get": lambda it, owner, number, asked: outlines_of(_film_subject(it, owner, number)),
-        "post": lambda it, owner, number, asked: save(_film_subject(it, owner, number), asked.content.get("bodies")),
+        "post": lambda it, owner, number, asked: save_outlines(
+            _film_subject(it, owner, number), asked.content.get("bodies")
+        ),
     },
     f"{OUTLINES}/track": {"post": _track},
     f"{OUTLINES}/frame": {

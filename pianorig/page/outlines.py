@@ -94,7 +94,7 @@ def _plain_body(body: vision.Body) -> dict[str, Any]:
     return {"name": body.name, "parent": body.parent or "", "layer": body.layer, "points": points}
 
 
-def save(subject: FilmSubject, rows: Any) -> dict[str, Any]:
+def save_outlines(subject: FilmSubject, rows: Any) -> dict[str, Any]:
     """Check outlines (rows of name, parent, layer, points in px) against the film and write them; a file that was there
     is kept as ``….previous.toml``."""
     if not isinstance(rows, list) or not 1 <= len(rows) <= MOST_BODIES:

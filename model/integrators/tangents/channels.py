@@ -41,7 +41,7 @@ class Collocation(NamedTuple):
     estimate_twice: Array
 
 
-def radau(stages: int) -> Collocation:
+def make_radau_collocation(stages: int) -> Collocation:
     """Radau IIA collocation with an odd number of ``stages``: nodes, matrices, error estimate."""
     one, two = np.polynomial.Polynomial([0.0] * (stages - 1) + [1.0]), np.polynomial.Polynomial([-1.0, 1.0])
     nodes = np.sort((one * two**stages).deriv(stages - 1).roots().real)
@@ -65,7 +65,7 @@ def radau(stages: int) -> Collocation:
 
 
 STAGES = 5  # of Radau's method: the ninth order
-METHOD = radau(STAGES)
+METHOD = make_radau_collocation(STAGES)
 NODES, ONCE, TWICE = METHOD.nodes, METHOD.once, METHOD.twice
 WAY_BY_WAY, WAY_BY_RATE, RATE_BY_WAY, RATE_BY_RATE = range(4)
 

@@ -16,7 +16,7 @@ if sys.platform == "win32":
 
 import termios
 
-from pianorig.commands.watch import curve
+from pianorig.commands.watch import draw_curve
 from pianorig.console import progress
 from pianorig.console.output import print_json
 from pianorig.console.progress import ONCE
@@ -75,7 +75,7 @@ def test_the_largest_force_of_a_trial_stays_shown_until_the_next_trial(monkeypat
 
 
 def test_a_peak_of_one_sample_is_drawn_from_top_to_bottom() -> None:
-    drawn = curve(np.eye(1, 2000, 1001)[0], width=10, height=3)  # a hundred samples under each dot
+    drawn = draw_curve(np.eye(1, 2000, 1001)[0], width=10, height=3)  # a hundred samples under each dot
     full, empty, base = 0x47, 0x2800, 0x28C0  # left dots of a cell; no dots; both dots of the lowest row
     assert [ord(line[5]) & full for line in drawn] == [full] * 3
     assert {ord(sign) for line in drawn[:2] for sign in line[:5] + line[6:]} == {empty}

@@ -10,7 +10,7 @@ import pytest
 
 import model
 from model.parameters.quantity import check_value
-from pianorig.page.action import BLOWS, action_facts, blow_curves, changed_action, live_blow, reach, toml_of
+from pianorig.page.action import BLOWS, action_facts, blow_curves, changed_action, live_blow, slider_range, toml_of
 from tests.pianorig.page.conftest import Page
 from tests.pianorig.page.test_review import numbers
 
@@ -82,7 +82,7 @@ def test_every_slider_stays_within_what_is_allowed() -> None:
             given.with_values({one["path"]: one["low"]})
     values = {one["path"]: one["value"] for one in facts["parameters"]}
     assert all(screw["low"] <= values[screw["path"]] <= screw["high"] for screw in facts["screws"])
-    assert reach("contact01.normal.a", 0.0, "N/m") == (0.0, 0.005)
+    assert slider_range("contact01.normal.a", 0.0, "N/m") == (0.0, 0.005)
 
 
 def test_the_file_reads_back_to_the_same_numbers(turned: model.Action, tmp_path: Path) -> None:

@@ -213,7 +213,7 @@ def test_who_watches_is_told_of_the_end_of_an_open_recording(tmp_path) -> None:
     record_passive(tmp_path / "s", backend=Player(), strokes=9999, duration_s=4.0)
     looks = iter(range(5))  # then StopIteration
     shown: list[int] = []
-    last = watch(tmp_path / "s", lambda view: shown.append(view.trial), wait=lambda _: [next(looks)])
+    last = watch(tmp_path / "s", lambda view: shown.append(view.trial), every_s=0.0, wait=lambda _: [next(looks)])
     assert last is not None and shown == [last.trial] and last.state == "complete" and last.sealed < last.trials
 
 
