@@ -290,7 +290,9 @@ def identified(session: Session, trials: Sequence[MeasuredTrial], best: tuple[Ar
         before={path: float(ACTION[path]) for one in FREE for path in one.paths},
         strokes={label: describe_stroke(m) for label, m in zip(seals, seen, strict=True)},
         samples={label: list(m.samples) for label, m in zip(seals, seen, strict=True)},
-        black_boxes={kind: box.to_plain_values() for kind, box in fit_black_boxes([make_example(m) for m in seen]).items()},
+        black_boxes={
+            kind: box.to_plain_values() for kind, box in fit_black_boxes([make_example(m) for m in seen]).items()
+        },
     )
     said = (
         "the misfit has many local minima; the set lets the action's geometry answer like that piano and measures no "
@@ -329,10 +331,19 @@ def identify(folder: Path, numbers: Sequence[int], without: str, start: Path | N
     every = {n: measure_positions(one, SensorCalibration(), session.trial(n).sha256) for n, one in data.items()}
     chosen = [every[n] for n in numbers if data[n].condition != without]
     best = search(chosen, None if start is None else z_of(model.load_action(start)), hops)
+    sensors = _sensors(best[0], chosen[0]).calibration
+    boxes = fit_black_boxes([make_example(apply_calibration(m, sensors)) for m in chosen])
     for n, m in every.items():
-        error = predict(best[0], m) - m.change_rad[:, HAMMER_COLUMN] / _ruler(m)
+        errors = {"identified": predict(best[0], m) - m.change_rad[:, HAMMER_COLUMN] / _ruler(m)}
+        seen = make_example(apply_calibration(m, sensors))
+        for kind, box in boxes.items():
+            made = box.answers(seen.drive_s, seen.drive, seen.time_s) - seen.answers
+            errors[kind] = made[:, HAMMER_COLUMN] / _ruler(m)
+        missed = {name: 100 * float(np.sqrt(np.mean(error**2))) for name, error in errors.items()}
+        listed = ", ".join(f"{name} {value:.1f} %" for name, value in missed.items())
         fitted = "" if m in chosen else ", not fitted"
-        print(f"trial {n} {data[n].condition}{fitted}: {100 * float(np.sqrt(np.mean(error**2))):.1f} % of the ruler")
+        nearest = min(missed, key=lambda name: missed[name])
+        print(f"trial {n} {data[n].condition}{fitted}, of the ruler: {listed}; nearest: {nearest}")
     print(f"misfit {best[2]:.1f}")
     if not without:
         validation.write_identified(identified(session, chosen, best), folder / FILE)

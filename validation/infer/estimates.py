@@ -11,9 +11,9 @@ from scipy.special import ndtri
 
 from validation.conventions import CONFIDENCE, Array
 from validation.infer.budget import Budget
-from validation.infer.fit import Fitted
+from validation.infer.fit import CORRECTIONS, Fitted
 from validation.infer.identifiability import HALF
-from validation.infer.noise import OwnModes
+from validation.infer.noise import RISEN, OwnModes
 from validation.infer.problem import Problem, residuals_there
 from validation.infer.response import Own
 from validation.infer.scatter import (
@@ -78,8 +78,6 @@ class Estimate:
     u_strokes: float = math.nan
 
 
-CORRECTIONS = 3  # by runs, of the others where one is held
-GAINED = 0.1  # of twice the log posterior: less ends the corrections
 REACH = (-2.0, -1.0, 1.0, 2.0)  # ends of the 95 % interval of the linear model
 
 
@@ -162,7 +160,7 @@ def _find_least(problem: Problem, fitted: Fitted, points: Sequence[tuple[int, Ar
         before, active, asked = best.copy(), [], active
         for i, (objective, linear) in zip(asked, found, strict=True):
             best[i] = min(objective, best[i])
-            if linear is None or objective > before[i] - GAINED:
+            if linear is None or objective > before[i] - RISEN:
                 continue
             at[i] = _correct_others(problem, fitted, points[i][0], at[i], linear)
             own[i] = None if fitted.own is None else OwnModes(fitted.marginal, linear, at[i]).most

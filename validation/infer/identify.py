@@ -20,10 +20,10 @@ from validation.infer.budget import BIFURCATION, NOT_IDENTIFIABLE, Budget, End
 from validation.infer.estimates import AT_BOUND, LACKING, Profile, estimate_all
 from validation.infer.fit import Fitted, fit_multistart
 from validation.infer.identifiability import EXPECTED, HALF, Combination, directions, warnings_before, warnings_of
-from validation.infer.noise import Marginal, Sizes
+from validation.infer.noise import ODDS, Marginal, Sizes
 from validation.infer.observations import CHANNEL_NAMES, add_drive_errors, with_calibration
 from validation.infer.problem import Columns, Problem, make_problem_at_start
-from validation.infer.response import ModelResponse
+from validation.infer.response import LOOSEST, ModelResponse
 from validation.infer.result import FITTED, Details, Identification, joint_posterior, sensor_calibration
 from validation.infer.scatter import lacking
 from validation.infer.scores import explain_rising_rmse, rmse_by_channel, score, score_events
@@ -33,7 +33,6 @@ from validation.prediction.model_under_test import action_sha256
 from validation.prediction.posterior import EARLIER, TRIALS, posterior_of
 
 LEAST_EFFECT_RAD = 1e-8  # a twentieth of the error of the runs: less is rounding
-EVENT_TOLERANCE = 1e-5  # rad, of the runs whose events are scored
 PROVISIONAL = (
     "intervals are provisional: how often they hold the truth is known from few virtual experiments "
     "(docs/explanation/identification.md)"
@@ -42,7 +41,6 @@ MOST_ASKED = 25  # values at once: how often intervals of more hold the truth wa
 BUDGET_S_PER_TRIAL, LEAST_TRIALS, LEAST_ASKED = 5.0, 10, 12
 """Processor time by default: ten linearisations of 0.25 s a trial, and as much for runs, profiles and the rest."""
 FIT_SHARE = 0.75  # of the budget; profiles and changes of the model have the rest
-SAME = 6.0  # of twice the log likelihood: starts that end this close have found the same minimum
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
@@ -132,7 +130,7 @@ def identify(
     both = {"before": start, "identified": found}
     of = {name: with_calibration(trials, sensors) for name, trials in {FITTED: sources.fitted, **sources.held}.items()}
     scores = {name: score(trials, both, options.tolerance) for name, trials in of.items()}
-    events = {name: score_events(some, both, EVENT_TOLERANCE) for name, some in sources.measured_held.items()}
+    events = {name: score_events(some, both, LOOSEST) for name, some in sources.measured_held.items()}
     fitted, risen = scores[FITTED], []
     if fitted["before"] is not None and fitted["identified"] is not None:
         risen = explain_rising_rmse(
@@ -260,8 +258,8 @@ def _list_fit_warnings(best: Fitted, end: End, fits: Sequence[Fitted], sources: 
             "together could do; intervals hold what that may do to a value"
         )
     apart = [f.alike - best.alike for f in fits]
-    if max(apart) > SAME:
-        other = sum(a > SAME for a in apart)
+    if max(apart) > 2.0 * np.log(ODDS):
+        other = sum(a > 2.0 * np.log(ODDS) for a in apart)
         better = "" if best.is_slight else "; more starts (`starts`) may find a better one"
         said.append(f"{other} of {len(fits)} fits ended in a worse minimum and are not used{better}")
     if len(sources.fitted) < 5:  # a standard deviation of four is known to a factor of two and more

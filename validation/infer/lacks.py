@@ -26,14 +26,13 @@ from validation.infer.estimates import IDENTIFIED, LACKING, NORMAL, Estimate, es
 from validation.infer.fit import Fitted, fit_alike, fit_conditional
 from validation.infer.hypotheses import list_addable_effects
 from validation.infer.identifiability import HALF, Combination, directions
-from validation.infer.noise import Marginal
+from validation.infer.noise import ODDS, Marginal
 from validation.infer.observations import ObservedTrial
 from validation.infer.problem import Problem
 from validation.infer.response import ModelResponse, Own
 from validation.infer.scatter import lacking
 from validation.infer.unknowns import Parameter, parameter_of, single_names
 
-ODDS = 20.0  # of an explanation to another: with less, both are kept
 SIZE_U = 0.4
 """Relative standard uncertainty of an effect's size, of what its file states."""
 LIFTING = {RAIL, "key_pin"}

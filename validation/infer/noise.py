@@ -23,10 +23,12 @@ from validation.infer.observations import CHANNEL_NAMES, ENCODERS
 from validation.infer.response import Own
 from validation.infer.unknowns import Parameter
 
-OWN_S = (3e-3, 0.01, 3e-2)
-"""Correlation times of a trial's deviation: an impact, the escapement, a stroke; a third of its variance each."""
-SCALES_S = (3e-3, 3e-2, 0.3)
-"""Correlation times of the discrepancy: an impact, a stroke, a trial."""
+IMPACT_S, ESCAPEMENT_S, STROKE_S, TRIAL_S = 3e-3, 0.01, 3e-2, 0.3  # how long the phases of a forte stroke last
+OWN_S = (IMPACT_S, ESCAPEMENT_S, STROKE_S)
+"""Correlation times of a trial's deviation; a third of its variance each."""
+SCALES_S = (IMPACT_S, STROKE_S, TRIAL_S)
+"""Correlation times of the discrepancy."""
+ODDS = 20.0  # of one explanation to another: with less, both are kept
 FAMILIES = ("friction of contacts", "friction of joints", "damping", "stiffness", "springs")
 LEAST = 1e-6  # of the response: a component's size below it is none
 NOT_SEEN, HELD = 1.5 * LEAST, 0.01  # of a channel that was not measured: its size, standard deviation of the logarithm
@@ -524,9 +526,8 @@ def list_dampings(last: float) -> list[float]:
 
 
 LONGEST = 1.5  # step of a logarithm
-RISEN = 0.1  # of the log likelihood: less ends the learning
+RISEN = 0.1  # of the log likelihood or posterior: a gain that ends an iteration
 DAMPINGS = (0.0, *(MARQUARDT**k for k in (-1, 0, 1)))
-SMALLER = 3.0  # of the held-out log score: by so much a smaller discrepancy must predict better to be taken
 
 
 @dataclass(frozen=True)
@@ -670,6 +671,6 @@ def select_noise_model(
     for factor in GROWN:
         other = Marginal(blocks, best.sizes.grown(factor).at_least(floor), best.parts)
         found = held_out_score(other, residuals)
-        if found > score + (SMALLER if factor < 1.0 else 0.0):
+        if found > score + (np.log(ODDS) if factor < 1.0 else 0.0):
             best, score = other, found
     return best

@@ -92,7 +92,7 @@ def _growing_u(film: FilmAngles, name: str, noise: Array, known: NDArray[np.bool
 PHASES = 60  # instants a stroke, of three encoders each
 LEAD_S, AFTER_S = 0.02, 2e-3  # rest kept before the force acts; kept of the force around what is compared
 HELD = 0.15  # of the peak force: below it for good, the key is being let go
-EVEN = 0.15  # share of the phases that is spread evenly over time
+EVEN = 0.15  # share of the phases, and of the knots of the force noise, that is spread evenly over time
 APART = 1.5  # samples between neighbouring phases, at least: each is the nearest sample of every trial
 CHANNEL_NAMES = (*ENCODER_CHANNELS, *FILM_CHANNELS)
 ENCODERS, FILM = (0, 1, 2), (3, 4)

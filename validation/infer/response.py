@@ -45,7 +45,7 @@ from validation.infer.channels import (
     ZERO,
     error_shape,
 )
-from validation.infer.observations import FILM, ObservedTrial
+from validation.infer.observations import EVEN, FILM, ObservedTrial
 from validation.infer.unknowns import POSITIONS, Parameter
 from validation.measurement.position_sensors import PositionSensors
 
@@ -116,7 +116,6 @@ def remove_own(blocks: Sequence[Block], residuals: Sequence[Array], own: Sequenc
 
 
 SEGMENTS = 36  # of a trial, between which its force noise is taken to change linearly
-EVENLY = 0.15  # share of them that is spread evenly over time
 BEFORE_S = 2e-3  # before the force acts it is the preload, without noise; over so long the noise comes up
 
 
@@ -131,7 +130,7 @@ def noise_knots(trial: ObservedTrial) -> Array:
     acts = np.flatnonzero(trial.force_n != trial.force_n[0])
     first = min(float(trial.time_s[0]), float(trial.force_time_s[acts[0]] if acts.size else end))
     at = np.unique(np.concatenate([[first], trial.time_s[trial.time_s < end], [end]]))
-    passed = (1.0 - EVENLY) * np.linspace(0.0, 1.0, at.size) + EVENLY * (at - first) / (end - first)
+    passed = (1.0 - EVEN) * np.linspace(0.0, 1.0, at.size) + EVEN * (at - first) / (end - first)
     return np.concatenate([[first - BEFORE_S], np.interp(np.linspace(0.0, 1.0, SEGMENTS), passed, at)])
 
 
@@ -150,7 +149,7 @@ def own_units(trial: ObservedTrial) -> Array:
 
 DRAWS, DRAW_SEED = 24, 160  # of a key's motion: the same wherever the fit stands
 TOLERANCE = 2e-7  # rad, of runs: a thousandth of an encoder's step
-LOOSEST = 1e-5  # rad, of runs that are compared with position sensors: a thousandth of what they know of an angle
+LOOSEST = 1e-5  # rad, of runs for events or position sensors: a thousandth of what these know of an angle
 MODES_RAD = 3e-5  # error of an angle by which a fit chooses a string's modes: the runs' own asks for all there are
 MOTION, TANGENT = 1e-7, 1e-4  # rad, of a run with tangents; of the tangents, relative
 FINER = 0.1  # times the tolerance, of runs whose differences are derivatives: a run's error is divided by the step
