@@ -26,7 +26,7 @@ _BESIDE = f"import sys; sys.path.insert(0, {_ROOT!r}); from model.simulation.com
 
 
 def compile_ahead(
-    choices: Sequence[SceneChoice], *, loop: bool = False, then: str = ""
+    choices: Sequence[SceneChoice], *, loop: bool = False, lanes: bool = False, then: str = ""
 ) -> subprocess.Popen[bytes] | None:
     """Start a process that compiles the step loop (``loop``) and scenes, then calls ``then`` ('module:function'); None
     where nothing is to be compiled, or it cannot start.
@@ -37,6 +37,7 @@ def compile_ahead(
     ----------
     choices : scenes that will be needed, the first needed first
     loop : the step loop before them; for a caller that begins with a scene that is not among them
+    lanes : before all, what advances members side by side, which takes as long as the step loop (`compile_lanes`)
     then : ``module:function`` to call afterwards, for kernels that are compiled where they are first called
 
     Returns
@@ -69,7 +70,7 @@ def compile_ahead(
             env={**os.environ, "PIANORIG_CACHE_DIR": str(_compile.cache_root())},
         )
         assert beside.stdin is not None
-        beside.stdin.write(pickle.dumps((cold, loop, then)))
+        beside.stdin.write(pickle.dumps((cold, loop, lanes, then)))
         beside.stdin.close()
     except OSError:
         return None
@@ -103,7 +104,9 @@ def main() -> None:
     for told in list(getattr(getattr(ffi.lib, "_lock", None), "_cblist", ())):
         ffi.unregister_lock_callback(*told)  # numba's own, which time each call of LLVM, as often as functions nest
     gc.disable()  # what compiling leaves behind is looked through for a seventh of its time; the process ends soon
-    choices, loop, then = pickle.load(sys.stdin.buffer)
+    choices, loop, lanes, then = pickle.load(sys.stdin.buffer)
+    for choice in choices if lanes else ():
+        compile_lanes(choice)
     if loop:
         import model.integrators.rosenbrock  # noqa: F401  # start-up: seconds, its import compiles the loop
     action = load_action()

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+import model
 import validation
 from model.tolerance import DEFAULT_TOLERANCE
 from pianorig import workflows
@@ -115,9 +116,11 @@ def command(
         verdict, files, reused = stored.verdict_lines, stored.files, f"everything, as made {stored.made_utc}"
         printed = stored.printed
     else:
+        models = [load_model(name, set_ or [], scene) for name in actions]
+        model.compile_ahead([model.choice_of(one) for one in models], lanes=True)  # while the step loop compiles here
         side = validation.validate_sessions(
             sessions,
-            [load_model(name, set_ or [], scene) for name in actions],
+            models,
             folder,
             progress=None if as_json else say,
             tolerance=tolerance,

@@ -53,6 +53,8 @@ def test_the_process_beside_calls_what_it_is_told_to(monkeypatch: pytest.MonkeyP
     module = ModuleType("told")
     module.__dict__["call_once"] = lambda: called.append("told")
     monkeypatch.setitem(sys.modules, "told", module)
-    monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(pickle.dumps(([], False, "told:call_once")))))
+    monkeypatch.setattr(
+        sys, "stdin", SimpleNamespace(buffer=io.BytesIO(pickle.dumps(([], False, False, "told:call_once"))))
+    )
     ahead.main()
     assert called == ["told"]
