@@ -126,6 +126,11 @@ class DrawnAction:
     action: model.Action
     rest: model.RestState
 
+    @property
+    def key_inputs(self) -> tuple[object, ...]:
+        """What decides the motion of a trial that the key drives."""
+        return id(self.action), self.rest.angle_rad.tobytes(), self.draw.z_scale, self.draw.z_change, self.draw.z_ruler
+
 
 def drawn_action(tested: ModelUnderTest, m: MeasuredTrial, draw: JointDraw) -> DrawnAction | None:
     """The draw's action at rest under the drawn preload of trial ``m``; None when it has no rest or no geometry."""
@@ -184,18 +189,20 @@ def _each_draw_by_key(
 
     def some(part: Sequence[JointDraw]) -> list[T | None]:
         drawn = [drawn_action(tested, m, draw) for draw in part]
+        distinct = {one.key_inputs: one for one in drawn if one is not None}  # a trial's own errors move no key
         runs = [
             (one.action, np.asarray(one.rest.angle_rad, dtype=float)[: len(BODIES)], one.draw.key_errors)
-            for one in drawn
-            if one is not None
+            for one in distinct.values()
         ]
-        found = iter(run_many_key_driven(runs, m, drawn_tolerance(tested)))
-        return [None if one is None else read(one.draw, next(found)) for one in drawn]
+        turns = dict(zip(distinct, run_many_key_driven(runs, m, drawn_tolerance(tested)), strict=True))
+        return [None if one is None else read(one.draw, turns[one.key_inputs]) for one in drawn]
 
     def read(draw: JointDraw, turn: Array | None) -> T | None:
         if turn is None:
             return None
-        at = np.column_stack([np.interp(time_s, m.time_s, column) for column in turn.T])
+        at = turn
+        if time_s is not m.time_s:
+            at = np.column_stack([np.interp(time_s, m.time_s, column) for column in turn.T])
         return use(_readings(m, draw, time_s, at))
 
     parts = [draws[first : first + AT_ONCE] for first in range(0, len(draws), AT_ONCE)]
