@@ -129,6 +129,8 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
     shown = bool(verdict.facts.get("rejected")) or any(f.kind in (ODD, CHANGED_CONDITION) for f in findings.faults)
     by_key = any(m.driven_by_key for m in predicted.trials)  # causes are told by the force
     asked = chosen.wants_causes(shown) and not by_key
+    if not asked:
+        chosen.say(f"verdict: {verdict.outcome}")  # nothing that follows changes it
     explained = _explain(predicted, findings, tested, chosen) if asked else Explained()
     if explained.findings:
         before = findings

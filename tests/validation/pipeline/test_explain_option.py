@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from types import SimpleNamespace
+
 import pytest
 
+from validation import compare
 from validation.options import CompareOptions, ComparisonOptions
 
 
@@ -19,3 +23,13 @@ def test_the_former_keyword_says_the_new_one() -> None:
     former: CompareOptions = {"suspect": "parts"}  # type: ignore[typeddict-unknown-key]
     with pytest.raises(TypeError, match="is now explain .*effects=False"):
         ComparisonOptions.from_keywords(former)
+
+
+def test_the_verdict_is_said_before_the_tables_are_made(make: SimpleNamespace, tmp_path: Path) -> None:
+    session, truth = make.session(tmp_path / "s", n_trials=1, filmed=())
+    said: list[str] = []
+    options: CompareOptions = {"rivals": (), "explain": False, "keep_predictions": False, "progress": said.append}
+    result = compare(session, truth.action, **options)
+    heads = [line.partition(":")[0] for line in said]
+    assert heads.index("predicted trial 1") < heads.index("verdict") < heads.index("scores of a perfect model")
+    assert said[heads.index("verdict")] == f"verdict: {result.outcome}"
