@@ -82,7 +82,11 @@ def fastest_repetition(action: ActionLike, peaks_n: ArrayLike = PEAKS) -> float:
     peaks, rest = as_numbers(peaks_n, "strengths of the blows", 1).tolist(), hand_set_rest(action)
 
     def follows(rate: float) -> bool:
-        return any(bool(strikes_string(action, rate, peak, rest)[SETTLING:].all()) for peak in peaks)
+        for i, peak in enumerate(peaks):
+            if strikes_string(action, rate, peak, rest)[SETTLING:].all():
+                peaks.insert(0, peaks.pop(i))  # the next rate likely needs the same
+                return True
+        return False
 
     good, rate = math.nan, SLOWEST
     while rate <= FASTEST and follows(rate):

@@ -13,8 +13,8 @@ import model
 import vision
 from pianorig.console.column_file import check_writable, make_folder
 from pianorig.errors import CommandInputError
-from pianorig.workflows.foreign_file import COUNTS_PER_REVOLUTION
 from rig.atomic_write import write_text
+from rig.configuration.rig_file import COUNTS_PER_REVOLUTION
 from rig.configuration.rig_file import FOLDER as RIGS
 from rig.simulated import ActionGeometry, CameraSettings, film_bodies, film_trial
 

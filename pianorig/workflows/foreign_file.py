@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pianorig.errors import CommandInputError
 from rig.atomic_write import write_text
+from rig.configuration.rig_file import COUNTS_PER_REVOLUTION
 from rig.configuration.toml_file import dump_toml, toml_value
 from rig.errors import RigInputError
 from rig.foreign.channel_table import ChannelTable, known_unit
@@ -28,8 +29,6 @@ NAMES = {
     "whippen": re.compile(r".*(whippen|wippen|hebeglied|chevalet).*", re.IGNORECASE),
     "hammer": re.compile(r".*(hammer|marteau|martello).*", re.IGNORECASE),
 }
-COUNTS_PER_REVOLUTION = {"key": 327_680, "whippen": 327_680, "hammer": 163_840}
-"""Of the encoders of the built-in rig, as a place to start from."""
 STEPS_OF_ANGLES = 2**24  # counts of a turn in which angles are stored: 0.4 microradians, finer than encoders read
 FEWEST_READINGS = 16  # different ones, from which a grid is told
 OFF_GRID = 0.25  # of a step, at most: numbers at random lie within it with probability 2^-n

@@ -19,6 +19,8 @@ from rig.configuration import toml_file
 from rig.errors import refuse
 
 BODIES = ("key", "whippen", "hammer")
+COUNTS_PER_REVOLUTION = {"key": 327_680, "whippen": 327_680, "hammer": 163_840}
+"""Of the encoders of the built-in rig, as a place to start from."""
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Count = Annotated[int, Field(strict=True)]
 Text = Annotated[str, Field(min_length=1)]

@@ -17,25 +17,29 @@ LEAST_SPREAD_GREY = 1e-3
 """Standard deviation of residuals that is taken at least, grey: a drawn picture without noise leaves none."""
 
 
-def fit_robustly(
-    design: F64,
-    difference: F64,
-    usable: NDArray[np.bool_],
-) -> tuple[F64, F64] | None:
-    """Amplitudes (p,) of the columns of ``design`` (p, n) in a difference of grey values (n,), and their covariance (p,
-    p); None with too few ``usable`` pixels, or where the columns are not told apart."""
-    scale = 1.0 / np.sqrt(np.maximum(np.sum(design**2, axis=1), 1e-300))
-    columns, kept = design * scale[:, None], usable
-    for _ in range(ROUNDS):
-        if np.count_nonzero(kept) < PIXELS_PER_COLUMN * len(design):
-            return None
-        some = columns[:, kept]
-        normal = some @ some.T
-        if np.linalg.cond(normal) > MOST_CONDITION:
-            return None
-        inverse = np.linalg.inv(normal)
-        amplitude: F64 = inverse @ (some @ difference[kept])
-        rest = difference - amplitude @ columns
-        spread = max(1.4826 * float(np.median(np.abs(rest[kept]))), LEAST_SPREAD_GREY)
-        kept = usable & (np.abs(rest) <= OUTLYING * spread)
-    return np.asarray(amplitude * scale), np.asarray(inverse * spread**2 * scale[:, None] * scale)
+class RobustFit:
+    """Fits of differences of grey values by the columns of one ``design`` (p, n)."""
+
+    def __init__(self, design: F64) -> None:
+        self._scale = 1.0 / np.sqrt(np.maximum(np.sum(design**2, axis=1), 1e-300))
+        self._columns = design * self._scale[:, None]
+        self._normal = self._columns @ self._columns.T  # of all pixels: few are left out of a fit
+
+    def fit(self, difference: F64, usable: NDArray[np.bool_]) -> tuple[F64, F64] | None:
+        """Amplitudes (p,) of the columns in a difference of grey values (n,), and their covariance (p, p); None with
+        too few ``usable`` pixels, or where the columns are not told apart."""
+        columns, scale, kept = self._columns, self._scale, usable
+        for _ in range(ROUNDS):
+            out = columns[:, ~kept]
+            if kept.size - out.shape[1] < PIXELS_PER_COLUMN * len(columns):
+                return None
+            normal = self._normal - out @ out.T
+            least, *_, most = np.linalg.eigvalsh(normal)
+            if not most <= MOST_CONDITION * least:
+                return None
+            inverse = np.linalg.inv(normal)
+            amplitude: F64 = inverse @ (columns @ np.where(kept, difference, 0.0))
+            rest = np.abs(difference - amplitude @ columns)
+            spread = max(1.4826 * float(np.median(rest[kept])), LEAST_SPREAD_GREY)
+            kept = usable & (rest <= OUTLYING * spread)
+        return np.asarray(amplitude * scale), np.asarray(inverse * spread**2 * scale[:, None] * scale)

@@ -20,7 +20,7 @@ from vision.angles import turn_matrix
 from vision.film.source import FrameSource, saturated_grey
 from vision.fitting.base import SURE_U
 from vision.fitting.bspline import coefficients
-from vision.fitting.robust_fit import PIXELS, fit_robustly
+from vision.fitting.robust_fit import PIXELS, RobustFit
 from vision.fitting.template import Template, thin_template
 from vision.reference.prepared_film import PreparedFilm
 from vision.reference.rectified_film import MARGIN_PX, sample_spline
@@ -93,7 +93,8 @@ def _field_differences(
     still = np.flatnonzero(known & (frame < ready.reference.n_averaged))[:MOST_STILL]
     if moving.size < LEAST_ROWS:
         return None
-    steps = [_field_difference(ready, int(frame[row]), pose[row], template) for row in (*still, *moving)]
+    fit = RobustFit(np.vstack([template.columns.astype(float), np.ones(template.n_pixels)]))
+    steps = [_field_difference(ready, int(frame[row]), pose[row], template, fit) for row in (*still, *moving)]
     at_rest = [step[0] for step in steps[: still.size] if step is not None]
     zero = np.mean(at_rest, axis=0) if at_rest else np.zeros(3)
     rows = [
@@ -108,10 +109,10 @@ def _field_differences(
 
 
 def _field_difference(
-    ready: PreparedFilm, frame: int, pose: NDArray[np.float64], template: Template
+    ready: PreparedFilm, frame: int, pose: NDArray[np.float64], template: Template, fit: RobustFit
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """Pose of a frame's odd rows less that of its even ones, (3,) in the body's own axes, and the inverse of its
-    covariance."""
+    covariance; ``fit`` has the template's columns and an offset."""
     rectified = ready.rectified_film
     film: FrameSource = ready.film if rectified is None else rectified.film
     dx, dy = template.offset_px.astype(float)
@@ -127,14 +128,14 @@ def _field_difference(
         return None
     picture = np.ascontiguousarray(film.read_region(frame, top, bottom, left, right), dtype=np.float32)
     white = np.float32(saturated_grey(film))
-    design = np.vstack([template.columns.astype(float), np.ones(template.n_pixels)])
-    expected, steps, covariance = design[3] + template.mean_grey, [], np.zeros((3, 3))
+    expected = template.columns[3].astype(float) + template.mean_grey
+    steps, covariance = [], np.zeros((3, 3))
     for parity in (0, 1):
         start = (parity - top) % 2
         field = np.ascontiguousarray(picture[start::2])
         seen = np.empty((1, x.size), dtype=np.float32)
         sample_spline(coefficients(field), field, x[None] - left, (y[None] - top - start) / 2.0, white, seen)
-        found = fit_robustly(design, seen[0].astype(float) - expected, seen[0] < white)
+        found = fit.fit(seen[0].astype(float) - expected, seen[0] < white)
         if found is None:
             return None
         steps.append(-found[0][:3])  # what a picture is behind its template has moved on

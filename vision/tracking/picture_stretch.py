@@ -25,8 +25,9 @@ from scipy.special import ndtri
 from vision.film.source import FrameSource, saturated_grey
 from vision.fitting.base import region_of
 from vision.fitting.bspline import HALF_TAPS, coefficients
-from vision.fitting.robust_fit import PIXELS, fit_robustly
+from vision.fitting.robust_fit import PIXELS, RobustFit
 from vision.fitting.template import MOST_CONDITION, Template, thin_template
+from vision.item_map import ItemMap, serial_map
 from vision.reference.prepared_film import PreparedFilm
 from vision.reference.rectified_film import sample_spline
 from vision.results.pose_table import PoseTable
@@ -79,27 +80,33 @@ def prior_stretch_uncertainty(film: FrameSource, settings: FitSettings) -> float
     return 0.5 * (U_STATED if is_stated else U_NOT_STATED)
 
 
-def measure_stretch(ready: PreparedFilm, table: PoseTable, u_before: float) -> PictureStretch:
+def measure_stretch(
+    ready: PreparedFilm, table: PoseTable, u_before: float, each: ItemMap = serial_map
+) -> PictureStretch:
     """Stretch of the picture along x against y, by the strains of bodies that turn; ``u_before`` is its standard
     uncertainty without the measurement."""
-    found = _measure_remaining_stretch(ready, table, u_before, 0.0)
+    found = _measure_remaining_stretch(ready, table, u_before, 0.0, each)
     for _ in range(ROUNDS):
         if not found.is_significant or abs(found.value) < LINEAR_STRETCH:
             break
         # a large one is followed to first order only
-        more = _measure_remaining_stretch(ready, table, u_before, found.value)
+        more = _measure_remaining_stretch(ready, table, u_before, found.value, each)
         found = PictureStretch(found.value + more.value, more.u, True)
         if abs(more.value) < more.u:
             break
     return found
 
 
-def _measure_remaining_stretch(ready: PreparedFilm, table: PoseTable, u_before: float, value: float) -> PictureStretch:
+def _measure_remaining_stretch(
+    ready: PreparedFilm, table: PoseTable, u_before: float, value: float, each: ItemMap
+) -> PictureStretch:
     """Stretch of the picture that is left after ``value``, from strains of bodies that turn; ``u_before``: its standard
     uncertainty without the measurement."""
     right, normal, chi2, degrees = 0.0, 0.0, 0.0, 0
-    for i, template in enumerate(ready.templates):
-        strains = _measure_strains(ready, table, i, thin_template(template, PIXELS), value)
+    for strains in each(
+        lambda i: _measure_strains(ready, table, i, thin_template(ready.templates[i], PIXELS), value),
+        range(len(ready.templates)),
+    ):
         if strains is None:
             continue
         turn, speed, strain, weight = strains  # (k,), (k,), (k, 2), (k, 2, 2)
@@ -153,25 +160,19 @@ def _measure_strains(
     blur = _blur_column(template)
     if blur is not None:
         design = np.vstack([blur, design])
-    turns, speeds, strains, weights = [], [], [], []
     speed = np.gradient(table.pose[:, body, 0]) / max(float(np.nanmax(np.abs(table.pose[:, body, 0]))), 1e-9)
-    for row in rows:
-        found = _fit_strain(ready, int(table.frame[row]), table.pose[row, body], template, design, value)
-        if found is None:
-            continue
-        amplitude, covariance, turn = found
-        part = covariance[-2:, -2:]
-        if not np.all(np.isfinite(part)) or np.linalg.cond(part) > MOST_CONDITION:
-            continue
-        if not np.isfinite(speed[row]):
-            continue
-        turns.append(turn)
-        speeds.append(float(speed[row]))
-        strains.append(amplitude[-2:])
-        weights.append(np.linalg.inv(part))
-    if len(turns) < LEAST_ROWS:
+    fit, found = RobustFit(design), list[tuple[float, float, NDArray[np.float64], NDArray[np.float64]]]()
+    for row in rows[np.isfinite(speed[rows])]:
+        fitted = _fit_strain(ready, int(table.frame[row]), table.pose[row, body], template, fit, value)
+        if fitted is not None and np.all(np.isfinite(fitted[1][-2:, -2:])):
+            found.append((fitted[2], float(speed[row]), fitted[0][-2:], fitted[1][-2:, -2:]))
+    if len(found) < LEAST_ROWS:
         return None
-    return np.array(turns), np.array(speeds), np.array(strains), np.array(weights)
+    turns, speeds, strains, covariances = (np.array(values) for values in zip(*found, strict=True))
+    told = np.linalg.cond(covariances) <= MOST_CONDITION
+    if np.count_nonzero(told) < LEAST_ROWS:
+        return None
+    return turns[told], speeds[told], strains[told], np.linalg.inv(covariances[told])
 
 
 def _blur_column(template: Template) -> NDArray[np.float64] | None:
@@ -190,11 +191,11 @@ def _fit_strain(
     frame: int,
     pose: NDArray[np.float64],
     template: Template,
-    design: NDArray[np.float64],
+    fit: RobustFit,
     value: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float] | None:
-    """Amplitudes (p,) of the rows of ``design`` (p, n) in a frame's residuals, in a picture stretched by ``value``,
-    their covariance (p, p), and the body's turn, rad, at which they are taken; None where the fit fails.
+    """Amplitudes (p,) of the columns of ``fit`` in a frame's residuals, in a picture stretched by ``value``, their
+    covariance (p, p), and the body's turn, rad, at which they are taken; None where the fit fails.
 
     The tracked pose is that of the picture without stretch: its turn may be off by ``value sin(2 turn)``.
     """
@@ -216,7 +217,7 @@ def _fit_strain(
         x, y = at[0] + c * dx - s * ratio * dy, at[1] + s / ratio * dx + c * dy
         sample_spline(spline, picture, x[None], y[None], top, seen)
         target = seen[0].astype(float) - template.mean_grey
-        fitted = fit_robustly(design, target - expected, seen[0] < top)
+        fitted = fit.fit(target - expected, seen[0] < top)
         if fitted is None:
             return None
         amplitude, covariance = fitted

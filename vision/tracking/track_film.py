@@ -293,7 +293,8 @@ def _measure_stretch(ready: PreparedFilm, table: PoseTable, settings: TrackSetti
     """The picture's stretch, of an uncalibrated camera, with a warning where it is significant."""
     if settings.is_calibrated:
         return PictureStretch(0.0, 0.0, False)
-    stretch = measure_stretch(ready, table, u_before)
+    with workers(settings.threads or usable_threads() if is_thread_safe(ready.film) else 1) as crew:
+        stretch = measure_stretch(ready, table, u_before, crew.each)
     if stretch.is_significant:
         used = 1.0 if ready.rectified_film is None else ready.rectified_film.aspect
         warnings.warn(
