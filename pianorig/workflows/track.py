@@ -14,6 +14,7 @@ import pandas as pd
 import vision
 from pianorig.console.column_file import read_table, write_table
 from pianorig.console.failures import Interrupted, how_stopped
+from pianorig.console.output import MOST_COLUMNS, table_lines, wrap_text
 from pianorig.errors import CommandInputError
 from pianorig.workflows.session_film import STEP, SessionFilm
 from validation.measurement.film_offset import clock_offsets
@@ -180,16 +181,21 @@ ALWAYS = TERMS[: TERMS.index("rows") + 1]
 
 
 def budget_lines(budget: vision.ErrorBudget) -> list[str]:
-    """A budget as lines of text, mdeg: one row per angle, one column per term."""
+    """A budget as lines of text, mdeg: one row per term, one column per angle."""
     everything = [*budget.absolute.items(), *budget.relative.items()]
     # terms that this film does not have are not shown
     names = [name for name in TERMS if name in ALWAYS or any(key == name and np.any(u > 0.0) for key, u in everything)]
-    names.append("total")
-    lines = [f"{'uncertainty in mdeg':<26}" + "".join(f"{name[:10]:>11}" for name in names)]
-    rows = {**budget.typical(), **{f"{b} from parent": terms for b, terms in budget.typical(relative=True).items()}}
-    for body, terms in rows.items():
-        lines.append(f"  {body:<24}" + "".join(f"{np.degrees(terms[name]) * 1e3:>11.1f}" for name in names))
-    return [*lines, f"  ({budget.camera})", f"  ({budget.shutter})"]
+    relative = {f"{body}/parent": terms for body, terms in budget.typical(relative=True).items()}
+    angles = list({**budget.typical(), **relative}.items())
+    lines = ["uncertainty in mdeg" + (" (/parent: of the angle from the parent)" if relative else "")]
+    while angles:
+        widths = np.cumsum([max(map(len, names)), *(2 + len(angle) for angle, _ in angles)])
+        fitting = max(1, int(np.count_nonzero(widths[1:] <= MOST_COLUMNS - 2)))
+        some, angles = angles[:fitting], angles[fitting:]
+        head = ("term", *(angle for angle, _ in some))
+        rows = [(name, *(f"{np.degrees(terms[name]) * 1e3:.1f}" for _, terms in some)) for name in (*names, "total")]
+        lines += [f"  {line}" for line in table_lines(head, rows)]
+    return lines + [line for text in (budget.camera, budget.shutter) for line in wrap_text(f"({text})", "  ")]
 
 
 Place = tuple[float, float, float]  # angle rad, x px, y px

@@ -248,7 +248,7 @@ def poses(geometry: ActionGeometry, settings: CameraSettings, angle_rad: NDArray
 
 MAX_BLUR_STEP_PX = 0.15  # between two instants of an exposure: choice
 MAX_INSTANTS = 24  # of an exposure: 3.6 px of blur; more is drawn coarser
-MAX_STALE_PX = 1e-3  # that a body may have moved since its picture was drawn: 0.02 grey of 2 of noise at a sharp edge
+MAX_STALE_PX = 1e-3  # that a body may have moved since it was drawn: 0.1 grey at its edge, 0.02 within
 AHEAD = 4  # pictures drawn before the one that becomes a frame: choice, of memory
 
 
