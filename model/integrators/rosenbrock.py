@@ -19,7 +19,6 @@ from model.integrators.step_control import (
     SMALLEST_STEP,
     STEP_TOO_SMALL,
     TOO_MANY_STEPS,
-    WAKING_STEP,
     fit_to_stop,
     inverse_power,
     is_at_rest,

@@ -16,7 +16,6 @@ FAILED = 0.2  # factor after a step whose equations have no solution
 BOUND_SLACK = 1e-7  # rad or m, beyond the bound on a motion: a coordinate at rest has room too
 FIRST_STEP = 1e-5  # s, of an action that was at rest
 SMALLEST_STEP = 1e-12  # s; below it a run ends with an error
-WAKING_STEP = 1e-5  # s, first step of an action that was at rest
 
 
 @inlined
