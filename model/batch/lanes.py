@@ -99,7 +99,8 @@ def _lane_sort_key(run: ForceDrivenRun | None, known: dict[int, tuple[float, flo
 
 
 def run_job_group(jobs: Sequence[Job], hashes: Sequence[str] | None = None) -> list[Member]:
-    """Compute a unit of work, for an executor: members in the order of ``jobs``; ``hashes`` of the jobs, or none."""
+    """Compute a unit of work, for an executor: members in the order of ``jobs``; ``hashes`` of the jobs (None: taken
+    here)."""
     if hashes is None:
         known: dict[int, bytes] = {}
         hashes = [job.sha256(known) for job in jobs]

@@ -38,7 +38,7 @@ class Spring:
 
 
 def springs(s: Structure, state: State) -> list[Spring]:
-    """Springs of joints: T0 - k (q - q0)."""
+    """Springs of the joints that are solved for, with torque T0 - k (q - q0) each."""
     out = []
     for k, i in enumerate(s.spring):
         if i not in s.solved:

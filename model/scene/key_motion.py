@@ -145,7 +145,8 @@ def append_prescribed_motion(
 def acceleration_of_input(
     tables: Tables, p: Array, states: tuple[Array, Array], acceleration: Array, memory: Array | None = None
 ) -> Array:
-    """Acceleration (m,) along the input's line of action, from a prescribed motion and the states.
+    """Acceleration (m,) along the input's line of action, from the ``acceleration`` (m,) of a prescribed motion and the
+    states (m, n).
 
     It is what `model.codegen.evaluate_observables.bodies_at` takes.
     """

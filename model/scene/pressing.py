@@ -64,7 +64,8 @@ class FingerCommand:
         return self.length_m * self.stiffness_n_per_m * value
 
     def table(self, time_s: Array, value: Array, held: bool) -> tuple[Array, Array]:
-        """Finger torque (N m) at times (s) for a piecewise-linear hand displacement ``value`` (m, down); not ``held``.
+        """Finger torque (N m) at times (s) for a piecewise-linear hand displacement ``value`` (m, down); ``held``
+        values are refused.
 
         A ramp of 2 ns stands where the hand's speed jumps.
         """
@@ -177,7 +178,7 @@ def amplifier_voltage(numbers: Array, source_v: Array, current_a: Array) -> Arra
 
 
 def steady_current(numbers: Array, source_v: float) -> float:
-    """Current, A, that a constant source drives through a winding at rest."""
+    """Current, A, that a constant source drives through a winding of these ``numbers`` while its motor stands still."""
     most = abs(source_v) / max(numbers[L.WINDING_R], 1e-9) + 1.0
     low, high = -most, most
     for _ in range(200):

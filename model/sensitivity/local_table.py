@@ -140,7 +140,7 @@ def lines(table: LocalTable, quantities: Mapping[str, str], max_rows: int) -> li
 
 
 def draw_local(table: LocalTable, path: str | Path, name: str = "") -> None:
-    """Write a map of percent per percent: parameters by events and curves, the most influential on top.
+    """Write a map of percent per percent to ``path``: parameters by events and curves, the most influential on top.
 
     Parameters
     ----------

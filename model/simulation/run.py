@@ -302,7 +302,8 @@ class Simulation:
     def accept_result(
         self, plan: Plan, time: float, step: float, status: int
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Take over the state in which a step loop left a plan; its angles and speeds, or the error that stopped it."""
+        """Take over the state in which a step loop left a plan; return its angles and speeds (m, n), or raise the error
+        that stopped it."""
         self.state = State(time, plan.span.angle, plan.span.speed, step, plan.span.memory)
         outputs, out_q, out_v, self.remembered, _ = plan.out
         if status in (NOT_FINITE, STEP_TOO_SMALL):

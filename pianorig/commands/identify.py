@@ -246,7 +246,7 @@ def next_strokes_or_reason(found: validation.Identification) -> tuple[list[Prosp
 
 
 def write_best_stroke(found: validation.Identification, ranked: list[Prospect], plan: Path) -> Path:
-    """Write the best stroke as a trial plan; its path."""
+    """Write the best of the ranked strokes, with doubts about the fit, as the trial plan ``plan``; its path."""
     # start-up: --help needs none of it
     from validation.infer.estimates import LACKING
     from validation.infer.further import write_plan

@@ -95,7 +95,7 @@ def draw_curve(values: NDArray[np.float64], width: int, height: int, braille: bo
 
 
 def view_facts(view: LiveView) -> dict[str, Any]:
-    """The state of the recording, its last force, as it is read, and angles."""
+    """Facts of a recording for ``--json``: trial, state, and its last raw force (N) and angles (rad)."""
     from rig.session.trial_data import absent_bodies  # start-up: 0.4 s of h5py
 
     return {

@@ -111,8 +111,8 @@ def bar_text(label: str, done: int, total: int, spent_s: float, columns: int) ->
 
 @contextmanager
 def bar(label: str, quiet: bool = False, what: str = "frames") -> Iterator[Callable[[int, int], None] | None]:
-    """Yield ``update(done, total)``, which draws a bar of ``what`` is counted; nothing is drawn before work is
-    reported. None when quiet."""
+    """Yield ``update(done, total)``, which draws a bar; ``what`` is the plural of what is counted; nothing is drawn
+    before work is reported. None when quiet."""
     if quiet:
         yield None
         return

@@ -266,7 +266,8 @@ def _film_subject(served: Served, owner: str, number: str) -> FilmSubject:
 
 
 def _track(served: Served, owner: str, number: str, asked: Asked) -> dict[str, Any]:
-    """Start the job that tracks a film with its saved outlines; its state for the page."""
+    """Start the job that tracks the film of trial ``number`` of the session ``owner`` with its saved outlines; its
+    state for the page."""
     subject = _film_subject(served, owner, number)
     if not subject.bodies.is_file():
         raise CommandInputError(f"{subject.bodies.name}: no outlines yet; save them first")

@@ -128,7 +128,8 @@ def _channels(head: TrialHead) -> list[dict[str, Any]]:
 
 
 def _live_rows(part: TrialData, first_count: Any) -> np.ndarray:
-    """Rows (n, k) float32: raw force, N, degrees turned since the first sample, command, V, further channels."""
+    """Rows (n, k) float32: raw force, N, degrees turned since ``first_count`` (a count each encoder), command, V,
+    further channels."""
     sign = np.array([SIGN.get(encoder.name, 1.0) for encoder in part.encoders])
     columns = [
         part.raw_force_n[:, None],

@@ -135,7 +135,8 @@ def draw_distortion(to_picture: Callable[[Any], Any], size_px: tuple[int, int], 
 
 
 def blow_events(action: model.Action, solution: model.Solution, force: np.ndarray) -> dict[str, float]:
-    """Title and time, s, of what happens in a blow that begins at rest; nothing where the scene lacks a body."""
+    """Time (s) by title of what happens in a blow that begins at rest, under ``force`` (m,) at the solution's times;
+    empty where a body is missing."""
     # start-up: 0.3 s of validation, which a run without a figure does not need
     from validation.conventions import BODIES, ENCODER_BODIES
     from validation.events.definitions import EVENTS

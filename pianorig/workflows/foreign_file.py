@@ -212,7 +212,8 @@ def _resolution_line(angles: NDArray[np.float64], unit: str) -> str:
 
 
 def find_steps_of_turn(angles: NDArray[np.float64], turn: float) -> int | None:
-    """Number of steps of a turn on whose grid all readings lie, but for the rounding of their digits; None of none."""
+    """Number of steps of a ``turn``, in the unit of the angles, on whose grid all readings lie, but for the rounding of
+    their digits; None of none."""
     known = np.unique(angles[np.isfinite(angles)])
     gaps = np.diff(known)
     gaps = gaps[gaps > turn / STEPS_OF_ANGLES]  # what lies closer is one reading
@@ -235,7 +236,8 @@ def _wraps(table: ChannelTable, channel: str, unit: str, bits: int) -> bool:
 
 
 def _time_lines(table: ChannelTable, time: str | None) -> list[str]:
-    """Lines of a proposed mapping that say where the times of the samples come from."""
+    """Lines of a proposed mapping that say where the times of the samples come from: the channel ``time``, the file's
+    clock, or a rate to fill in."""
     if time is not None:
         return [f"channel = {toml_value(time)}", f"unit = {toml_value(known_unit(table.units.get(time, '')) or 's')}"]
     clock = next(iter(table.clocks.values()), None)
