@@ -23,7 +23,7 @@ SOURCES = {".py", ".toml", ".json", ".j2", ".css", ".js"}
 
 
 def result_key(kind: str, code: object, inputs: object) -> str:
-    """Key of a result.
+    """Key under which a result is stored: SHA-256 of its kind, of the code that computes it and of its inputs.
 
     Parameters
     ----------
@@ -44,7 +44,8 @@ def sha256_of(value: object) -> str:
 
 
 def _parts(value: object) -> Iterator[bytes]:
-    """Bytes that identify a value, with its type and length, for hashing; arrays, records and containers included."""
+    """Yield the bytes that identify a value, with its type and length, for hashing; arrays, records and containers
+    included."""
     if type(value) is float:  # most of what is hashed: parameters of draws by the ten thousand
         yield f"float {value.hex()} ".encode()
     elif isinstance(value, str):

@@ -63,7 +63,8 @@ class ResultStore:
         self._lock = Lock()
 
     def value(self, kind: str, inputs: object, make: Callable[[], Any]) -> Any:
-        """The stored value, or that of ``make``, which is called only when these inputs have not been met before.
+        """The stored value of these inputs, or that of ``make()``, which is called, and its value stored, only when
+        they have not been met before.
 
         Parameters
         ----------
@@ -166,7 +167,7 @@ class ResultStore:
 
 
 def _newest(lines: dict[str, str]) -> Iterator[str]:
-    """Lines of the file from the newest on, as far as they fit."""
+    """Yield the lines of the file, ``key``, tab, text, from the newest on, as far as its largest size allows."""
     size = 0
     for key, text in reversed(lines.items()):
         size += len(key) + len(text) + 2

@@ -35,7 +35,7 @@ def new_panels(has_difference: bool) -> tuple[Axes, Axes | None]:
 
 
 def _draw_marks(axes: Axes, marks: Sequence[Mark], *, labels: bool = True) -> None:
-    """A line at every mark; positions of the thesis are solid and labelled above the panel."""
+    """Draw a line at every mark; positions of the thesis are solid and labelled above the panel."""
     for mark in marks:
         style = {"color": BLACK, "linewidth": 0.8} if mark.position else {"color": "#777777", "linewidth": 0.6}
         axes.axvline(mark.time_s, linestyle="-" if mark.position else ":", **style)  # type: ignore[arg-type]
@@ -53,7 +53,7 @@ def _draw(axes: Axes, time: Array, values: Array, label: str | None = None, **st
 
 
 def _finish_axes(axes: Axes, ylabel: str, *, bottom: bool = True) -> None:
-    """Label, grid and margins; the time axis only on the lowest panel."""
+    """Set label, grid and margins; the time axis is labelled on the lowest panel only."""
     axes.set_ylabel(ylabel)
     axes.grid(True, color="#DDDDDD", linewidth=0.6)
     axes.margins(x=0)

@@ -15,7 +15,8 @@ BAND_COLUMNS = 140  # the edges of a band are smooth
 
 
 def decimate(time: Array, values: Array, *, columns: int = COLUMNS, keep: str = "both") -> tuple[Array, Array]:
-    """Thin a curve to the smallest and largest value of each pixel column, so that no spike is lost.
+    """Times and values of a curve (n,) thinned to the smallest and largest value of each pixel column, or to the one
+    that ``keep`` names, so that no spike is lost.
 
     Parameters
     ----------

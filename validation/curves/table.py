@@ -22,7 +22,8 @@ from validation.errors import ValidationInputError
 
 
 def interpolate_to_base_times(base_s: Array, time_s: Array, values: Array) -> Array:
-    """Values at other times, (n_base,); NaN outside the record.
+    """``values`` (n,) at ``time_s`` (n,) interpolated to ``base_s`` (n_base,) by straight lines; NaN outside the
+    record.
 
     Sample times that agree to 1 ns are taken as they are; others are interpolated by straight lines.
     """
@@ -76,7 +77,8 @@ def curve_table(
     films: Mapping[int, pd.DataFrame],
     trials: Iterable[int] | None = None,
 ) -> pd.DataFrame:
-    """One row per trial, channel and time.
+    """Curves as a table with one row per trial, channel and time of ``base_s`` (n,), s; ``traces`` and ``films`` are by
+    trial number.
 
     Parameters
     ----------

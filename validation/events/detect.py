@@ -64,7 +64,7 @@ TURN_S = 0.6e-3  # to either side of a landing: choice, felt turns the hammer ro
 
 
 def key_bottom(motion: Motion, read: LevelReading = read_level_with_uncertainty) -> Event:
-    """First time the key dip rises through the dip at which the key front touches its felt."""
+    """Event at which the key dip first rises through the dip at which the key front touches its felt."""
 
     def find(level: float) -> float | None:
         return select_first_after(up_crossings(motion.time_s, motion.key_dip_m, level, FELT_M), -np.inf)
@@ -184,7 +184,8 @@ def check(
 
 
 def key_release(motion: Motion, read: LevelReading = read_level_with_uncertainty) -> Event:
-    """Last fall of the key dip through half the touching dip, when the key stays up to the end of the record."""
+    """Event: the last fall of the key dip through half the touching dip, when the key stays up to the end of the
+    record."""
     time, dip = motion.time_s, motion.key_dip_m
 
     def find(level: float) -> float | None:
@@ -199,7 +200,7 @@ def key_release(motion: Motion, read: LevelReading = read_level_with_uncertainty
 
 
 def rest(motion: Motion, quiet_stop: int, read: LevelReading = read_level_with_uncertainty) -> Event:
-    """Time from which height and dip stay within 0.1 mm of their mean over the first `quiet_stop` samples."""
+    """Event from which height and dip stay within 0.1 mm of their mean over the first ``quiet_stop`` samples."""
     time = motion.time_s
     height = np.abs(motion.hammer_height_m - float(np.mean(motion.hammer_height_m[:quiet_stop])))
     dip = np.abs(motion.key_dip_m - float(np.mean(motion.key_dip_m[:quiet_stop])))
@@ -227,7 +228,7 @@ def _make_time_event(name: str, value: float, u: float) -> Event:
 
 
 def onset(motion: Motion, quiet_stop: int, read: LevelReading = read_level_with_uncertainty) -> Event:
-    """Key dip first rises through 0.1 mm above its rest."""
+    """Event at which the key dip first rises through 0.1 mm above its mean over the first ``quiet_stop`` samples."""
     dip = motion.key_dip_m - float(np.mean(motion.key_dip_m[:quiet_stop]))
 
     def find(level: float) -> float | None:
@@ -240,7 +241,7 @@ def onset(motion: Motion, quiet_stop: int, read: LevelReading = read_level_with_
 
 
 def let_off(motion: Motion, strike: Strike | None, read: LevelReading = read_level_with_uncertainty) -> Event:
-    """Last time before the impact at which the hammer is 0.1 mm off the path of its free flight."""
+    """Event: the last time before the impact at which the hammer is 0.1 mm off the path of its free flight."""
     if strike is None or not math.isfinite(strike.arrival.speed):
         return make_absent_event("let_off", "no string impact")
     contact = strike.arrival.contact_s
@@ -327,7 +328,7 @@ def drop(
 
 
 def landing(motion: Motion, hold: Hold | None, drop_s: float) -> Event:
-    """After the drop the hammer first comes back by 0.3 mm: the time it was furthest from the string before that."""
+    """Event at which, after ``drop_s``, the hammer is furthest from the string before it first comes back by 0.3 mm."""
     if hold is None or not math.isfinite(drop_s):
         return make_absent_event("landing", "no drop")
     time, height = motion.time_s, motion.hammer_height_m

@@ -90,7 +90,8 @@ def fit_parabola(age: Array, position: Array, sigma: float, slowing: float | Non
 
 
 def _fit_path(age: Array, position: Array, sigma: float, slowing: float | None = None) -> _Path:
-    """Parabola through samples (n,); the expected deceleration ``slowing`` of a free hammer is a prior."""
+    """Parabola through samples (n,) of u ``sigma``, m, its covariance, and whether a chi-square test accepts it; the
+    expected deceleration ``slowing`` is a prior."""
     value, covariance = fit_parabola(age, position, sigma, slowing)
     left = (position - value[0] - value[1] * age - 0.5 * value[2] * age**2) / sigma
     chi2, count = float(left @ left), age.size
@@ -104,7 +105,8 @@ def _is_pushed(path: _Path) -> bool:
 
 
 def fit_flight(time_s: Array, way_m: Array, contact_s: float, side: int, sigma_m: float) -> Flight:
-    """Speed and time of contact from samples on one side of it.
+    """Speed and time of contact with their u, from samples (n,) before it (``side`` −1) or after it (+1); ``contact_s``
+    is a first estimate, ``sigma_m`` the u of a sample.
 
     Parameters
     ----------

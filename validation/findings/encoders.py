@@ -68,7 +68,7 @@ def find_miswired_encoders(m: MeasuredTrial, p: PredictedAngles) -> list[Session
 
 @register_kinds({"no motion": "Check scale, cable and counter of the encoder that stands still."}, spoils=CHANNEL)
 def find_motionless_encoders(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
-    """Encoders that stand still while another one moves as predicted and theirs should."""
+    """Findings of encoders that stand still while another one moves as predicted and theirs should."""
     known = np.isfinite(p.angle_rad[:, 0])
     moved = np.ptp(m.change_rad, axis=0)
     expected = np.array([np.ptp(p.change_rad(name)[known]) for name in ENCODER_CHANNELS])
@@ -277,7 +277,8 @@ def is_at_rest_again(m: MeasuredTrial) -> NDArray[np.bool_]:
     spoils=CURVES,
 )
 def find_encoder_returns(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
-    """Encoders that do not read at the end of the record what they read before the stroke, though the stroke is over.
+    """Findings of encoders that do not read at the end of the record what they read before the stroke, though the
+    stroke is over.
 
     Conventions: rad, changes since rest; the last 50 ms of the record. Named is an encoder that reads something else
     and stands still, or goes on at the rate that led there, while the body that moves it is back at rest, and so is the
@@ -323,7 +324,7 @@ PASSES = 4  # of the bit, so that one that stands still by chance is none
 
 @register_kinds({"stuck bit": "Check cable and counter of the encoder, then record again."}, spoils=CURVES)
 def find_stuck_bits(m: MeasuredTrial) -> list[SessionFinding]:
-    """Bits of each encoder's counter that never change.
+    """Findings of a bit of an encoder's counter that never changes, the lowest of each encoder.
 
     Conventions: counts since rest modulo twice the bit's weight, in sixteen sectors. A turning encoder fills all of
     them; with a stuck bit, and whatever the first count, half stay empty. Looked for are bits whose weight the travel
@@ -355,7 +356,7 @@ LIFT_LATE_M = 0.15e-3  # as stated, which is some 70 % of the true lift
 def find_capstan_gaps(
     by_trial: Mapping[int, Sequence[KeyLift]], release_s: Mapping[int, float]
 ) -> list[SessionFinding]:
-    """The largest disagreement of key and whippen of each trial that has one (`validation.events.key_lift`).
+    """Finding of the largest disagreement of key and whippen in each trial that has one; arguments by trial number.
 
     After the release the model's timing tells large ones only.
     """

@@ -117,7 +117,8 @@ def find_faults(
     errors: Mapping[int, TrialErrors],
     limits: Mapping[str, float],
 ) -> SessionFindings:
-    """Faults of the session, wiring first.
+    """Findings of all checks, wiring first, kinds of stroke and conditions of a session; ``errors`` by trial number,
+    ``limits`` of relevance by name.
 
     Of trials that the key drives none is looked for: the checks compare with a prediction by the force. ``errors`` of
     every trial, ``limits`` of relevance, as of `validation.verdict.quantities.relevance_limits`.

@@ -34,7 +34,7 @@ MATTERS_N = 0.1  # choice: half of an up weight
 
 @register_kinds({"hum": "Check shield and ground of the load cell."}, among=OF_TRIAL)
 def find_mains_hum(m: MeasuredTrial) -> list[SessionFinding]:
-    """Mains hum that was subtracted and is large enough to look for its cause."""
+    """Finding of mains hum that was subtracted and is large enough to look for its cause; empty if there is none."""
     fit = m.force.hum
     amplitude = max(fit.amplitude_n)
     if not fit.accepted or amplitude <= MATTERS_N:
@@ -285,7 +285,8 @@ def _extend(values: Array, by: int) -> Array:
     {"force lag": "Measure the delay of the force channel against the encoders and state it in the {settings}."}
 )
 def find_force_lags(lags: Mapping[int, tuple[float, float]]) -> list[SessionFinding]:
-    """The lag of the force behind the key's acceleration, in the trials that have one, by `estimate_force_lag`.
+    """Findings of a lag of the force behind the key's acceleration; ``lags``: trial number → lag and its limit, s, by
+    `estimate_force_lag`.
 
     Conventions: s, positive when the force comes late after the declared delay was taken off. The motor's own inertia
     makes force and acceleration rise together, whatever the friction; both are filtered alike, 30 to 400 Hz, and the

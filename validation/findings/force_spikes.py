@@ -73,7 +73,8 @@ class Spike:
 
 
 def find_candidate_spikes(m: MeasuredTrial) -> list[Spike]:
-    """Stretches, no longer than `LONGEST_S`, that leave the running median, or that two opposite jumps enclose.
+    """Spikes of the force: stretches, no longer than `LONGEST_S`, that leave the running median, or that two opposite
+    jumps enclose.
 
     A jump is a step outside of the two steps before and the two after it, as of an encoder. What a spike changes is
     taken against the median, and between two jumps against the straight line over them.

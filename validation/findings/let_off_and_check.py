@@ -38,7 +38,8 @@ def compare_let_off(
     model: Mapping[str, Event],
     geometry: ActionGeometry,
 ) -> tuple[float, float]:
-    """Way from let-off to the string of the trial less that of its prediction, m, and u; NaN where either has none.
+    """Way from let-off to the string of the trial less that of its prediction, m, and u, from their events by name; NaN
+    where either has none.
 
     The way ends where the hammer turns, which a string that yields moves, or where it meets the string, which another
     scale or blow distance moves: stated is what both have, the smaller one of the two.

@@ -37,7 +37,7 @@ def find_unusual_rates(measured: Sequence[MeasuredTrial]) -> list[SessionFinding
 
 @register_kinds({"short record": "Annotate the trial that ends early, or record it again: no score looks further."})
 def find_short_records(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
-    """Trials whose record ends well before the others': every curve is scored up to there only."""
+    """Findings of trials whose record ends well before the others': every curve is scored up to there only."""
     end = {m.number: float(m.time_s[-1]) for m in measured}
     usual = float(np.median(list(end.values())))
     return [
@@ -70,7 +70,7 @@ FEWEST_MOVED = 50  # samples that differ from the one before: two records of res
 
 @register_kinds({"duplicated trial": "Reject the copy (pianorig annotate)."}, spoils=BLOW, among=OF_TRIALS)
 def find_duplicates(trials: Sequence[MeasuredTrial]) -> list[SessionFinding]:
-    """Trials that repeat an earlier one, in counts or in force."""
+    """Findings of trials that repeat an earlier one, in counts or in force."""
     out = []
     for first, second in combinations(trials, 2):
         same = [

@@ -75,7 +75,7 @@ def _key(name: str) -> str:
 
 
 def _value(value: Any) -> str:
-    """A TOML value; None, which TOML has not, is left out of tables."""
+    """Text of a value in TOML; None, which TOML has not, is left out of tables."""
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{_key(k)} = {_value(v)}" for k, v in value.items() if v is not None) + " }"
     if isinstance(value, list | tuple):

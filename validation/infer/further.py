@@ -89,7 +89,7 @@ def list_candidate_strokes(
     refused: list[str] = []
     for name in built_in_profiles():
         for level in levels:
-            profile = at_level(load_profile(name), level)
+            profile = scale_profile_force(load_profile(name), level)
             kept: list[PredictedBlow] = []
 
             def remember(one: Profile, kept: list[PredictedBlow] = kept) -> PredictedBlow:
@@ -107,8 +107,8 @@ def list_candidate_strokes(
     return found, refused
 
 
-def at_level(profile: Profile, level: float) -> Profile:
-    """The profile with its force multiplied; itself at level 1."""
+def scale_profile_force(profile: Profile, level: float) -> Profile:
+    """The profile with its force multiplied by ``level`` and the level in its name; itself at level 1."""
     if level == 1.0:
         return profile
     points = ", ".join(

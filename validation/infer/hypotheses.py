@@ -244,7 +244,8 @@ def _list_weights(profile: str, numbers: Sequence[int], apart: bool) -> Iterator
 
 
 def known_root(action: model.Action, listed: Sequence[Source]) -> Array:
-    """Root (p, k) of the candidates' prior covariance; correlated where the action was identified."""
+    """Root (p, k) of the prior covariance of the amounts of the ``listed`` sources; correlated where the action was
+    identified."""
     root = np.diag([c.known for c in listed])
     before = posterior_of(action)
     if before is None:

@@ -82,7 +82,7 @@ class Supported:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Sentences for a reader."""
+        """Two sentences: which changes take the model's lack away, and what is known in spite of it."""
         names = [one.words for one in self.let_in if one.parameter is not None]
         known = [e.name for e in self.estimates if e.verdict == IDENTIFIED]
         known += [c.words for c, _, _ in self.combinations]

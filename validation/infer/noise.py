@@ -540,7 +540,8 @@ class Scores:
 
 
 def scores(marginal: Marginal, residuals: Sequence[Array] | None = None) -> Scores:
-    """Derivatives at the sizes of a model; residuals at z = 0 of the linear model."""
+    """Derivatives of the negative log likelihood by the logarithms of the variance components, at those of
+    ``marginal``; residuals at z = 0 of the linear model, without which the slope is 0."""
     log = marginal.sizes.log()
     variance, p = np.exp(2.0 * log), marginal.p
     slope, information, shares = np.zeros(log.size), np.zeros((log.size, log.size)), np.zeros((p, log.size))

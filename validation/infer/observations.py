@@ -202,17 +202,12 @@ def _thin_trials(
     spans = [ways[0](m) for m in trials]
     at = common_phases(name, trials, spans, phases)
     seen = [ways[1](name, session, m, s, at) for m, s in zip(trials, spans, strict=True)]
-    return [with_film(t, m) for t, m in zip(seen, trials, strict=True)] if film else seen
+    return [add_film_angles(t, m) for t, m in zip(seen, trials, strict=True)] if film else seen
 
 
 def common_phases(name: str, trials: Sequence[MeasuredTrial], spans: Sequence[Span], phases: int) -> Array:
-    """Times (m,) from the moment the hammer is up, for all trials of one session.
-
-    Raises
-    ------
-    ValidationInputError
-        The trials have no span in common.
-    """
+    """Times (m,), s, from the moment the hammer is up, at which all trials of a session are compared; raises an input
+    error where they have no span in common."""
     before = min(s.top_s - s.start_s for s in spans)
     after = min(s.end_s - s.top_s for s in spans)
     if before <= 0.0 or after <= 0.0:
@@ -231,7 +226,7 @@ def common_phases(name: str, trials: Sequence[MeasuredTrial], spans: Sequence[Sp
     return _keep_apart(at, APART * max(float(np.median(np.diff(m.time_s))) for m in trials))
 
 
-def with_film(trial: ObservedTrial, m: MeasuredTrial) -> ObservedTrial:
+def add_film_angles(trial: ObservedTrial, m: MeasuredTrial) -> ObservedTrial:
     """The trial with jack and repetition lever as its film shows them; lost throughout without one."""
     seen: FilmSeen = film_seen(m, trial.time_s)
     white = np.broadcast_to(trial.u_white_rad, trial.change_rad.shape)

@@ -581,7 +581,8 @@ def is_acting(action: model.Action, parameter: Parameter) -> bool:
 def tangents(
     task: tuple[model.Action, tuple[str, ...], Case, ObservedTrial, Sequence[tuple[Case, Case]], Sequence[int]],
 ) -> Array:
-    """Derivatives (m, c, n) of a trial's channels: by parameter names, pairs of cases, and its drive.
+    """Derivatives (m, c, n) of a trial's channels by tangents: by the parameters named, by pairs of cases, and by what
+    the trial has of its own drive.
 
     Per SI unit or per relative change; a pair lies `ERROR_STEP` to both sides of the case, in the force or in what
     sensors read, and its derivative is per unit; of the trial's own drive some of `own_units` are told, by their place.
@@ -635,7 +636,8 @@ def tangent_options(trial: ObservedTrial, preload_n: float, time_s: Array) -> mo
 def driven_tangents(
     task: tuple[model.Action, tuple[str, ...], Case, ObservedTrial, *tuple[Sequence[object], ...]],
 ) -> Array:
-    """Derivatives (m, c, n) of a trial's channels, per SI unit or per relative change.
+    """Derivatives (m, c, n) of the channels of a trial that its key drives, by the parameters named, per SI unit or per
+    relative change.
 
     Raises
     ------

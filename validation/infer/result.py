@@ -55,7 +55,8 @@ BY_MOTION = f"{TITLE} is not asked where the key's motion drives the model; stro
 
 
 def explained_lines(action: model.Action, sources: Sources) -> tuple[str, ...]:
-    """One sentence for each session whose trials a force drives; one alone where none does.
+    """Sentences on which causes explain the differences before the fit: one for each session that a force drives, or
+    one where none is.
 
     The question and the rule are those of `validate` (`validation.infer.causes`), so that page and report
     say the same of the same strokes. What the fit held or moved plays no part: everything that may be wrong is a

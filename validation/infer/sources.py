@@ -108,7 +108,7 @@ class Sources:
 
 
 def collect(sessions: Sequence[Session | str | Path], action: model.Action, options: IdentifyOptions) -> Sources:
-    """Read, measure and thin the trials of all sessions.
+    """Read, measure and thin the trials of all sessions; raises an input error where they cannot be fitted together.
 
     Raises
     ------

@@ -39,7 +39,7 @@ GROUPS = tuple(BELONGS)
 
 
 def single_names(action: model.Action) -> dict[str, tuple[str, ...]]:
-    """Every single thing that can be free, name -> paths that move together; values of zero are left out."""
+    """Name of each parameter that can be free → paths that move together; values of zero are left out."""
     values = {path: q.value for path, q in model.quantities_of(action).items()}
     names: dict[str, tuple[str, ...]] = {}
     for path in values:
@@ -261,7 +261,8 @@ def parameter_of(
 def unknowns(
     action: model.Action, asked: Sequence[str], fixed: Sequence[str] = (), priors: Mapping[str, float] | None = None
 ) -> Unknowns:
-    """Sort all parameters of an action by what a fit does with them.
+    """Parameters of an action by what a fit does with them: asked, fitted beside those, small, fixed; raises an input
+    error for an unknown name or one without a prior.
 
     Parameters
     ----------

@@ -95,12 +95,8 @@ class ActionGeometry:
 
 
 def geometry_of(action: model.Action, rest_angle_rad: Array) -> ActionGeometry:
-    """Geometry of an action of the `model` package.
-
-    Parameters
-    ----------
-    rest_angle_rad : (5,), its rest state under the load the trials start from
-    """
+    """Geometry of an action for the event finders, from its angles (5,), rad, at rest under the load that the trials
+    start from."""
     rest = np.asarray(rest_angle_rad, dtype=float)
 
     def height(angle: Array) -> Array:
@@ -199,7 +195,8 @@ def motion_of(
     u_dip_zero_m: float = 0.0,
     u_scale_relative: Array | None = None,
 ) -> Motion:
-    """Build a `Motion` from changes of the key, whippen and hammer angle since rest.
+    """Build a `Motion` from changes since rest (n, 3), rad, of key, whippen and hammer, and the standard uncertainties
+    (3,) of a sample, of the zero and of the scale.
 
     Parameters
     ----------

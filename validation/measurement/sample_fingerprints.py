@@ -40,7 +40,7 @@ def are_same_stroke(one: Collection[str], other: Collection[str]) -> bool:
 
 
 def _channels(data: TrialData) -> Iterator[tuple[NDArray[np.uint64], NDArray[np.bool_]]]:
-    """Count steps or samples of each channel as 64-bit integers, and a mask of those that move."""
+    """Yield for each channel its count steps or readings (n,) as 64-bit integers, and a mask of those that change."""
     for counts in np.asarray(data.encoder_count, dtype=np.int64).T:
         steps = np.diff(counts)
         yield steps.astype(np.uint64), np.abs(steps) > 1

@@ -64,7 +64,8 @@ class BlackBox:
     high: Array
 
     def answers(self, drive_s: Array, drive: Array, time_s: Array) -> Array:
-        """Answers (n, c) at times (n,), s, to an input (k,) over times (k,), s."""
+        """Answers (n, c) at times (n,), s, to an input ``drive`` (k,) over ``drive_s`` (k,), s, held within the range
+        of those fitted."""
         grid, scaled = _grid(time_s), (drive - self.middle) / self.reach
         made = np.clip(
             _evaluate_terms(self.kind, _terms(self.kind, self.order), drive_s, scaled, grid) @ self.weights,

@@ -96,8 +96,8 @@ def _estimate_shifts(curves: Array, u_sample: float, rise_samples: float, window
 
 
 def extend_in_time(mean: Array, scatter: Array, n_trials: int) -> Array:
-    """Largest change (n_samples,) of a mean curve when it is shifted in time by as much as ``scatter`` (n_samples,), in
-    samples, lets a further trial be shifted."""
+    """Largest change (n_samples,) of a mean curve that is shifted in time by as much as a further trial may be;
+    ``scatter`` (n_samples,): standard deviation of the trials' shifts, in samples."""
     factor = float(stdtrit(n_trials - 1, 0.5 + TIME_CONFIDENCE / 2)) * np.sqrt(1 + 1 / n_trials)
     # rounding keeps the number of different reaches small
     rounded = np.round(scatter / ROUND_SAMPLES) * ROUND_SAMPLES
@@ -169,7 +169,7 @@ def critical_value(freedom: int, length: float, n_samples: int, confidence: floa
 
 
 def roughness_length(residual: Array, u_sample: float = 0.0) -> float:
-    """Length of the path of the residuals, scaled to unit length at each instant, on the sphere.
+    """Length of the path of the residuals (n_samples, n_trials), scaled to unit length at each instant, on the sphere.
 
     White noise of the samples would make any path long, so the path is measured in steps long enough that the noise is
     the smaller part of them.
@@ -198,7 +198,8 @@ def roughness_length(residual: Array, u_sample: float = 0.0) -> float:
 
 
 def repeatability_band(curves: Array, *, u_sample: float = 0.0) -> RepeatabilityBand:
-    """Simultaneous band for the mean of curves that scatter in value and in time.
+    """Simultaneous 95 % band for the mean of ``curves`` (n_samples, n_trials), which scatter in value and in time;
+    ``u_sample``: noise of one sample.
 
     Parameters
     ----------

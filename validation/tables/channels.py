@@ -202,10 +202,8 @@ COVERAGE = 1.96
 
 
 def _mean_difference(base: Array, apart: Array, verdict: Verdict, name: str) -> tuple[Array, Array, dict[str, object]]:
-    """Mean difference of a channel at times ``base`` (n,), its standard uncertainty, and figures of the channel table.
-
-    ``apart``: model − trial, (n, trials).
-    """
+    """Mean (n,) at times ``base`` of ``apart``, model − trial (n, trials), its standard uncertainty (n,), and cells of
+    the channel table; NaN where not known."""
     known = np.isfinite(apart).any(axis=1)
     mean, u = np.full((2, base.size), np.nan)
     row: dict[str, object] = dict.fromkeys(NAMES[-5:], np.nan)

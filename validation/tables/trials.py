@@ -100,6 +100,7 @@ def _make_used_row(m: MeasuredTrial, reused: bool) -> dict[str, object]:
 
 
 def _force_cells(m: MeasuredTrial) -> dict[str, object]:
+    """Cells of a trial's row on its force: offset, hum, noise, preload, delay and peak."""
     hum = m.force.hum
     row: dict[str, object] = {
         "offset_n": hum.offset_n,

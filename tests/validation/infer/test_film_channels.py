@@ -9,7 +9,7 @@ import pytest
 
 from tests.validation.infer import toy
 from validation.infer.blocks import INSTRUMENT, LOST_RAD, make_blocks, residuals
-from validation.infer.observations import ENCODERS, FILM, film_seen, with_film
+from validation.infer.observations import ENCODERS, FILM, add_film_angles, film_seen
 from validation.measurement.trial import FilmAngles
 
 FRAME_S = np.arange(0.0, 0.2, 4e-3)
@@ -54,7 +54,7 @@ def test_what_is_lost_says_nothing(with_one: bool) -> None:
     """Its rows have no residual, no derivative and an uncertainty beyond anything."""
     plain = toy.trial(1, np.zeros((toy.M, 3)))
     m = filmed() if with_one else SimpleNamespace(film=None)
-    trial = with_film(plain, m)  # type: ignore[arg-type]
+    trial = add_film_angles(plain, m)  # type: ignore[arg-type]
     assert trial.channels == (*ENCODERS, *FILM) and np.array_equal(trial.column("hammer"), plain.change_rad[:, 2])
     ones = np.ones((toy.M, 5, 3))
     (block,) = make_blocks([trial], [ones], [ones[:, :, :2]], np.ones(3, dtype=bool))

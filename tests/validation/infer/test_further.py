@@ -19,10 +19,10 @@ from validation.infer.fit import Fitted, fit
 from validation.infer.further import (
     Candidate,
     Prospect,
-    at_level,
     block_of,
     further,
     prospects,
+    scale_profile_force,
     u_from_noise_sizes,
     write_plan,
 )
@@ -190,7 +190,7 @@ def rng_of(k: int) -> np.random.Generator:
 
 
 def prospect(name: str = "forte", level: float = 1.4) -> Prospect:
-    profile = at_level(rig.load_profile(name), level)
+    profile = scale_profile_force(rig.load_profile(name), level)
     candidate = Candidate(profile.name, toy.trial(0, np.zeros((toy.M, 3))), profile)
     return Prospect(profile.name, {"hammer.joint_friction.A": 0.5}, candidate, 4)
 

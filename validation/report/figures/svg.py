@@ -265,7 +265,7 @@ class _Frame:
         return np.asarray(self.bottom - (self.bottom - self.top) * (y - low) / (high - low))
 
     def draw(self, panel: Panel, is_lowest: bool) -> str:
-        """The whole panel."""
+        """SVG text of the whole panel: curves, frame, ticks, marks, title and labels."""
         clip, width, height = f"{self.id}-clip", self.right - self.left, self.bottom - self.top
         curves = "".join(self._path(shape) for shape in (*panel.areas, *panel.shapes))
         box = f'x="{self.left:.2f}" y="{self.top:.2f}" width="{width:.2f}" height="{height:.2f}"'
@@ -296,6 +296,8 @@ class _Frame:
         return "".join(parts) + "</g>"
 
     def _path(self, shape: _Shape) -> str:
+        """SVG path of a line, of dots, or of the area between two curves; empty where a shape without a name has no
+        point."""
         x, y = self.at_x(shape.x), self.at_y(shape.y)
         if shape.upper is not None:
             d = "".join(
@@ -314,6 +316,7 @@ class _Frame:
         return f'<path{named} d="{d}" {shape.attributes}{effect}/>'
 
     def _x_ticks(self, panel: Panel, is_lowest: bool) -> str:
+        """SVG text of grid lines and ticks of the time axis, with labels on the lowest panel."""
         most = min(panel.intervals, max(1, int((self.right - self.left) / (3 * self.font))))
         text = ""
         for value, label in linear_ticks(*self.x, most, has_integers=panel.has_integers):
@@ -326,6 +329,7 @@ class _Frame:
         return text
 
     def _y_ticks(self, panel: Panel) -> str:
+        """SVG text of grid lines, ticks and labels of the vertical axis; empty where a note stands in the panel."""
         if panel.note:
             return ""
         most = min(panel.intervals, max(1, int((self.bottom - self.top) / (1.6 * self.font))))
@@ -338,7 +342,8 @@ class _Frame:
         return text
 
     def _marks(self, panel: Panel) -> str:
-        """A line at every mark; positions of the thesis are solid, and labelled above a panel that has letters."""
+        """SVG text of a line at every mark; positions of the thesis are solid, and labelled above a panel that has
+        letters."""
         text = ""
         for mark in panel.marks:
             if not self.x[0] <= mark.time_s <= self.x[1]:
