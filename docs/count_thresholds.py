@@ -70,7 +70,7 @@ CALLS = {
     "declared physical data": r"RegulationTarget",
     "formats and codes": r"ir\.IntType|KINDS|check_numbers|chr|OSError|IsADirectoryError|(self\.)?refuse|Refused"
     r"|HTTPError",
-    "sizes of plots": r"new_sheet|_write_label",
+    "sizes of plots": r"new_sheet|_write_label|Chart|Pen|.*\.shade",
 }
 
 

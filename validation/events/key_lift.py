@@ -38,8 +38,8 @@ from validation.prediction.predict_session import PredictedSession
 
 EXCESS_M = 0.2e-3  # of the gap, as a lift by 0.04 mm makes: choice
 EDGE_M = 0.05e-3  # of the gap, at an interval's ends: some ten counts of the key's scale
-NEAR_EDGE_S = 0.01  # to which an interval reaches at most to its ends, and a pull of the rail may lie away: choice
 NEAR_S = (1.5e-3, 3e-3, 10e-3)  # how early or late the model may be: before the impact, until release, after it
+NEAR_EDGE_S = NEAR_S[-1]  # to which an interval reaches at most to its ends, and a pull of the rail may lie away
 CARRIED_SHARE = 0.1  # of an interval: choice
 FREE_SHARE = 0.7  # of the free fall of the whippen: faster is falling, slower is carried
 FALL_WINDOW_S = 2e-3  # of the whippen's acceleration, and gap in an interval that is none: choice

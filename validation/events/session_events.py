@@ -84,7 +84,9 @@ class SessionEvents:
 
 
 def find_session_events(predicted: PredictedSession, tested: ModelUnderTest) -> SessionEvents:
-    """Find events in every trial and its prediction, lifts of the key, and the evaluation window."""
+    """Find events in every trial and its prediction, lifts of the key, and the evaluation window; events found are kept
+    in the model's store.
+    """
     model, trial = {}, {}
     for m in predicted.trials:
         geometry = tested.geometry_of_trial(m)

@@ -10,8 +10,10 @@ from validation.events.crossings import find_runs
 
 PHASES = ("rest", "strike", "hold", "release")
 REST, STRIKE, HOLD, RELEASE = range(4)
-STARTED, DOWN, UP = 0.05, 0.9, 0.1
-"""Shares of the key's travel: a strike begins above the first; above the second the key is down, below the third up."""
+STARTED, UP = 0.05, 0.1
+"""Shares of the key's travel: a strike begins above the first; below the second the key is up."""
+DOWN = 1.0 - UP
+"""Share of the key's travel above which the key is down."""
 AFTER_DOWN_S, AFTER_UP_S = 0.06, 0.25
 """The key is held when it has been down so long; it rests when it has been up so long."""
 AGAIN = 0.15

@@ -18,7 +18,7 @@ from validation.conventions import ENCODER_CHANNELS, Array, rms
 from validation.events.contact import SHARP_M_PER_S
 from validation.events.definitions import Event
 from validation.events.detect import LONG_S
-from validation.events.encoder_readings import MOVES_RAD
+from validation.events.encoder_readings import EDGE_S, MOVES_RAD
 from validation.events.key_lift import EXCESS_M, KeyLift
 from validation.events.miswired_encoders import MISSED, find_miswired_channels
 from validation.findings.finding import (
@@ -89,7 +89,7 @@ def find_motionless_encoders(m: MeasuredTrial, p: PredictedAngles) -> list[Sessi
 FEWEST_RISING = 5  # samples of which a slope is taken
 PRESSED = 0.25  # of the key's dip, in the prediction: less is play and felt
 ON_FELT_S = 0.01  # for which a key rests on its felt: a touch in passing is shorter
-SHARP_S = (1e-3, 4e-3)  # before and after a turn round: beyond the contact with a string, within the flight
+SHARP_S = (EDGE_S, 4e-3)  # before and after a turn round: beyond the contact with a string, within the flight
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy as np
 from validation.conventions import Array
 from validation.findings.finding import BLOW, SessionFinding, register_kinds
 from validation.measurement.trial import MeasuredTrial, trials_in_words
+from validation.statistics.domain import STEP_S
 
 HELD_S = 0.02  # longer than the spike at the key's bed, which scatters
 ONSET = (0.1, 0.5)  # of that force, between which the slope of its onset is taken: choice
@@ -40,7 +41,6 @@ def impulse_n_s(m: MeasuredTrial) -> float:
 APART = 0.22  # of the force's size: a stroke that is a quarter louder
 ALIKE = 0.07  # strokes of one plan lie that close together at most
 OVER_ALIKE = 3.0  # times the longest join of one kind: choice
-STEP_S = 1e-3  # of the averaged curves
 
 
 def group_strokes(trials: Sequence[MeasuredTrial]) -> tuple[tuple[int, ...], ...]:

@@ -45,10 +45,10 @@ def jackknife_over_strokes(fitted: Fitted) -> Array:
 
 
 def _jackknife_parts(fitted: Fitted, parts: Sequence[Sequence[int]], fewest: int) -> Array:
-    """Standard uncertainty (p,) of z by the jackknife; NaN with fewer than ``fewest`` parts.
+    """Standard uncertainty (p,) of z by the jackknife, from fits of the linear model to each of ``parts``, lists of
+    trial indices; NaN with fewer than ``fewest`` parts.
 
-    Each part is a list of the trials (indexes of the blocks) that a fit of the linear model keeps. The sizes of the
-    noise are kept.
+    The sizes of the noise are kept.
     """
     if len(parts) < fewest:
         return np.full(fitted.z.size, np.nan)

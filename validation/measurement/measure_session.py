@@ -85,6 +85,7 @@ def measure_session(
     only: int | None = None,
 ) -> MeasuredSession:
     """Measure every usable trial with the action's geometry at its preload (N); the others are listed with the reason.
+    Raises an input error where trials are of several conditions.
 
     Parameters
     ----------

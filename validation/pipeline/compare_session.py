@@ -112,7 +112,9 @@ FINER = "; the verdict's test of the primary quantities does not resolve it"
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions) -> ValidationResult:
-    """Compare a session with an action under ``chosen`` options: measure, predict, score, find faults, judge."""
+    """Compare a session with an action under ``chosen`` options: measure, predict, score, find faults, judge; results
+    are kept with the session where the options say so.
+    """
     tested = model_under_test(session, action, chosen)
     measured = measure_session(
         session, tested.geometry_at, chosen.u_rest_level_m, chosen.condition, chosen.by_motion, tested.calibration

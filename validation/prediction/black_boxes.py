@@ -32,7 +32,7 @@ EDGES_S = (0.0, *(0.001 * 2.0**k for k in range(10)))
 LAGS_S = tuple(EVERY_S * 2.0**k for k in range(6))
 """How long ago the plain filter takes its input: six lags, the last 64 ms."""
 ORDERS = {POLYNOMIAL: tuple((0, degree) for degree in range(1, 10)),
-          FIR: ((10, 1), (5, 2), (6, 2), (8, 2), (10, 2), (4, 3), (5, 3), (6, 3)),
+          FIR: tuple((n, d) for d, counts in ((1, (10,)), (2, (5, 6, 8, 10)), (3, (4, 5, 6))) for n in counts),
           FIR_LAGS: ((len(LAGS_S), 1), (len(LAGS_S), 2))}  # fmt: skip
 """Stretches of the past, or lags (none: the instant itself), and degrees that are tried."""
 RIDGES = (1e-6, 1e-4, 1e-2)

@@ -234,7 +234,9 @@ class PredictedSession:
 def predict_session(
     measured: MeasuredSession, tested: ModelUnderTest, progress: Callable[[str], None] | None = None
 ) -> PredictedSession:
-    """Predict every measured trial; unchanged ones are read, not simulated."""
+    """Predict every measured trial; unchanged ones are read, not simulated. Raises an input error where no trial can be
+    predicted.
+    """
     refused, predictions = dict(measured.refused), {}
     # a user's function need not bear threads, nor be called in another order
     with ThreadPoolExecutor(WORKERS if tested.own_model else 1) as pool:

@@ -28,7 +28,7 @@ from validation.measurement.position_sensors import SPEED_OVER_S
 from validation.measurement.trial import MOST_NAMED, trials_in_words
 
 STEP_S = 1e-3
-"""Between the samples that are looked at."""
+"""Between the samples by which strokes are compared."""
 DOWN = 0.8  # of the deepest place, above which the key counts as down: choice
 BRIEF_S = 0.1
 """The key's time down counts as t / (t + this): whether a second or three, the hammer hangs in the back check."""
