@@ -49,7 +49,7 @@ from validation.infer.observations import (
 )
 from validation.infer.problem import Columns, Problem, linear_residuals, make_problem_at_start
 from validation.infer.response import ModelResponse
-from validation.infer.scatter import factors, lacking
+from validation.infer.scatter import factors, measure_lack
 from validation.infer.unknowns import LAW_U, Parameter, Unknowns, unknowns
 from validation.measurement.trial import measure
 from validation.prediction.model_under_test import ModelUnderTest
@@ -241,7 +241,7 @@ def experiment(cell: str, k: int, options: Any) -> dict[str, Any]:
         )  # fmt: skip
     return {
         "estimates": rows, "converged": fitted.converged, "end": str(fitted.end), "steps": sum(f.steps for f in fits),
-        "fits": len(fits), "lacking": lacking(fitted), "processor_s": spent_s, "fit_s": fit_s,
+        "fits": len(fits), "lacking": measure_lack(fitted), "processor_s": spent_s, "fit_s": fit_s,
         "known": known, "could": could, "cut": len(fitted.bifurcations),
     }  # fmt: skip
 
@@ -313,7 +313,7 @@ def in_spite(cell: str, k: int, options: Any) -> dict[str, Any]:
         called.append({"name": c.words, "inside": bool(abs(off) < NORMAL), "off": off})
     return {
         "planted": f"{one.name} z {z:.2f}", "let_in": [m.words for m in found.let_in], "settled": fitted.converged,
-        "lacking": lacking(fitted), "left": lacking(found.let_in[0].fitted), "right": bool(tried),
+        "lacking": measure_lack(fitted), "left": measure_lack(found.let_in[0].fitted), "right": bool(tried),
         "called": called, "could": [e.name for e in could if e.verdict == IDENTIFIED], "where": found.where,
         "before": sum(e.verdict == IDENTIFIED for e in estimate_all(problem, fitted, (), lambda text: None)),
         "fit_s": fit_s, "took_s": took_s,

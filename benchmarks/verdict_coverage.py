@@ -30,7 +30,7 @@ from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.predict_session import PredictedSession, PredictedTrial, predict_trial
 from validation.result import OUTCOMES
 from validation.scores.traces import SessionTraces, make_trace_table
-from validation.verdict.error_draws import SessionErrors, errors_of_trials, session_errors, usable_errors
+from validation.verdict.error_draws import SessionErrors, errors_of_trials, select_usable_errors, session_errors
 from validation.verdict.quantities import QUANTITIES, relevance_limits
 from validation.verdict.verdict import judge_model
 
@@ -126,7 +126,7 @@ def judged(kind: str, n: int, k: int, seed: int, effect: str, exact: bool) -> di
         return {}
     predicted, traces, events = session
     errors = session_errors(
-        predicted, tested, usable_errors(errors_of_trials(predicted, traces, events, tested)), (), U_REST_LEVEL_M
+        predicted, tested, select_usable_errors(errors_of_trials(predicted, traces, events, tested)), (), U_REST_LEVEL_M
     )
     assert errors is not None
     verdict = judge_model(errors, relevance_limits({}))

@@ -250,11 +250,11 @@ def write_best_stroke(found: validation.Identification, ranked: list[Prospect], 
     # start-up: --help needs none of it
     from validation.infer.estimates import LACKING
     from validation.infer.further import write_plan
-    from validation.infer.scatter import lacking
+    from validation.infer.scatter import measure_lack
 
     fitted = found.details.fitted
     doubts = [] if fitted.converged else ["the fit it is predicted from ran out of its budget"]
-    if lacking(fitted) > LACKING:
+    if measure_lack(fitted) > LACKING:
         doubts.append("the model seems to lack something, and these predictions take it as right")
     return write_plan(ranked, plan, doubts)[plan.name]
 

@@ -157,7 +157,7 @@ class ResultStore:
         for key, text in self._used.items():
             lines.pop(key, None)
             lines[key] = text
-        body = "".join(reversed(list(_newest(lines))))
+        body = "".join(reversed(list(_select_newest(lines))))
         try:
             self._file.parent.mkdir(parents=True, exist_ok=True)
             write_text(self._file, _head(body) + body)
@@ -166,7 +166,7 @@ class ResultStore:
         return ""
 
 
-def _newest(lines: dict[str, str]) -> Iterator[str]:
+def _select_newest(lines: dict[str, str]) -> Iterator[str]:
     """Yield the lines of the file, ``key``, tab, text, from the newest on, as far as its largest size allows."""
     size = 0
     for key, text in reversed(lines.items()):

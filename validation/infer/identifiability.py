@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import qr
 
 from validation.conventions import Array
-from validation.prediction.posterior import largest_first, principal_axes
+from validation.prediction.posterior import order_by_size, principal_axes
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def _share_left_marginal(vector: Array, covariance: Array) -> float:
 
 def _keep_determined(vector: Array, covariance: Array, share_left: float) -> Array:
     """Copy (n,) with all but its largest components zero: the fewest that leave a share near ``share_left``."""
-    order = largest_first(vector)
+    order = order_by_size(vector)
     short = np.zeros_like(vector)
     for i in order:
         short[i] = vector[i]
@@ -111,7 +111,7 @@ def _keep_determined(vector: Array, covariance: Array, share_left: float) -> Arr
 
 def _shorten_undetermined(vector: Array, precision: Array) -> Array:
     """The vector with its largest components only, as few as leave it undetermined."""
-    order = largest_first(vector)
+    order = order_by_size(vector)
     short = np.zeros_like(vector)
     for i in order:
         short[i] = vector[i]
@@ -121,7 +121,7 @@ def _shorten_undetermined(vector: Array, precision: Array) -> Array:
 
 
 def _name_weights(names: Sequence[str], vector: Array) -> dict[str, float]:
-    order = largest_first(vector)
+    order = order_by_size(vector)
     share = vector / vector[order[0]]
     return {names[i]: float(share[i]) for i in order if share[i] != 0.0}
 

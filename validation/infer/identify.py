@@ -25,7 +25,7 @@ from validation.infer.observations import CHANNEL_NAMES, add_drive_errors, with_
 from validation.infer.problem import Columns, Problem, make_problem_at_start
 from validation.infer.response import LOOSEST, ModelResponse
 from validation.infer.result import FITTED, Details, Identification, joint_posterior, sensor_calibration
-from validation.infer.scatter import lacking
+from validation.infer.scatter import measure_lack
 from validation.infer.scores import explain_rising_rmse, rmse_by_channel, score, score_events
 from validation.infer.sources import IdentifyKeywords, IdentifyOptions, Sources, collect
 from validation.infer.unknowns import Unknowns, unknowns
@@ -251,7 +251,7 @@ def _list_fit_warnings(best: Fitted, end: End, fits: Sequence[Fitted], sources: 
             f"{end}: there a third of a standard uncertainty turns the motion by more than twice the noise; what "
             "follows was left out"
         )
-    share = lacking(best)
+    share = measure_lack(best)
     if share > LACKING:
         said.append(
             f"the model lacks something: trials differ from it alike by {100 * share:.0f} % of what all its laws "

@@ -30,7 +30,7 @@ from validation.infer.noise import ODDS, Marginal
 from validation.infer.observations import ObservedTrial
 from validation.infer.problem import Problem
 from validation.infer.response import ModelResponse, Own
-from validation.infer.scatter import lacking
+from validation.infer.scatter import measure_lack
 from validation.infer.unknowns import Parameter, parameter_of, single_names
 
 SIZE_U = 0.4
@@ -86,7 +86,7 @@ class Supported:
         names = [one.words for one in self.let_in if one.parameter is not None]
         known = [e.name for e in self.estimates if e.verdict == IDENTIFIED]
         known += [c.words for c, _, _ in self.combinations]
-        first, left = self.let_in[0], max(lacking(one.fitted) for one in self.let_in)
+        first, left = self.let_in[0], max(measure_lack(one.fitted) for one in self.let_in)
         if not names:
             what = f"none of the {self.tried} changes that were let in takes it away"
         elif len(self.let_in) == 1:
@@ -117,7 +117,7 @@ def find_supported_estimates(
     best, found = LetIn(None, problem, fitted), []
     kinds = predict_gains(problem, fitted, budget)
     tried = sum(map(len, kinds))
-    for gain, parameter, action in _rank_changes(kinds, lacking(fitted)):
+    for gain, parameter, action in _rank_changes(kinds, measure_lack(fitted)):
         say(f"let in: {parameter.name} (the linear model promises e^{gain:.0f})")
         one = None
         with budget.interruptible():
@@ -126,7 +126,7 @@ def find_supported_estimates(
             found.append(one)
     every = sorted([best, *found], key=lambda one: -one.gain)
     kept = tuple(one for one in every if one.gain > every[0].gain - math.log(ODDS))
-    if kept == (best,) and lacking(fitted) <= LACKING:
+    if kept == (best,) and measure_lack(fitted) <= LACKING:
         return None
     estimates, combinations = _combine_estimates(kept)
     return Supported(
@@ -178,7 +178,7 @@ def predict_gains(problem: Problem, fitted: Fitted, budget: Budget) -> list[list
                 gain = Marginal(blocks, sizes).log_evidence(fitted.linear) - before
                 found.append((gain, parameter, action))
         out.append(sorted(found, key=lambda row: -row[0]))
-        if lacking(fitted) <= LACKING and (not found or out[0][0][0] < math.log(ODDS * len(found))):
+        if measure_lack(fitted) <= LACKING and (not found or out[0][0][0] < math.log(ODDS * len(found))):
             break
     return out
 

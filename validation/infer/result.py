@@ -63,7 +63,7 @@ def explained_lines(action: model.Action, sources: Sources) -> tuple[str, ...]:
     candidate (docs/explanation/differences.md).
     """
     tested = ModelUnderTest(action)
-    found = [(_name(trials[0][0]), _explained(tested, trials)) for trials in driven_by_force(sources)]
+    found = [(_name(trials[0][0]), _explained(tested, trials)) for trials in select_driven_by_force(sources)]
     lines = tuple(
         f"{TITLE}, {name}: {'; '.join([*(f.text for f in e.findings), e.sentence or NOT_LOOKED_FOR])}."
         for name, e in found
@@ -74,7 +74,7 @@ def explained_lines(action: model.Action, sources: Sources) -> tuple[str, ...]:
 Trials = list[tuple[ObservedTrial, MeasuredTrial | None]]
 
 
-def driven_by_force(sources: Sources) -> list[Trials]:
+def select_driven_by_force(sources: Sources) -> list[Trials]:
     """By session, the trials that a force drives: as compared, and as measured (None where it was given as tables)."""
     observed = [t for t in sources.fitted if t.key is None]
     tables = len(observed) - len(sources.measured)  # their trials come first
@@ -145,7 +145,7 @@ def joint_posterior(
     made = make_posterior(moved, (fitted.covariance * np.outer(wider, wider))[np.ix_(kept, kept)], sources.seals)
     earlier = posterior_of(problem.action)
     strokes = {} if earlier is None else {f"before: {label}": one for label, one in earlier.strokes.items()}
-    by_force = [(t, m) for trials in driven_by_force(sources) for t, m in trials if m is not None]
+    by_force = [(t, m) for trials in select_driven_by_force(sources) for t, m in trials if m is not None]
     for observed, m in by_force:
         strokes[observed.label] = describe_stroke(m)
     by_key = [(label, apply_calibration(m, sensors)) for label, m in sources.measured_by_key]

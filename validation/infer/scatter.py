@@ -90,6 +90,6 @@ def discrepancy_u(fitted: Fitted) -> Array:
     return np.asarray(np.sqrt(np.minimum(shares, 1.0) * np.diag(fitted.covariance)))
 
 
-def lacking(fitted: Fitted) -> float:
+def measure_lack(fitted: Fitted) -> float:
     """Largest learnt size of the discrepancy in any session and channel, of what all laws together could do."""
     return float(fitted.marginal.sizes.discrepancy.max())

@@ -57,7 +57,7 @@ def conditions_of(session: Session) -> list[str]:
     return list(dict.fromkeys(t.condition for t in session.trials if t.rejected is None))
 
 
-def usable_trials(
+def list_usable_trials(
     session: Session, read: Callable[[Trial, TrialData], MeasuredTrial], only: int | None = None
 ) -> tuple[list[MeasuredTrial], dict[int, str]]:
     """Trials for which ``read`` succeeds (of all, or of the one numbered ``only``), and by number why each other one is
@@ -119,7 +119,7 @@ def measure_session(
             data, film, action_geometry, u_rest_level_m=u_rest_level_m, seal=trial.sha256, by_motion=by_motion
         )
 
-    every, refused = usable_trials(session, read, only)
+    every, refused = list_usable_trials(session, read, only)
     measured: list[MeasuredTrial] = []
     for one in every:
         measured.append(_share_times(one, measured[-1]) if measured else one)

@@ -30,7 +30,7 @@ from validation.measurement.position_sensors import (
     reference_turns,
 )
 from validation.measurement.sample_fingerprints import sample_fingerprints
-from validation.measurement.trial import MeasuredTrial, no_force
+from validation.measurement.trial import MeasuredTrial, make_absent_force
 
 QUIET_S = 0.25
 """What is taken for rest before the stroke, at most; at least a period of the mains, over which hum has no mean."""
@@ -96,7 +96,7 @@ def measure_positions(data: TrialData, calibration: SensorCalibration, seal: str
         number=data.number,
         time_s=data.time_s,
         raw_force_n=lost,
-        force=no_force(data.time_s, quiet),
+        force=make_absent_force(data.time_s, quiet),
         quiet=quiet,
         change_rad=np.column_stack([-sensors.key_turn_rad(), lost, sensors.as_turn(hammer.value_m)]),
         u_rad=u,

@@ -87,7 +87,7 @@ U_REST_LEVEL_M = 0.1e-3 / np.sqrt(3)
 NONE = "no force was recorded"
 
 
-def no_force(time_s: Array, quiet: Quiet) -> CorrectedForce:
+def make_absent_force(time_s: Array, quiet: Quiet) -> CorrectedForce:
     """The force of a trial without one: NaN at its sample times, no preload."""
     lost = np.full(time_s.size, np.nan)
     hum = HumFit(0.0, 0.0, 0.0, False, (), (), 0.0, 0.0, False, NONE, np.zeros((0, 0)))
@@ -215,7 +215,7 @@ def measure(
         notes += _force_doubt(force)
     else:
         quiet, raw = quiet_of_motion(time, counts), np.full(time.size, np.nan)
-        force = no_force(time, quiet)
+        force = make_absent_force(time, quiet)
         notes.append(NONE)
     change, u_sample, u_zero = encoder_change(angle, quiet, resolution)
     u_sample = np.hypot(u_sample, u_change)

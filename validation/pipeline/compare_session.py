@@ -43,7 +43,7 @@ from validation.statistics.rivals import compare_rivals
 from validation.tables.channels import summary
 from validation.tables.comparison import Comparison
 from validation.verdict.conditions import separate_conditions
-from validation.verdict.error_draws import TrialErrors, errors_of_trials, session_errors, usable_errors
+from validation.verdict.error_draws import TrialErrors, errors_of_trials, select_usable_errors, session_errors
 from validation.verdict.observed import observed_text
 from validation.verdict.quantities import relevance_limits
 from validation.verdict.verdict import Verdict, judge_model, undecided_verdict
@@ -124,7 +124,7 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
     scored = score_session(predicted, events, tested.store)
     errors = errors_of_trials(predicted, scored.traces, events, tested)
     findings = find_faults(predicted, events, scored, tested, errors, relevance_limits(chosen.relevant))
-    found = usable_errors(errors, findings.left_out)
+    found = select_usable_errors(errors, findings.left_out)
     if text := observed_text(found):
         chosen.say(text)
     verdict = _verdict(predicted, found, findings, tested, chosen)
@@ -138,7 +138,7 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
         before = findings
         findings = replace_explained(before, explained, sorted(found))
         if (findings.left_out, findings.conditions) != (before.left_out, before.conditions):
-            found = usable_errors(errors, findings.left_out)
+            found = select_usable_errors(errors, findings.left_out)
             verdict = _verdict(predicted, found, findings, tested, chosen)
     findings, verdict = name_all_parts(findings, verdict, action)
     changes = [asdict(change) | {"part": name_parts(change.cause, action)} for change in explained.changes]
@@ -290,7 +290,7 @@ def model_under_test(session: Session, action: model.Action, chosen: ComparisonO
 
     Predictions of a stand-in are stored under its name; values that depend on it are not, for its code is not known.
     """
-    values = session.path if chosen.keep_predictions and chosen.stand_ins.none else None
+    values = session.path if chosen.keep_predictions and chosen.stand_ins.are_absent else None
     store = ResultStore(values, session if chosen.keep_predictions else None)
     return ModelUnderTest(action, chosen.tolerance, chosen.stand_ins, chosen.rivals, store)
 

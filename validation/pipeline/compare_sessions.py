@@ -42,7 +42,7 @@ def pair_with_conditions(opened: Sequence[Session], condition: str | None) -> li
             parts += [(copy.copy(session), name) for name in chosen]
             names += [f"{own}, {name}" for name in chosen]
     folders = [s.path for s, _ in parts]
-    for (session, _), name in zip(parts, distinct(names, [f.name for f in folders], folders), strict=True):
+    for (session, _), name in zip(parts, make_distinct(names, [f.name for f in folders], folders), strict=True):
         session.info = session.info.model_copy(update={"name": name})
     return parts
 
@@ -61,14 +61,14 @@ def distinct_models(actions: Sequence[model.Action]) -> list[model.Action]:
     names = [action.name for action in actions]
     changes = [", ".join(f"{path}={v:g}" for path, v in a.changed.items()) for a in actions]
     numbers = [f"model {i}" for i in range(1, len(actions) + 1)]
-    called = distinct(names, [f.name for f in files], files, [text or "unchanged" for text in changes], numbers)
+    called = make_distinct(names, [f.name for f in files], files, [text or "unchanged" for text in changes], numbers)
     return [
         action if name == new else replace(action, name=new)
         for action, name, new in zip(actions, names, called, strict=True)
     ]
 
 
-def distinct(names: Sequence[str], *details: Sequence[object]) -> list[str]:
+def make_distinct(names: Sequence[str], *details: Sequence[object]) -> list[str]:
     """Names, made unique by the first detail that differs where several are equal."""
     out = list(names)
     for detail in details:

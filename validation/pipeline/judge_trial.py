@@ -30,7 +30,7 @@ from validation.scores.curve_scores import score_curve
 from validation.scores.score_session import ScoredSession, trace_session
 from validation.scores.traces import SessionTraces, select_scored_angles
 from validation.statistics.repeatability import curve_repeatability, interpolate_to_base
-from validation.verdict.error_draws import TrialErrors, errors_of_trials, usable_errors
+from validation.verdict.error_draws import TrialErrors, errors_of_trials, select_usable_errors
 from validation.verdict.observed import ObservedDifference, observed_differences
 from validation.verdict.quantities import BRANCH, QUANTITIES, branch_of, quantity_limits, relevance_limits
 
@@ -160,7 +160,7 @@ class TrialJudge:
         limits = relevance_limits({})
         errors_found = errors_of_trials(every, traces, events, tested)
         findings = find_faults(every, events, scored, tested, errors_found, limits)
-        found = usable_errors(errors_found, findings.left_out)
+        found = select_usable_errors(errors_found, findings.left_out)
         rows: tuple[ObservedDifference, ...] = ()
         differing: list[str] = []
         if number in found:

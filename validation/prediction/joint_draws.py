@@ -145,7 +145,7 @@ def drawn_action(tested: ModelUnderTest, m: MeasuredTrial, draw: JointDraw) -> D
         return None
 
 
-def each_draw(
+def run_draws(
     tested: ModelUnderTest,
     trials: Sequence[tuple[MeasuredTrial, Array]],
     draws: Sequence[JointDraw],
@@ -159,7 +159,7 @@ def each_draw(
     use : given the index of the trial and its readings as of `drawn_readings`, on a thread; what it returns is kept
     """
     if trials and all(m.driven_by_key for m, _ in trials):
-        return [_each_draw_by_key(tested, m, time_s, draws, partial(use, i)) for i, (m, time_s) in enumerate(trials)]
+        return [_run_draws_by_key(tested, m, time_s, draws, partial(use, i)) for i, (m, time_s) in enumerate(trials)]
     known: dict[tuple[float, float, float], list[DrawnAction | None]] = {}
     places: list[tuple[int, DrawnAction | None]] = []
     for i, (m, _) in enumerate(trials):
@@ -182,7 +182,7 @@ def each_draw(
     return [found[k : k + len(draws)] for k in range(0, len(found), len(draws))]
 
 
-def _each_draw_by_key(
+def _run_draws_by_key(
     tested: ModelUnderTest, m: MeasuredTrial, time_s: Array, draws: Sequence[JointDraw], use: Callable[[Array], T]
 ) -> list[T | None]:
     """``use(readings)`` of one key-driven trial at ``time_s`` in each draw; None where the draw cannot be run."""

@@ -44,7 +44,7 @@ class StandIns:
     geometry: Callable[[model.Action, Array], ActionGeometry] | None = None
 
     @property
-    def none(self) -> bool:
+    def are_absent(self) -> bool:
         """Whether no function is replaced."""
         return self.predict is None and self.rest_state is None and self.geometry is None
 

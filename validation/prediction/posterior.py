@@ -27,7 +27,7 @@ EQUAL = 1e-6
 """Components of a unit vector closer than this are equal: rounding leaves 1e-12 of a well conditioned covariance."""
 
 
-def largest_first(vector: Array) -> NDArray[np.int64]:
+def order_by_size(vector: Array) -> NDArray[np.int64]:
     """Indices of components (n,) by magnitude, the largest first; ties keep their order."""
     return np.argsort(-np.round(np.abs(vector) / EQUAL), kind="stable")
 
@@ -39,7 +39,7 @@ def principal_axes(covariance: Array) -> tuple[Array, Array]:
     every processor.
     """
     values, axes = np.linalg.eigh(0.5 * (covariance + covariance.T))
-    lead = np.array([largest_first(axis)[0] for axis in axes.T], dtype=np.int64)
+    lead = np.array([order_by_size(axis)[0] for axis in axes.T], dtype=np.int64)
     return values, axes * np.sign(axes[lead, np.arange(lead.size)])
 
 

@@ -158,7 +158,7 @@ def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "mode
 
 def _predict_by_key(m: MeasuredTrial, tested: ModelUnderTest, variant: str) -> PredictedAngles:
     """Angles of a trial from its measured key motion, read from the store or computed and stored there."""
-    if variant not in KEY_DRIVEN or not tested.stand_ins.none:
+    if variant not in KEY_DRIVEN or not tested.stand_ins.are_absent:
         raise PredictionError("is not driven by the key")
     rest = np.asarray(tested.load(m.force.preload_n).rest.angle_rad, dtype=float)[: len(BODIES)]
     sensors = None if m.sensors is None else (m.sensors.calibration, m.sensors.hammer_travel_m)
@@ -262,9 +262,8 @@ def predict_session(
 
 
 def _predict_with_rivals(m: MeasuredTrial, tested: ModelUnderTest) -> PredictedTrial | ModelError:
-    """Prediction of a trial by the model and by its rivals, with notes on those that cannot predict it.
-
-    The error where the model cannot.
+    """Prediction of a trial by the model and its rivals, with notes on rivals that cannot; the error where the model
+    cannot.
     """
     try:
         found = predict_trial(m, tested)

@@ -106,7 +106,7 @@ def page_data(view: SessionView) -> str:
         "trials": trials,
         "shown": view.shown_trial(),
         "models": view.names,
-        "channels": {name: _packed(curves) for name, curves in channels.items()},
+        "channels": {name: _pack_curves(curves) for name, curves in channels.items()},
         "marks": {t: [[m.label, round(m.time_s, 6), m.meaning] for m in first.marks(t)] for t in trials},
         "words": {c: {t: trial_words(view, c, t) for t in trials} for c in shown_bodies},
     }
@@ -122,7 +122,7 @@ def _rotation(result: ValidationResult, trial: int, channel: str, kind: str, at:
     )
 
 
-def _packed(curves: dict[str, Any]) -> dict[str, Any]:
+def _pack_curves(curves: dict[str, Any]) -> dict[str, Any]:
     """Curves of one channel (``m`` measured, ``p`` predicted, ``limit``) as base-64 text of 16-bit integers, with their
     common scale."""
     every = np.concatenate([np.ravel(np.asarray(part, dtype=float)) for part in curves.values() if len(part)])

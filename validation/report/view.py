@@ -14,7 +14,7 @@ from validation.side_by_side import SideBySide
 MOST_CHARACTERS = 30
 
 
-def shortened(name: str) -> str:
+def shorten_name(name: str) -> str:
     """A name with its middle left out when it is too long for a legend."""
     half = MOST_CHARACTERS // 2
     return name if len(name) <= MOST_CHARACTERS else f"{name[:half]}…{name[-half + 1 :]}"
@@ -49,7 +49,7 @@ class SessionView:
         """How the models are named in figures and heads: ``model`` when there is no other; long names are cut."""
         if len(self.results) == 1:
             return ["model"]
-        short = [shortened(r.action_name) for r in self.results]
+        short = [shorten_name(r.action_name) for r in self.results]
         alike = len(set(short)) < len(short)
         return [f"{i}: {name}" if alike else name for i, name in enumerate(short, start=1)]
 

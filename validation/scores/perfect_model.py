@@ -17,7 +17,14 @@ from numpy.typing import NDArray
 
 from validation.conventions import CHANNEL_GROUPS, LEVEL, Array
 from validation.measurement.trial import MeasuredTrial
-from validation.prediction.joint_draws import CHANNELS, JointDraw, chosen_trials, each_draw, joint_draws, session_seed
+from validation.prediction.joint_draws import (
+    CHANNELS,
+    JointDraw,
+    chosen_trials,
+    joint_draws,
+    run_draws,
+    session_seed,
+)
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.scores.curve_scores import SCORES, compute_scores, pool_score
 from validation.scores.traces import SessionTraces, select_scored_angles
@@ -137,7 +144,7 @@ def _score_draws(
             out[CHANNELS[c.channel]] = values
         return out
 
-    found = each_draw(tested, [(m, time) for (m, _), time in zip(trials, times, strict=True)], draws, scores)
+    found = run_draws(tested, [(m, time) for (m, _), time in zip(trials, times, strict=True)], draws, scores)
     return [[one or {} for one in of_trial] for of_trial in found]
 
 

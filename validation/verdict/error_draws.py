@@ -27,9 +27,9 @@ from validation.prediction.joint_draws import (
     CHANNELS,
     RULERS,
     JointDraw,
-    each_draw,
     joint_draws,
     own_draws,
+    run_draws,
     session_seed,
 )
 from validation.prediction.model_under_test import ModelUnderTest
@@ -117,7 +117,7 @@ def errors_of_trials(
     return {m.number: _errors_of_trial(m, traces, events, tested) for m in predicted.trials}
 
 
-def usable_errors(
+def select_usable_errors(
     found: Mapping[int, TrialErrors], without: Collection[tuple[int, str]] = ()
 ) -> dict[int, TrialErrors]:
     """Errors of trials that have a usable encoder, NaN for the (trial, channel) pairs ``without``."""
@@ -197,7 +197,7 @@ def session_errors(
 
     Parameters
     ----------
-    found : errors of the usable trials, as of `usable_errors`
+    found : errors of the usable trials, as of `select_usable_errors`
     conditions : sequence of collections of trial numbers, where the session holds several
     u_rest_level_m : standard uncertainty of hammer height and key dip at rest, m
     """
@@ -334,10 +334,10 @@ class _TrialDrawing:
         values = np.full((len(every), len(QUANTITIES)), np.nan)
         branch = np.full(n, -1, dtype=np.int64)
         curves = np.full((n, m.time_s[sparse].size, len(CHANNELS)), np.nan, dtype=np.float32)
-        (right,) = each_draw(tested, [(m, m.time_s)], self.own[:1], lambda _, read: read)[0]
+        (right,) = run_draws(tested, [(m, m.time_s)], self.own[:1], lambda _, read: read)[0]
         if right is not None:
             at_right = self._read_events(self.own[0], right)[0]
-            (runs,) = each_draw(tested, [(m, m.time_s)], every, lambda _, read: read)
+            (runs,) = run_draws(tested, [(m, m.time_s)], every, lambda _, read: read)
             for k, read in enumerate(runs):
                 if read is None:
                     continue

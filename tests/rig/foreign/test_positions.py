@@ -16,7 +16,7 @@ from rig.session.info import RulerInfo
 from rig.session.ruler import ABOVE, BELOW, position_of, ruler_curve
 from rig.session.trial_export import list_columns
 from tests.command_line import run
-from validation.measurement.measure_session import BY_RULER, usable_trials
+from validation.measurement.measure_session import BY_RULER, list_usable_trials
 from validation.measurement.position_sensors import reference_turns
 from validation.measurement.positions import measure_positions
 
@@ -84,7 +84,7 @@ def recording(tmp_path):
 
 def measured_strokes(session):
     """The strokes that can be compared, and by number why others cannot."""
-    return usable_trials(session, lambda trial, data: measure_positions(data, BY_RULER, trial.sha256))
+    return list_usable_trials(session, lambda trial, data: measure_positions(data, BY_RULER, trial.sha256))
 
 
 def import_text(tmp_path, text, file):

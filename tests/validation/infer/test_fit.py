@@ -12,7 +12,7 @@ from validation.conventions import Array
 from validation.infer.blocks import residuals
 from validation.infer.estimates import IDENTIFIED, NOT_IDENTIFIABLE, estimate_all, profiles
 from validation.infer.fit import fit, starts
-from validation.infer.scatter import factors, jackknife, lacking, widen_by_jackknife
+from validation.infer.scatter import factors, jackknife, measure_lack, widen_by_jackknife
 
 TRUTH = np.array([0.8, -0.5, 0.3])
 
@@ -42,7 +42,7 @@ def test_what_the_model_lacks_is_learnt_and_widens() -> None:
     rng = np.random.default_rng(5)
     right = fit(toy.problem(toy.made(TRUTH, 6, rng)))
     wrong = fit(toy.problem(toy.made(TRUTH, 6, rng, lacking=5e-3)))
-    assert lacking(wrong) > 5 * lacking(right)
+    assert measure_lack(wrong) > 5 * measure_lack(right)
     assert np.all(np.diag(wrong.covariance) > 2 * np.diag(right.covariance))
 
 

@@ -16,7 +16,7 @@ from tests.validation.prediction.test_trial_prediction import SIMPLE
 from validation import InputError, validate_sessions
 from validation import compare_many as compare_sessions
 from validation.numbers import degrees
-from validation.pipeline.compare_sessions import distinct, distinct_models, same_recordings
+from validation.pipeline.compare_sessions import distinct_models, make_distinct, same_recordings
 
 QUICK = {"keep_predictions": False, **SIMPLE}
 
@@ -165,5 +165,5 @@ def test_what_cannot_be_read_is_named_in_one_line_and_the_rest_is_reported(strok
 
 
 def test_names_of_sessions_are_made_distinct():
-    assert distinct(["a", "b", "a"], ["x", "y", "x"], ["p/x", "y", "q/x"]) == ["a (p/x)", "b", "a (q/x)"]
+    assert make_distinct(["a", "b", "a"], ["x", "y", "x"], ["p/x", "y", "q/x"]) == ["a (p/x)", "b", "a (q/x)"]
     assert same_recordings([]) == []

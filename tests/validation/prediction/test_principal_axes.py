@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from validation.infer.identifiability import directions
-from validation.prediction.posterior import largest_first, make_posterior, principal_axes
+from validation.prediction.posterior import make_posterior, order_by_size, principal_axes
 
 NAMES = ("a", "b", "c")
 ALIKE = np.array([[0.5, -0.499, 0.0], [-0.499, 0.5, 0.0], [0.0, 0.0, 0.1]])
@@ -41,4 +41,4 @@ def test_names_come_in_the_same_order(other_lapack: None) -> None:
 def test_what_a_posterior_draws_along_is_the_same(other_lapack: None) -> None:
     moved = [(name, (name,), 1.0, False) for name in NAMES]
     axes = make_posterior(moved, ALIKE, {}).directions
-    assert np.all(axes[np.arange(len(axes)), [largest_first(axis)[0] for axis in axes]] > 0.0)
+    assert np.all(axes[np.arange(len(axes)), [order_by_size(axis)[0] for axis in axes]] > 0.0)

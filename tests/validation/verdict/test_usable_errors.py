@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from validation.verdict.error_draws import TrialErrors, usable_errors
+from validation.verdict.error_draws import TrialErrors, select_usable_errors
 from validation.verdict.quantities import ANGLES, QUANTITIES, branch_mask
 
 
@@ -19,7 +19,7 @@ def trial() -> TrialErrors:
 
 def test_a_channel_takes_its_angles_events_and_outcomes_along_and_leaves_the_rest() -> None:
     before = trial()
-    found = usable_errors({3: before, 5: trial()}, {(3, "hammer"), (3, "jack")})
+    found = select_usable_errors({3: before, 5: trial()}, {(3, "hammer"), (3, "jack")})
     one = found[3]
     for k, q in enumerate(QUANTITIES):
         gone = q.channel in ("hammer", "jack") if k < len(ANGLES) else "hammer" in q.bodies or "jack" in q.bodies
@@ -36,4 +36,4 @@ def test_a_channel_takes_its_angles_events_and_outcomes_along_and_leaves_the_res
 
 def test_a_trial_without_a_usable_encoder_is_left_out() -> None:
     lost = {(3, name) for name in ("key", "whippen", "hammer")}
-    assert list(usable_errors({3: trial(), 4: trial()}, lost)) == [4]
+    assert list(select_usable_errors({3: trial(), 4: trial()}, lost)) == [4]
