@@ -51,6 +51,7 @@ class PlantTruth(ArrayRecord):
     coordinates: tuple[str, ...] = ()
 
     def column(self, coordinate: str) -> NDArray[np.float64]:
+        """Angle (n,) of one coordinate, rad (a length: m)."""
         return self.angle_rad[:, self.coordinates.index(coordinate)]
 
     def angles_at(self, time_s: ArrayLike) -> NDArray[np.float64]:
