@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import threading
 import warnings
+from collections import deque
 from collections.abc import Callable, Iterator
 from itertools import chain
 from pathlib import Path
@@ -39,6 +40,9 @@ from vision.film.video_index import (
 PACKED_LUMA = {"yuyv422": 0, "yvyu422": 0, "uyvy422": 1}
 """First byte of luma in formats that store it between the colours."""
 NEAR = 16  # frames that are decoded and thrown away rather than sought
+KEPT_BYTES = 64 * 2**20
+"""Of the newest frames of a film that is decoded in sequence, at 3 bytes a pixel: a step back begins anew only beyond
+them, so that a pass backward takes the time of few forward."""
 
 
 class VideoFilm(Film):
@@ -198,6 +202,7 @@ class _Decoder:
         else:
             self._stream.thread_type = "AUTO"
         self._next = 0
+        self._kept: deque[Any] = deque(maxlen=max(2, KEPT_BYTES // (3 * self._index.width * self._index.height)))
         self._packets = self._packets_of(self._container.demux(self._stream))
         self._frames = self._container.decode(self._stream) if not self._index.is_standalone else iter(())
 
@@ -206,15 +211,14 @@ class _Decoder:
         return (packet for packet in packets if packet.size)
 
     def _decode_in_sequence(self, number: int) -> Any:
-        """Decode on to frame ``number``, from the first one where that lies behind, and return it as PyAV does."""
-        if number < self._next:
+        """Decode on to frame ``number``, from the first one where it lies behind what is kept; return it."""
+        if number < self._next - len(self._kept):
             self.close()
             self._open_stream()
-        while True:
-            frame = next(self._frames)
+        while self._next <= number:
+            self._kept.append(next(self._frames))
             self._next += 1
-            if self._next > number:
-                return frame
+        return self._kept[number - self._next]
 
     def _decode_standalone(self, number: int) -> Any:
         """Decode frame ``number`` from its own packet, read on or sought, and return it as PyAV does."""

@@ -89,7 +89,7 @@ def _field_differences(
     size = np.hypot(motion[:, 0] * template.radius_px, np.hypot(motion[:, 1], motion[:, 2]))
     size = np.where(inner & (frame >= ready.reference.n_averaged), np.nan_to_num(size), 0.0)
     moving = np.argsort(-size, kind="stable")[:ROWS]
-    moving = moving[size[moving] > LEAST_PX]
+    moving = np.sort(moving[size[moving] > LEAST_PX])  # in the order in which films decode
     still = np.flatnonzero(known & (frame < ready.reference.n_averaged))[:MOST_STILL]
     if moving.size < LEAST_ROWS:
         return None

@@ -17,8 +17,10 @@ import pytest
 from tests.command_line import run
 from tests.vision.turning_bar import BODY, OUTLINES, smooth_turn, turning_bar, write_video
 from vision import FilmError, VisionWarning, track
+from vision.film import video_reader
 from vision.film.open import open_film
 from vision.film.time_scale import frame_times_at_rate
+from vision.film.video_index import open_container
 
 ALL = np.arange(60)
 GAP = np.r_[0:30, 40:70]
@@ -240,6 +242,24 @@ def test_the_times_around_a_gap_are_not_rounded(tmp_path: Path) -> None:
         np.testing.assert_allclose(film.frame_time_s, GAP / 240.0, rtol=4e-3, atol=0)
         assert np.ptp(np.diff(film.frame_time_s)[:20]) < 1e-9
         assert not any("rounded" in line for line in said)
+
+
+def test_frames_read_backward_are_those_read_forward_and_decoded_few_times(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A film that is decoded in sequence and of which ten frames are kept: each start anew serves ten steps back."""
+    frames = film_at(ALL)
+    path, starts = write_video(tmp_path / "f.mkv", frames, rate=1000, **LOSSLESS), list[Path]()
+    monkeypatch.setattr(video_reader, "KEPT_BYTES", 10 * 3 * frames[0].size)
+    monkeypatch.setattr(video_reader, "open_container", lambda at: (starts.append(at), open_container(at))[1])
+    film, _ = read(path)
+    with film:
+        assert film.in_order
+        forward = [np.array(one) for one in film]
+        assert len({one.tobytes() for one in forward[20:40]}) == 20
+        for i in (*ALL[::-1], *ALL, 30, 25, 31, 29):
+            np.testing.assert_array_equal(film.read(int(i)), forward[i])
+    assert 6 <= len(starts) <= 10
 
 
 def test_a_damaged_avi_is_called_damaged(tmp_path: Path) -> None:
