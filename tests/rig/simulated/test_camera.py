@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import vision.tracking.passes
+import vision.tracking.segments
 from rig.simulated import ActionGeometry, CameraSettings, FilmTruth, film_bodies, film_trial
 from rig.simulated.bench.camera import film_scene, poses
 from rig.simulated.device.faults import parse_faults
 from rig.simulated.device.state import FaultPlan
-from vision import InputError, open_film
+from vision import InputError, TrackResult, open_film
 from vision import track as track_film
 from vision.film.mraw import MrawFilm
 
@@ -58,6 +63,50 @@ def test_film_is_tracked_near_the_bound(filmed: tuple[Path, FilmTruth]) -> None:
         assert rms < 1.3 * truth.relative_crlb_rad[k], f"{body}: {rms / truth.relative_crlb_rad[k]:.2f} of the bound"
         assert 0.90 <= np.mean(np.abs(error) < 1.96 * u) <= 0.995, body
         assert 0.85 < np.std(error / u) < 1.15, body
+
+
+def in_two_threads(monkeypatch: pytest.MonkeyPatch, path: Path, truth: FilmTruth, **options: Any) -> TrackResult:
+    """Four stretches of the film, tracked by two threads unless ``options`` say otherwise."""
+    monkeypatch.setattr(vision.tracking.segments, "STRETCH_ROWS", 50)
+    return track_film(path, film_bodies(), truth.frame_time_s, **{"threads": 2, **options})
+
+
+def assert_same_bits(one: TrackResult, other: TrackResult) -> None:
+    for name in ("angle_rad", "u_angle_rad", "u_total_rad", "flag"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), name)
+    for term, values in one.budget.absolute.items():
+        np.testing.assert_array_equal(values, other.budget.absolute[term], term)
+
+
+def test_three_bodies_in_two_threads_give_the_bits_of_one_thread(
+    filmed: tuple[Path, FilmTruth], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, truth = filmed
+    one = in_two_threads(monkeypatch, path, truth, threads=1)
+    assert one.bodies == ("whippen", "jack", "repetition")
+    assert_same_bits(in_two_threads(monkeypatch, path, truth), one)
+
+
+def test_ctrl_c_ends_the_threads_and_the_next_run_goes_on(
+    filmed: tuple[Path, FilmTruth], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A signal comes after 100 rows, while two threads track: none goes on, and nothing but the checkpoint is left."""
+    path, truth = filmed
+    monkeypatch.setattr(vision.tracking.passes, "EVERY_ROWS", 20)
+    kept, threads, signals = tmp_path / "kept.npz", threading.active_count(), list[int]()
+
+    def stop(done: int, _: int) -> None:
+        if done >= 100 and not signals:
+            signals.append(done)
+            signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        in_two_threads(monkeypatch, path, truth, checkpoint=kept, progress=stop)
+    assert threading.active_count() == threads
+    assert list(tmp_path.iterdir()) == [kept]
+    again = in_two_threads(monkeypatch, path, truth, checkpoint=kept)
+    assert again.info["rows_resumed"] >= 20 and not kept.exists()
+    assert_same_bits(again, in_two_threads(monkeypatch, path, truth))
 
 
 def test_film_file(filmed: tuple[Path, FilmTruth]) -> None:
