@@ -18,7 +18,6 @@ def temporary_name(path: Path) -> Path:
 
 
 def remove(path: Path) -> None:
-    """Remove what is left of a file that did not become whole."""
     try:
         path.unlink(missing_ok=True)
     except OSError:

@@ -150,7 +150,6 @@ BodiesLike = Sequence[Body] | str | os.PathLike[str]
 
 
 def as_bodies(bodies: BodiesLike) -> list[Body]:
-    """The outlines themselves, or those of a file."""
     if isinstance(bodies, str | os.PathLike):
         return load_bodies(bodies)
     return list(bodies)

@@ -330,7 +330,6 @@ class MrawFilm(Film):
 
     @property
     def frame_time_s(self) -> NDArray[np.float64] | None:
-        """Middle of each exposure, s after the camera's trigger, for the frames that were saved."""
         if self.frame_rate_hz is None or find_contradiction(self.header) is not None:
             return None
         return saved_frame_times(self.header, self.n_frames)

@@ -39,7 +39,6 @@ class _Pictures(Film):
         self.bit_depth = 8 * first.dtype.itemsize
 
     def read(self, index: int) -> NDArray[Any]:
-        """Whole frame, shape (height, width)."""
         self._check_index(index)
         return self._newest.get(index, self._decode_checked)
 

@@ -84,7 +84,6 @@ class TiffFilm(Film):
             raise
 
     def close(self) -> None:
-        """Close the file; frames already read stay valid."""
         self._tiff.close()
         super().close()
 

@@ -96,7 +96,6 @@ class VideoFilm(Film):
         return self._newest.get(index, self._decode_frame)
 
     def close(self) -> None:
-        """Close the file; frames already read stay valid."""
         while self._open:
             self._open.pop().close()
         self._local = threading.local()

@@ -44,7 +44,6 @@ def add_scaled(factor: np.float32, one: F32, out: F32) -> None:
 
 @inner_njit()
 def subtract_scaled(factor: np.float32, one: F32, out: F32) -> None:
-    """Replace a line by ``factor`` times its difference from another."""
     for x in range(out.size):
         out[x] = factor * (one[x] - out[x])
 

@@ -131,8 +131,7 @@ class IcgnFitter:
         """Forget the weights, noise, light and scale of the previous frame; the next fit begins with equal weights or,
         if ``cautious``, with those that the grey values at its first pose suggest.
 
-        The next fit starts from equal weights; ``cautious``, from those that the grey values at its initial guess
-        suggest: equal ones mislead a fit where much of the body is hidden, the others one that starts further away.
+        Equal weights mislead a fit where much of the body is hidden, the others one that starts further away.
         """
         self._cautious = cautious
         self._weight.fill(1.0)
@@ -142,12 +141,10 @@ class IcgnFitter:
         self._note_special_case()
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Weights, noise, light and scale of the newest frame."""
         own = {"weight": self._weight, "scale": np.array(self._scale[0]), "changes": np.array(self._changes)}
         return own | self._light.state()
 
     def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
-        """Continue from the weights and noise of another frame."""
         self._weight[:], self._scale[0] = arrays["weight"], float(arrays["scale"])
         self._changes = tuple(arrays["changes"].tolist())
         self._light.restore(arrays)

@@ -454,7 +454,6 @@ class LocalIllumination:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the light of the frames before."""
         self.light: Illumination | None = None
         self._shown: F64 | None = None
 
@@ -474,7 +473,6 @@ class LocalIllumination:
         }
 
     def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
-        """Continue from the light of another frame."""
         shade, shown = arrays["shade"], arrays["shown"]
         self.light = Illumination(shade, arrays["glow"], bool(arrays["glows"])) if shade.size else None
         self._shown = shown if shown.size else None
@@ -517,7 +515,6 @@ class LocalIllumination:
     def correct_coefficients(
         self, coefficient: NDArray[np.float32], corner: tuple[int, int], pose: F64
     ) -> NDArray[np.float32]:
-        """Spline coefficients of a region, whose first pixel is at (y, x), under even light."""
         if self.light is None:
             return coefficient
         return self._squares().correct_coefficients(coefficient, corner, pose, self.light)
@@ -532,5 +529,4 @@ class LocalIllumination:
         return self._template.get_or_make(IlluminationField)
 
     def _noise(self, gain: float) -> float:
-        """Standard deviation of a residual that is noise, grey."""
         return residual_noise(self._template.noise_grey, gain, float(self._template.n_averaged))

@@ -295,7 +295,6 @@ def fit_remaining_bodies(
 
 @inner_njit(_nrt=False)
 def is_repeated(film: Film, k: int) -> bool:
-    """Whether the watched pixels of a frame are those of the frame before."""
     here, before = film.frames[k, film.watched_y], film.frames[k - 1, film.watched_y]
     same = True
     for x in range(film.watched_x0, film.watched_x1):

@@ -138,7 +138,6 @@ class FrameFit:
         return int(at[0]), ended
 
     def track_rows(self, film: Film, rows: Rows) -> int:
-        """Track rows of a film; returns how many were done. `stop` says where in the next one it ended."""
         return int(track_rows(film, self._settings, self._bodies, self.states, self.found, rows, self.stop))
 
     def first_fit(self, body: int) -> FirstFit:

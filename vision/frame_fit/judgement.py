@@ -13,9 +13,7 @@ from vision.fitting.template import Template
 from vision.kernel_cache import cached_njit, inner_njit
 from vision.results.flags import FrameFlag
 
-MIN_ZNCC = 0.6
-"""Least correlation on a film without noise; with noise, `EXPECTED_SHARE` of what it leaves of a perfect match."""
-EXPECTED_SHARE = 0.75  # of the correlation that noise alone leaves: choice; blur and light take a part too
+MIN_ZNCC = 0.6  # least correlation, as a share of what noise leaves of a perfect match: blur and light take a part too
 CHANCE = 12.0
 """A correlation may be chance whose Fisher transform is below this over the root of the number of pixels: neighbouring
 pixels are alike."""
@@ -64,7 +62,7 @@ class Standards(NamedTuple):
             # what noise left in the reference takes off the contrast in common with frames that are not part of it
             contrast = max(texture / max(variance, 1e-9), LEAST_COMMON)
             chance = math.tanh(CHANCE / math.sqrt(template.n_pixels))
-            least = max(min(MIN_ZNCC, EXPECTED_SHARE * expected * math.sqrt(contrast)), chance)
+            least = max(MIN_ZNCC * expected * math.sqrt(contrast), chance)
             share = template.noise_grey**2 / max(texture, 1e-9)
             rows.append((least, chance, contrast, template.noise_grey, share, template.mean_grey))
         columns = (np.array(column, dtype=float) for column in zip(*rows, strict=True))

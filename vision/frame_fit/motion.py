@@ -29,7 +29,6 @@ class History(NamedTuple):
 
     @classmethod
     def empty(cls, m: int) -> History:
-        """Of bodies that have never been placed."""
         return cls(np.zeros(m, dtype=np.int64), np.zeros((m, 3), dtype=np.int64), np.zeros((m, 3, 3)))
 
 

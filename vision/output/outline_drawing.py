@@ -73,7 +73,6 @@ def _draw_text(picture: NDArray[Any], text: str, x: int, y: int, colour: Colour,
 
 
 def text_size(text: str, size: float) -> tuple[int, int]:
-    """Width and height of a text, px."""
     (wide, high), _ = cv2.getTextSize(text.encode("ascii", "replace").decode(), cv2.FONT_HERSHEY_SIMPLEX, size, 1)
     return wide, high
 

@@ -63,7 +63,6 @@ class DefectCorrectedFilm(Corrected):
 
 
 def _neighbours(grey: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[Any]:
-    """The eight neighbours of each pixel, (8, k)."""
     last_y, last_x = grey.shape[0] - 1, grey.shape[1] - 1
     return np.stack([grey[np.clip(rows + dy, 0, last_y), np.clip(columns + dx, 0, last_x)] for dy, dx in AROUND])
 

@@ -42,6 +42,5 @@ class PreparedFilm:
 
     @property
     def parents(self) -> list[int | None]:
-        """Index of each body's parent, None for a body without one."""
         names = [body.name for body in self.bodies]
         return [None if body.parent is None else names.index(body.parent) for body in self.bodies]

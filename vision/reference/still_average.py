@@ -143,7 +143,6 @@ def _matched_difference(
 
 LONGEST = 16  # frames of the windows whose means are compared, from 1 on in powers of two: slow motion shows in them
 GUARD = 2  # frames left out before a motion that is seen
-SCATTER_FRAMES = 12  # least static frames whose own scatter of poses is used
 FIRST_AVERAGED = 4  # frames of the first average, by which the still frames are counted
 FIRST_LIMIT = 8.0  # standard deviations at which motion begins with fewer frames before it: only gross motion
 
@@ -155,7 +154,7 @@ def count_still_frames(pose: NDArray[np.float64], u_pose: NDArray[np.float64]) -
     if n < 2 or np.any(np.isnan(pose[0])):
         return 1
     typical = np.sqrt(np.nanmean(u_pose**2, axis=0))
-    if n >= SCATTER_FRAMES:
+    if n >= FIRST_FRAMES:
         # the actual scatter of the poses from frame to frame, where that is more (compressed film); taken from the
         # smallest quarter of the steps, so that later motion does not count
         step = np.nanquantile(np.abs(np.diff(pose, axis=0)), 0.25, axis=0)

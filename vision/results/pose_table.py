@@ -48,7 +48,6 @@ class PoseTable:
 
     @property
     def is_lost(self) -> NDArray[np.bool_]:
-        """True where a body is lost, shape (n, m)."""
         return is_failed(self.flag)
 
     @property

@@ -76,7 +76,6 @@ def estimate_zero(ready: PreparedFilm) -> Zero:
 
 
 def estimate_zero_from_rows(ready: PreparedFilm, table: PoseTable) -> Zero:
-    """As `estimate_zero`, from the rows of these frames once they are tracked."""
     still = table.frame < ready.reference.n_averaged
     return _mean_zero(ready, table.pose[still, :, 0], table.u_turn[still])
 

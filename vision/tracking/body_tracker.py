@@ -148,7 +148,7 @@ FAR_EVERY = 3
 """Of the lost frames in a row that are searched, the whole picture is in one out of this many, the first included."""
 FAR_SHARE = 0.95
 """Least correlation, as a share of the usual one, of a body found far from where it was: others may look like it."""
-MAX_SEARCHED_IN_A_ROW, SELDOM = 60, 5  # lost frames in a row, after which every fifth one only is searched
+MAX_SEARCHED_IN_A_ROW = 60  # lost frames, after which only those are searched that the whole picture is in
 
 
 @dataclass
@@ -191,7 +191,6 @@ class BodyTracker:
         return self._fit
 
     def clear(self) -> None:
-        """Forget where the body has been."""
         self.motion.absolute.known[self.number] = self.motion.relative.known[self.number] = 0
 
     def place(self, ordinal: int, pose: NDArray[np.float64]) -> None:
@@ -258,7 +257,7 @@ class BodyTracker:
         fit, flag = self._fit_anew(film, index, newest, covered)
         if not flag & FAILURE:
             return fit, flag | (FrameFlag.REACQUIRED if self.lost_in_a_row else FrameFlag.GOOD)
-        if not search or (self.lost_in_a_row > MAX_SEARCHED_IN_A_ROW and self.lost_in_a_row % SELDOM):
+        if not search or (self.lost_in_a_row > MAX_SEARCHED_IN_A_ROW and self.lost_in_a_row % FAR_EVERY):
             return FAILED, first_flag
         self.searches += 1
         best, best_flag = FAILED, first_flag

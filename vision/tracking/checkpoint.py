@@ -77,5 +77,4 @@ class Checkpoint:
         return rows
 
     def clear(self) -> None:
-        """Remove the file."""
         remove(self.path)

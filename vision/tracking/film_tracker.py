@@ -70,7 +70,6 @@ class FilmTracker:
             tracker.clear()
 
     def place(self, ordinal: int, poses: Sequence[NDArray[np.float64]] | NDArray[np.float64]) -> None:
-        """Record where all bodies are in the ``ordinal``-th tracked frame."""
         for i in self.order:
             self.trackers[i].place(ordinal, poses[i])
 
@@ -151,16 +150,13 @@ class FilmTracker:
             self.trackers[i].skip(ordinal, flag)
 
     def store(self, table: PoseTable, row: int) -> None:
-        """Store the newest fits of all bodies in a row of a table."""
         for i, body in enumerate(self.trackers):
             table.store(row, i, body.fit, body.flag)
 
     def searches(self) -> int:
-        """Number of wide searches."""
         return self.searches_before + sum(tracker.searches for tracker in self.trackers)
 
     def info(self) -> dict[str, Any]:
-        """Counts and settings that go into the result."""
         return {
             "pixels": {template.name: template.n_pixels for template in self.ready.templates},
             "noise_grey": self.ready.reference.noise_grey,

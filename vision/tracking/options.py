@@ -98,7 +98,6 @@ class FitSettings:
 
     @property
     def is_calibrated(self) -> bool:
-        """Whether the camera's view of the plane was measured."""
         return self.camera is not None and not isinstance(self.camera, AssumedCamera)
 
 

@@ -228,7 +228,6 @@ def _reconcile(table: PoseTable, back: PoseTable, row: int, body: int, radius_px
 
 
 LEAST_ROWS = 3  # fewer lost rows are a flash or a passing hand, not a change of appearance
-MOST = 12  # templates one after the other
 KEEPS = FrameFlag.IMPRECISE | FrameFlag.WIDENED | FrameFlag.REACQUIRED | FrameFlag.RENEWED
 """Flags that a frame may have to become a reference."""
 OTHERWISE = np.uint16(int(FrameFlag.REPEATED))
@@ -272,7 +271,7 @@ def _track_with_new_reference(ready: PreparedFilm, table: PoseTable, i: int, sta
     """Follow the i-th body through the run of lost rows from row ``start`` on, with templates made of later rows; fills
     ``table``, returns the number of rows found."""
     usual, found, n = float(np.nanmedian(table.inlier[:, i])), 0, table.frame.size
-    for _ in range(MOST):
+    while True:
         row = start - 1
         template = _build_row_template(ready, table, row, i) if _can_be_reference(table, row, i, usual) else None
         if template is None:

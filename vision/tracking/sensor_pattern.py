@@ -252,7 +252,6 @@ def _subtract_reference(
     return (frame - light).astype(np.float32), inside
 
 
-ROUNDS = 8  # at most, of estimating and fitting the sampled rows again: choice
 WORTH = 0.995  # residual variance of a round over that of the one before from which no further one is tried
 TRACKED_AGAIN = 2  # times that the whole film is tracked again at most
 
@@ -271,7 +270,7 @@ def correct_pattern(ready: PreparedFilm, table: PoseTable, prepare: Prepare) -> 
     sample = table.rows(sampled_rows(ready, table))
     before = residual_variance(ready, sample).mean()
     now = ready
-    for _ in range(ROUNDS):
+    while True:  # each round but the last makes the variance smaller
         pattern = estimate_pattern(film, now, sample)
         if pattern is None:
             break
@@ -279,9 +278,9 @@ def correct_pattern(ready: PreparedFilm, table: PoseTable, prepare: Prepare) -> 
         again = refit_rows(cleaned, sample)
         after = residual_variance(cleaned, again).mean()
         first = best is None and now.film is film
-        if again.is_lost.sum() > sample.is_lost.sum() or after > (BETTER * before if first else before):
+        if again.is_lost.sum() > sample.is_lost.sum() or not after <= (BETTER * before if first else before):
             break
-        best, settled = (cleaned, pattern), after > WORTH * before
+        best, settled = (cleaned, pattern), not after <= WORTH * before
         if settled:
             break
         now, sample, before = cleaned, again, after

@@ -37,7 +37,6 @@ class Workers:
         self.stop = threading.Event()
 
     def submit(self, work: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> Future[T]:
-        """Have work done; its result or error is in the future."""
         if self._pool is not None:
             return self._pool.submit(work, *arguments, **named)
         future: Future[T] = Future()
