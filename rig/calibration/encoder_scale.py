@@ -48,7 +48,7 @@ def order_up_and_down(angles_rad: ArrayLike) -> tuple[float, ...]:
 
 
 def read_plateaus(backend: Backend, config: RigConfig, body: str, references: Sequence[float]) -> list[float]:
-    """Return the mean readings, rad, at as many rests as there are references, in the order they came."""
+    """Return the mean readings, rad, at as many rests as there are ``references``, rad, as they came; refuse fewer."""
     index = BODIES.index(body)
     encoder = config.encoders[index]
     apart = APART * float(np.min(np.abs(np.diff(references)))) / abs(encoder.rad_per_count)

@@ -97,7 +97,7 @@ class ForceConfig(ScaledTable):
     certificate: CertificateConfig | None = None
 
     @model_validator(mode="after")
-    def _check_line(self) -> ForceConfig:
+    def _check_calibration_points(self) -> ForceConfig:
         refuse(
             ValueError,
             (
@@ -184,7 +184,7 @@ class ChannelConfig(ScaledTable):
     ruler: RulerConfig | None = None
 
     @model_validator(mode="after")
-    def _check_line(self) -> ChannelConfig:
+    def _check_calibration_points(self) -> ChannelConfig:
         refuse(
             ValueError,
             (

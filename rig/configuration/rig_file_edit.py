@@ -29,7 +29,7 @@ def change_table(text: str, table: str, values: Mapping[str, Value], *, named: s
 
 
 def rewrite_table(rig: Rig, table: str, values: Mapping[str, Value], *, named: str | None = None) -> str:
-    """Return the text as :func:`change_table` does, after checking that it is a rig file still.
+    """Return the text of a rig file with values set as `change_table` does; refuse one that is no rig file then.
 
     With values that are there already it tells, before anything is read, whether what is read can be written.
     """
@@ -42,7 +42,7 @@ def rewrite_table(rig: Rig, table: str, values: Mapping[str, Value], *, named: s
 
 
 def _set_value(body: str, key: str, value: str) -> str:
-    """Replace a value up to its comment, or add the line below the table's head."""
+    """Return a table's text with ``key`` set to ``value`` (TOML), its comment kept; a new key stands first."""
     line = re.compile(
         rf'(?m)^([ \t]*{re.escape(key)}\s*=\s*)("(?:[^"\\\n]|\\.)*"|\[[^\]]*\]|\{{[^}}\n]*\}}|[^#\n]*?)(\s*(?:#.*)?)$'
     )

@@ -55,7 +55,7 @@ class CallDelay:
 
 
 def measure_call_delay(call: Callable[[], object], now_s: Callable[[], float]) -> CallDelay:
-    """Time a cheap call of the driver a few times on the clock that the device's watchdog runs by."""
+    """Time a cheap driver call five times by ``now_s``, the clock of the watchdog, s; return median and longest."""
     taken = []
     for _ in range(PROBES):
         began = now_s()

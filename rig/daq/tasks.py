@@ -351,11 +351,11 @@ def check_command(config: RigConfig, command_v: NDArray[np.float64]) -> None:
     )
 
 
-def read_inputs(made: TaskSet, config: RigConfig, first_sample: int, n_samples: int, timeout_s: float) -> Block:
+def read_inputs(open_tasks: TaskSet, config: RigConfig, first_sample: int, n_samples: int, timeout_s: float) -> Block:
     """Return the next ``n_samples`` of every input; ``first_sample`` is the number of the first of them."""
     values = np.empty((1 + len(config.channels), n_samples))
     with translate_faults("read", MASTER):
-        reader = AnalogMultiChannelReader(made[MASTER].in_stream)
+        reader = AnalogMultiChannelReader(open_tasks[MASTER].in_stream)
         reader.verify_array_shape = False  # saves a round trip to the server per read
         reader.read_many_sample(values, n_samples, timeout_s)
     if config.force.kind == "bridge":
@@ -365,19 +365,19 @@ def read_inputs(made: TaskSet, config: RigConfig, first_sample: int, n_samples: 
     further = [_interpolate_line(values[k], one.electrical, one.physical) for k, one in enumerate(config.channels, 1)]
     count = np.empty((n_samples, len(config.encoders)), dtype=np.int64)
     for column, encoder in enumerate(config.encoders):
-        count[:, column] = _read_ticks(made, encoder_task_name(encoder), n_samples, timeout_s)
-    if OPPOSITE in made and config.key_opposite is not None:
+        count[:, column] = _read_ticks(open_tasks, encoder_task_name(encoder), n_samples, timeout_s)
+    if OPPOSITE in open_tasks and config.key_opposite is not None:
         per_tick = config.key_opposite.sign * 2 * np.pi / config.encoders[0].counts_per_revolution
-        further.append(np.asarray(_read_ticks(made, OPPOSITE, n_samples, timeout_s) * per_tick, dtype=np.float64))
-    exposures = _read_ticks(made, EDGES, n_samples, timeout_s) if EDGES in made else None
+        further.append(np.asarray(_read_ticks(open_tasks, OPPOSITE, n_samples, timeout_s) * per_tick, dtype=np.float64))
+    exposures = _read_ticks(open_tasks, EDGES, n_samples, timeout_s) if EDGES in open_tasks else None
     return Block(first_sample, force_n, raw, count, exposures, np.column_stack(further) if further else None)
 
 
-def _read_ticks(made: TaskSet, name: str, n_samples: int, timeout_s: float) -> NDArray[np.int64]:
+def _read_ticks(open_tasks: TaskSet, name: str, n_samples: int, timeout_s: float) -> NDArray[np.int64]:
     """Read samples of a counter in ticks (n_samples,)."""
     ticks = np.empty(n_samples)
     with translate_faults("read", name):
-        reader = CounterReader(made[name].in_stream)
+        reader = CounterReader(open_tasks[name].in_stream)
         reader.verify_array_shape = False
         reader.read_many_sample_double(ticks, n_samples, timeout_s)
     whole = np.rint(ticks)
@@ -386,13 +386,13 @@ def _read_ticks(made: TaskSet, name: str, n_samples: int, timeout_s: float) -> N
     return whole.astype(np.int64)
 
 
-def read_positions(made: TaskSet, config: RigConfig) -> dict[str, tuple[int, int]]:
+def read_positions(open_tasks: TaskSet, config: RigConfig) -> dict[str, tuple[int, int]]:
     """Return by input task the samples per channel the driver has handed out and acquired since its start."""
     found = {}
     encoders = map(encoder_task_name, config.encoders)
     for name in (MASTER, *encoders, OPPOSITE, EDGES):
-        if name in made:
+        if name in open_tasks:
             with translate_faults("read", name):
-                stream = made[name].in_stream
+                stream = open_tasks[name].in_stream
                 found[name] = (int(stream.curr_read_pos), int(stream.total_samp_per_chan_acquired))
     return found

@@ -30,21 +30,14 @@ def make_ramp(peak_n: float) -> Profile:
 
 
 def make_constant_speed_press(
-    moved_m: Array, force_n: Array, speed_m_per_s: float, peak_n: float, slew_n_per_s: float
+    ramp_way_m: Array, ramp_force_n: Array, speed_m_per_s: float, peak_n: float, slew_n_per_s: float
 ) -> Profile:
-    """Return the press that moves the felt's surface at one speed.
-
-    Parameters
-    ----------
-    moved_m, force_n : (k,) way since the arm's rest and force above its preload, both rising from 0, as the ramp found
-    speed_m_per_s, peak_n : wanted
-    slew_n_per_s : fastest change of force that the rig file allows
-    """
-    way = float(np.interp(peak_n, force_n, moved_m))
+    """Return the press at one speed, by the ramp's way and force above rest (k,); refuse too fast a change of force."""
+    way = float(np.interp(peak_n, ramp_force_n, ramp_way_m))
     phase = np.linspace(0.0, 1.0, POINTS)
     displacement_m = way * _ease_in_out(phase)
     duration = way * (1.0 + EASE) / speed_m_per_s
-    force = np.interp(displacement_m, moved_m, force_n)
+    force = np.interp(displacement_m, ramp_way_m, ramp_force_n)
     force *= peak_n / force[-1]
     steepest = float(np.max(np.diff(force))) * (POINTS - 1) / duration
     if steepest > SLEW_SHARE * slew_n_per_s:

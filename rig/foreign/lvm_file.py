@@ -51,7 +51,7 @@ class _Segment:
 
 
 def parse_lvm(text: str, where: str) -> tuple[ChannelTable, ...]:
-    """Read the segments of LVM text; ``where`` names it in errors."""
+    """Read the segments of LVM text as one table each; ``where`` names the text in errors."""
     lines = [line.rstrip("\r") for line in text.split("\n")]
     if not lines[0].startswith("LabVIEW Measurement"):
         raise RigInputError(f"{where}: not a LabVIEW measurement file; its first line must be 'LabVIEW Measurement'")

@@ -61,7 +61,7 @@ class Cut:
 def cut_strokes(
     displacement: Array, travel: Array, rate_hz: float, *, trigger: float, pre_s: float, rest_s: float
 ) -> list[Cut]:
-    """Find the strokes: each from where any sensor leaves its level of rest until all are back, with the rest around.
+    """Find the strokes in displacements (n, k), m: from where any sensor leaves its rest until all are back.
 
     Parameters
     ----------

@@ -59,7 +59,7 @@ def find_unit(properties: Properties) -> tuple[str, str]:
 
 
 def find_scale_doubt(properties: Properties, applied: tuple[str, ...] = (), *, are_integers: bool = False) -> str:
-    """Return the first property that may be a scale and is not ``applied``; empty where there is none."""
+    """Return in words the first property that may be a scale and is not ``applied``; empty where there is none."""
     for key, value in scale_numbers(properties, are_integers=are_integers):
         neutral = 0.0 if re.search("offset|intercept", key, re.IGNORECASE) else 1.0
         if key not in applied and value != neutral:

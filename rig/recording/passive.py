@@ -202,7 +202,7 @@ def record_passive(
     duration_s: float | None = None,
     **keywords: Unpack[RecordingKeywords],
 ) -> Session:
-    """Record what somebody plays.
+    """Record in a new session the strokes that somebody plays on the key, the motor off.
 
     Parameters
     ----------

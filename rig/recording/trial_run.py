@@ -170,7 +170,7 @@ class _Lengths:
 
     @classmethod
     def from_command(cls, config: RigConfig, command: MotorCommand, timing: Timing) -> _Lengths:
-        """Lengths in samples, from a motor command."""
+        """Samples of a block, a calm block and the longest trial, and where the motor moves, by a motor command."""
         rate, recording = timing.sample_rate_hz, config.recording
         block = max(int(round(recording.block_s * rate)), int(np.ceil(timing.shortest_block_s * rate)), 1)
         moves = np.flatnonzero(command.volts)

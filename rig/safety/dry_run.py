@@ -45,7 +45,7 @@ Predict = Callable[[Profile], PredictedBlow]
 
 
 def dry_run(profile: Profile, config: RigConfig, predict: Predict) -> dict[str, float | str]:
-    """Predict a profile's blow and refuse it outside the limits.
+    """Predict a profile's blow, refuse it outside the limits, and return the predicted values by name.
 
     Parameters
     ----------

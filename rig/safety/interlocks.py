@@ -173,7 +173,7 @@ class Interlocks:
                     )
 
     def _check_before_blow(self) -> None:
-        """Keep the force at rest; stop where the action still moves or the arm is not on the key."""
+        """Take the mean force as the baseline; stop where the action still moves or the arm is not on the key."""
         self._baseline_n = float(self._force.mean())
         # a cell that had noise before the blow has noise during it
         self._noisy = longest_run(np.diff(self._force) == 0) < self._samples(self._limits.stuck_s)

@@ -25,7 +25,7 @@ class Terminated(KeyboardInterrupt):
 def _handle_signals(
     handler: Callable[[int, FrameType | None], object], numbers: Iterable[int], may_replace: Callable[[Any], bool]
 ) -> Iterator[dict[int, Any]]:
-    """Handle signals inside the block where the present handler may be replaced; give the handlers replaced."""
+    """Handle signals in the block where their present handler may be replaced; yield those replaced, by number."""
     previous: dict[int, Any] = {}
     if threading.current_thread() is threading.main_thread():
         previous = {number: before for number in numbers if may_replace(before := signal.getsignal(number))}

@@ -94,7 +94,7 @@ def _fit_at_frequency(time: Array, force: Array, frequency_hz: float) -> tuple[A
 
 
 def _search_frequency(time: Array, force: Array, centre_hz: float) -> float:
-    """Frequency of least residual within ± SEARCH_HZ of the nominal one."""
+    """Frequency, Hz, within `SEARCH_HZ` of ``centre_hz``, of the hum that leaves least of a force (n,), N."""
     grid = np.linspace(centre_hz - SEARCH_HZ, centre_hz + SEARCH_HZ, GRID)
     cost = [_fit_at_frequency(time, force, f)[1] for f in grid]
     best = int(np.argmin(cost))
@@ -469,7 +469,7 @@ def _quiet_before(time: Array, first_change: int, onset_s: float, what: str, nee
 def correct_force(
     time_s: ArrayLike, force_n: ArrayLike, quiet: Quiet, **declared: Unpack[ForceChannelValues]
 ) -> CorrectedForce:
-    """Correct a calibrated force for offset, mains hum and channel delay; never smooth it.
+    """Take offset, mains hum and channel delay off a calibrated force, add the preload; never smooth it.
 
     Corrected force = force − (fitted offset and hum) + declared preload: the arm already rests on the key
     with its preload during the baseline, so the baseline is the preload and not zero.

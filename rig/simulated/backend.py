@@ -130,7 +130,7 @@ def build_device(
 
 
 def _make_inventory(config: RigConfig, rtsi: bool) -> Inventory:
-    """The rig's devices, each with a timebase of its own."""
+    """Inventory of the main device with the further ones, each on its own timebase; ``rtsi``: cards share a cable."""
     named = [(config.device.product, config.device.name), *((one.product, one.name) for one in config.devices)]
     on_cable = [name for product, name in named if PRODUCTS[product].rtsi and rtsi]
     first, *others = (

@@ -58,7 +58,7 @@ def pulses_on(device: DeviceState, terminal: str) -> PulseTrain | None:
     return device.bench.exposures if terminal == device.wiring.exposure else None
 
 
-def edges_passed(device: DeviceState, terminal: str, edge: NDArray[np.int64]) -> NDArray[np.int64]:
+def count_edges_passed(device: DeviceState, terminal: str, edge: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return how many rising edges have passed on a terminal by each edge (n,) of the bench."""
     if (train := pulses_on(device, terminal)) is not None:
         time_s = edge / device.bench.rate_hz
@@ -71,7 +71,7 @@ def edges_passed(device: DeviceState, terminal: str, edge: NDArray[np.int64]) ->
 
 
 def edges_now(device: DeviceState, terminal: str) -> int:
-    return int(edges_passed(device, terminal, np.array([device.bench.edge]))[0])
+    return int(count_edges_passed(device, terminal, np.array([device.bench.edge]))[0])
 
 
 SHUNT_OHM = 100e3  # shunt resistor inside the NI 9237
@@ -151,7 +151,7 @@ def latch(
     if not task.counts_edges:
         return encoder_reading(device, task, quarter)[:, None]
     settings = task.channels[0].settings
-    passed = edges_passed(device, input_terminal(device, task), edge) - task.progress.initial_edges
+    passed = count_edges_passed(device, input_terminal(device, task), edge) - task.progress.initial_edges
     return (settings["initial_count"] + settings["step"] * passed)[:, None].astype(np.float64)
 
 

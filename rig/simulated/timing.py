@@ -61,8 +61,8 @@ class Engine:
         return int(self.edges(ticks - 1, ticks)[0]) + 1 if ticks > 0 else 0
 
 
-def engine_of(device: DeviceState, task: SimulatedTask) -> Engine | None:
-    """Return the engine that clocks a task; None when nothing ticks for it."""
+def find_clock_engine(device: DeviceState, task: SimulatedTask) -> Engine | None:
+    """Return the engine whose ticks clock a task; None when nothing ticks for it."""
     clock = task.clock
     if clock is None:
         return None
@@ -93,7 +93,7 @@ def _find_engine(device: DeviceState, terminal: str, visited: set[str]) -> Engin
             is_same_owner = task.channels and device.inventory.owner_of(task.channels[0].physical.name) is owner
             if is_same_owner and task.type == stem.upper() and task.clock is not None:
                 if task.has_own_clock:
-                    return engine_of(device, task)
+                    return find_clock_engine(device, task)
                 return _find_engine(device, task.clock.source, {*visited, task.name})
         return None
     for task in others:
@@ -117,7 +117,7 @@ def go_live(device: DeviceState, task: SimulatedTask) -> None:
         _begin_trial(device, task)
     progress = task.progress
     progress.live, progress.live_since_s = True, device.bench.now_s
-    engine = None if task.has_own_clock else engine_of(device, task)
+    engine = None if task.has_own_clock else find_clock_engine(device, task)
     progress.first_tick = engine.count_ticks(device.bench.edge) if engine else 0
     channel, clock = task.channels[0], task.clock
     owner, wired = device.inventory.owner_of(channel.physical.name), device.inventory.full_name(device.wiring.force)
@@ -185,7 +185,7 @@ def advance_bench(device: DeviceState, n: int) -> None:
     clocked = [
         (task, engine)
         for task in device.tasks.values()
-        if task.progress.live and task.type != "CO" and (engine := engine_of(device, task)) is not None
+        if task.progress.live and task.type != "CO" and (engine := find_clock_engine(device, task)) is not None
     ]
     volts = np.full(n + 1, device.output_v.get(device.motor, 0.0))  # just before the edges, then from each of them on
     command_v = volts[1:]
@@ -280,7 +280,7 @@ def _edges_to_end(device: DeviceState) -> float:
             continue
         if task.type == "CO":
             left = max(left, 0.0 if task.pulses.finished else _edges_to_pulse_end(device, task))
-        elif task.has_own_clock and (engine := engine_of(device, task)) is not None:
+        elif task.has_own_clock and (engine := find_clock_engine(device, task)) is not None:
             ended = float("inf") if np.isinf(engine.limit) else engine.edge_after(int(engine.limit))
             left = max(left, ended - device.bench.edge)
     return left
@@ -323,7 +323,7 @@ def _edges_to_sample(device: DeviceState, task: SimulatedTask, wanted: int) -> f
     if not task.progress.live:
         to_trigger = edges_to_trigger(device)
         return to_trigger if np.isfinite(to_trigger) else poll
-    engine = engine_of(device, task)
+    engine = find_clock_engine(device, task)
     if engine is None:
         return poll
     return max(engine.edge_after(task.progress.first_tick + wanted) - device.bench.edge, 1)
@@ -354,8 +354,8 @@ def let_pass(device: DeviceState, duration_s: float) -> None:
         clock.advance(left_s)
 
 
-def go_on(device: DeviceState) -> None:
-    """Let pass what is due by the wall clock, on a paced clock; none is due on the virtual one."""
+def pass_due_time(device: DeviceState) -> None:
+    """Let the time pass that is due by the wall clock, on a paced clock; on the virtual one none is."""
     clock = device.bench.clock
     if not clock.paced:
         return

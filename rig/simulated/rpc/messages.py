@@ -142,7 +142,7 @@ INITIALIZE_NEW, ATTACH_TO_EXISTING = 1, 2  # initialization behaviors; 0 attache
 
 
 def open_session(device: DeviceState, request: Any, create: Callable[[], SimulatedTask]) -> Fields:
-    """Return the task that a client attaches to, or a new one, as NI's server decides; may refuse."""
+    """Return the fields of the task that a client attaches to, or of a new one, as NI's server decides; may refuse."""
     name, behavior = request.session_name, request.initialization_behavior
     if behavior == INITIALIZE_NEW and name in device.tasks:
         raise SessionRefused("ALREADY_EXISTS", f"Cannot initialize '{name}' when a session already exists.")

@@ -32,7 +32,7 @@ from rig.simulated.rpc.messages import (
     rpc_status,
 )
 from rig.simulated.status import NotAnswered, SessionRefused, Unsupported
-from rig.simulated.timing import go_on, let_pass, question_asked
+from rig.simulated.timing import let_pass, pass_due_time, question_asked
 
 _ATTRIBUTE_CALL = re.compile(r"(Get|Set)(\w+?)Attribute\w*")
 _QUESTION = re.compile(r"IsTaskDone|Get(Read|Write)Attribute\w+")
@@ -64,7 +64,7 @@ class Service:
         with self._lock:
             check_watchdogs(self.device)
             if self.device.bench.clock.due_s > BEHIND_S:
-                go_on(self.device)
+                pass_due_time(self.device)
 
     def _let_clients_call(self) -> None:
         """Let other clients and the watchdogs have a turn while time passes in one call; end that of a dead client."""
@@ -85,7 +85,7 @@ class Service:
             refuse_locked(self.device, call)
             self.device.faults.raise_due(call, self.device, getattr(request, "timeout", 0.0))
             self._remember(call)
-            go_on(self.device)
+            pass_due_time(self.device)
             if _QUESTION.fullmatch(call):
                 question_asked(self.device, again=bool(_QUESTION.fullmatch((self.trace[-2:-1] or [""])[0])))
             return response(call, **(self._answer(call, request) or {}))

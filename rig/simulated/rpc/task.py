@@ -17,7 +17,7 @@ SAMPLE_CLOCK = 12487  # the signal of :func:`export_clock`
 
 
 def control_task(device: DeviceState, task: SimulatedTask, request: Any) -> None:
-    """Lead a task through the states of the driver's model."""
+    """Lead a task through the states of the driver's model, as the request's action says."""
     action = enum(request, "action")
     if action == START:
         start_task(device, task)
@@ -61,7 +61,7 @@ def set_sample_clock(device: DeviceState, task: SimulatedTask, request: Any) -> 
 
 
 def set_implicit_timing(device: DeviceState, task: SimulatedTask, request: Any) -> None:
-    """Say how many pulses a counter puts out."""
+    """Set how many pulses a counter output task puts out; continuous ones have no end."""
     samples, mode = int(request.samps_per_chan), enum(request, "sample_mode")
     if task.type != "CO":
         raise Unsupported(f"Task: {task.name}: implicit timing")
