@@ -113,7 +113,6 @@ def combine_with_rig_file(rig: Rig, body: str, arc: Arc) -> tuple[float, float]:
 
 
 def correct_rig_text(rig: Rig, body: str, arc: Arc) -> str:
-    """Return the rig file's text with the correction of one encoder and its uncertainty."""
     gain, u_gain = combine_with_rig_file(rig, body, arc)
     values = {"arc_gain": float(f"{gain:.9g}"), "u_eccentricity_rad": float(f"{u_gain:.3g}")}
     return rewrite_table(rig, "encoders", values, named=body)

@@ -20,7 +20,6 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 def read_text(path: Path) -> str:
-    """Read a UTF-8 text file; raise :class:`RigInputError` in one line when that is impossible."""
     try:
         with translate_os_error(path, "read"):
             return path.read_bytes().decode("utf-8")

@@ -98,7 +98,6 @@ def driver_version(channel: grpc.Channel | None) -> str:
 
 
 def find_devices(channel: grpc.Channel | None) -> list[FoundDevice]:
-    """Return every card and chassis of the driver or server, with its modules."""
     with translate_faults("connect", "list of devices"):
         names = _system(channel).devices.device_names
     found = [find_device(channel, name) for name in names]

@@ -148,7 +148,6 @@ class SafeOutputs:
         self._tasks[name].stop()  # it was started by the write: with that it gives its hardware back
 
     def _forget(self, name: str) -> None:
-        """Clear a task that has failed; a failure to clear it tells nothing new."""
         with contextlib.suppress(nidaqmx.errors.Error):
             self._tasks.clear(name)
 
@@ -312,7 +311,6 @@ class SafeBench:
             raise
 
     def _clear(self, *, watchdog_too: bool = False) -> None:
-        """Clear all tasks; the next trial makes them again."""
         self._timing = None
         for name in self._tasks:
             attempt(partial(self._tasks.clear, name), [], f"clearing task {name}")

@@ -68,7 +68,6 @@ def parse_lvm(text: str, where: str) -> tuple[ChannelTable, ...]:
 
 
 def _drop_special_blocks(lines: list[str], where: str) -> Iterator[str]:
-    """Lines outside the special blocks of an LVM file."""
     inside = False
     for line in lines:
         if line.startswith(SPECIAL):

@@ -291,7 +291,6 @@ def load_mapping(path: str | Path) -> MappingFile:
 
 
 def parse_mapping(text: str, where: str = "mapping") -> MappingFile:
-    """Check TOML text as a mapping; ``where`` names it in errors."""
     toml_file.refuse_nul(text, where)
     return MappingFile(toml_file.check(ImportMapping, toml_file.parse_toml(text, where), where), text, where)
 

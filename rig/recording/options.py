@@ -12,7 +12,7 @@ from typing import TypedDict
 
 from rig.backend import Backend, Block
 from rig.configuration.profile import Profile
-from rig.configuration.rig_file import Rig
+from rig.configuration.rig_file import RecordingConfig, Rig
 from rig.recording.trial_plan import Plan
 from rig.safety.dry_run import Predict
 from rig.safety.permission import Permission
@@ -64,7 +64,7 @@ class TimeLeft:
 class BlockFeed:
     """At most ``capacity`` blocks waiting for a viewer; thread-safe."""
 
-    def __init__(self, capacity: int = 50) -> None:  # blocks: one second of 20 ms
+    def __init__(self, capacity: int = round(1 / RecordingConfig().block_s)) -> None:  # blocks: one second
         self._blocks: deque[Block] = deque(maxlen=capacity)
         self._lock = threading.Lock()
         self._dropped = 0

@@ -16,7 +16,6 @@ PACKAGES = ("piano-action-rig", "numpy", "h5py", "nidaqmx", "grpcio")
 
 
 def software_versions() -> dict[str, str]:
-    """Return versions of Python, the operating system and the packages a recording depends on."""
     return {"python": platform.python_version(), "system": platform.platform(), **_package_versions()}
 
 

@@ -138,7 +138,6 @@ def status_of(error: BaseException) -> str:
 
 
 def reason_of(error: BaseException) -> str:
-    """Return why a trial ended early, in one line."""
     if isinstance(error, KeyboardInterrupt):
         return str(error) or "stopped by the operator"
     return one_line(error)

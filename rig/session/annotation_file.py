@@ -34,7 +34,6 @@ class Annotation:
 
 
 def utc_now() -> str:
-    """Return the present time as ISO 8601 UTC text with seconds."""
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 

@@ -12,6 +12,7 @@ that the limits go on being watched; when a block has waited 5 s, or the disk re
 from __future__ import annotations
 
 import json
+import mmap
 import os
 import threading
 import time
@@ -31,7 +32,6 @@ from rig.session.trial_head import TrialHead
 PATIENCE_S = 0.05  # between two looks at what waits to be written
 STALL_LIMIT_S = 5.0  # without a block written, after which the disk is said to stall
 SYNC_EVERY_S = 1.0
-PAGE = 4096  # bytes of a disk's page, that the end may begin
 CLOSE_LIMIT_S = 30.0  # for the rest to be written at the end: a network folder may take seconds
 
 
@@ -68,7 +68,8 @@ class JournalWriter:
         first = self._record(HEAD, 0, json.dumps(head.to_plain()).encode())
         command = np.ascontiguousarray(head.command_v, dtype="<f8").tobytes()
         beginning = first + self._record(COMMAND, head.command_v.size, command)
-        room = len(beginning) + most_samples * bytes_per_sample(head) + (most_blocks + 1) * OVERHEAD + PAGE
+        room = len(beginning) + most_samples * bytes_per_sample(head) + (most_blocks + 1) * OVERHEAD
+        room += mmap.PAGESIZE  # that the end may begin
         with translate_os_error(path, "created"):
             self._file = platform_calls.open_raw(path, os.O_RDWR | os.O_CREAT | os.O_EXCL)
         try:

@@ -49,7 +49,6 @@ class Content:
         return dataset
 
     def quantity(self, group: h5py.Group, name: str, values: NDArray[Any], units: str, long_name: str) -> h5py.Dataset:
-        """Write an array with its unit, what it is, and the SHA-256 of its bytes."""
         dataset = self.dataset(group, name, values, units=units, long_name=long_name)
         self.close(dataset, self._arrays[_name(dataset)])
         return dataset
@@ -227,7 +226,6 @@ def _list_columns(about: TrialData) -> list[Column]:
 
 
 def _further_channels(k: int, part: TrialData) -> NDArray[np.float64]:
-    """Values (n,) of the k-th channel beyond force, encoders and camera."""
     assert part.channel_values is not None
     return part.channel_values[:, k]
 

@@ -145,7 +145,6 @@ class TrialHead:
         )
 
     def to_plain(self) -> dict[str, Any]:
-        """Return all but the command as numbers, text and lists."""
         plain = asdict(replace(self, command_v=np.empty(0)))
         del plain["command_v"]
         return plain

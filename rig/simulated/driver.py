@@ -34,7 +34,6 @@ def create_task(device: DeviceState, name: str) -> SimulatedTask:
 
 
 def create_watchdog_task(device: DeviceState, name: str, timeout_s: float, of: str = "") -> SimulatedTask:
-    """Make a watchdog timer task of the device named, by default the main one."""
     refuse_bad_timer(device.inventory.owner_of(of), name, timeout_s)
     task = create_task(device, name)
     device.watchdogs[task.name] = WatchdogTimer(name, timeout_s, of)

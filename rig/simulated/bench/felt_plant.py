@@ -150,7 +150,6 @@ class FeltPlant:
         self._force = self._cell.force_n(self._moved - self._x, (self._moved - self._x - before) / h)
 
     def _net_n(self, pushed_n: float) -> float:
-        """Force that accelerates the arm, at its tip."""
         spring = self._spring * (self._moved - self._rest)
         friction = self._friction * math.tanh(self._speed / SLIP_M_PER_S)
         return pushed_n + self._preload - spring - friction - self._force

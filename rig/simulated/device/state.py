@@ -174,11 +174,9 @@ class DeviceState:
 
     @property
     def motor(self) -> str:
-        """Full name of the analog output the motor is wired to."""
         return self.inventory.full_name(self.wiring.motor)
 
     def drive_enabled(self) -> bool:
-        """Whether the motor drive follows the analog output."""
         line = self.wiring.drive_enable
         return line is None or self.lines.get(self.inventory.full_name(line), False)
 

@@ -185,7 +185,6 @@ class SimulatedTask:
 
     @property
     def lines(self) -> list[str]:
-        """Full names of the digital lines of all channels, in order."""
         return [line for channel in self.channels for line in channel.settings["lines"]]
 
     @property

@@ -45,7 +45,6 @@ def watchdog_timer(device: DeviceState, name: str) -> WatchdogTimer:
 def set_expiration_volts(
     device: DeviceState, timer: WatchdogTimer, channel: str, volts: float, output_type: int
 ) -> None:
-    """Set the voltage that an analog output takes when the timer expires."""
     product = device.inventory.owner_of(timer.device).product
     if "voltage_out" not in product.watchdog_reach:
         raise DaqStatusError(Code.WATCHDOG_TIMER_NOT_SUPPORTED, f"Physical Channel: {channel} is analog")

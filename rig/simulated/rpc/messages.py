@@ -71,7 +71,6 @@ def _prefix(category: str) -> str:
 
 
 def refuse_not_finite(request: Any) -> None:
-    """Refuse a setting that is infinite or not a number, as the driver does for every property."""
     for field, value in request.ListFields():
         if field.cpp_type == field.CPPTYPE_DOUBLE:
             numbers = [value] if isinstance(value, float) else value

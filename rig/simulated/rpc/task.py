@@ -72,7 +72,6 @@ def set_implicit_timing(device: DeviceState, task: SimulatedTask, request: Any) 
 
 
 def set_start_trigger(device: DeviceState, task: SimulatedTask, request: Any) -> None:
-    """Let a task begin with a rising edge on a terminal."""
     if task.type == "CI":
         raise Unsupported(f"Task: {task.name}: counters are armed, not started")
     terminal = device.inventory.terminal(request.trigger_source)
