@@ -50,11 +50,11 @@ def build_masks(bodies: Sequence[Body], height: int, width: int) -> list[NDArray
 
 
 def outline_distances(
-    bodies: Sequence[Body], height: int, width: int, each: ItemMap = serial_map
+    bodies: Sequence[Body], height: int, width: int, map_items: ItemMap = serial_map
 ) -> list[NDArray[np.float32]]:
     """`signed_distance` from each body's outline; raises `BodyError` for bodies that do not fit together."""
     check_bodies(bodies)
-    return each(lambda body: signed_distance(body.polygon_px, height, width), bodies)
+    return map_items(lambda body: signed_distance(body.polygon_px, height, width), bodies)
 
 
 def masks_from_distances(bodies: Sequence[Body], distances: Sequence[NDArray[np.float32]]) -> list[NDArray[np.bool_]]:

@@ -306,11 +306,11 @@ class IlluminationField:
             return None
         return fill_unknown_squares(known.reshape(self.shape)) * self._unit(glows, gain), sure[np.isfinite(sure)], glows
 
-    def _square_noise(self, left: F64) -> F64:
-        """Noise (squares,), grey, from differences of neighbouring residuals ``left`` (n,), along the noisier axis."""
+    def _square_noise(self, residual: F64) -> F64:
+        """Noise (squares,), grey, from differences of neighbouring residuals (n,), along the noisier axis."""
         rough = np.zeros(self._members.shape[0])
         for one, other, squares in self._pairs:
-            apart = np.append(np.abs(left[one] - left[other]), np.nan)[squares]
+            apart = np.append(np.abs(residual[one] - residual[other]), np.nan)[squares]
             known = np.isfinite(apart).any(axis=1)
             rough[known] = np.maximum(rough[known], 1.4826 / np.sqrt(2.0) * row_median(apart[known]))
         return rough

@@ -310,8 +310,8 @@ def copy_box(one: I64, other: I64) -> None:
 
 @inner_njit()
 def filter_region(film: Film, k: int, box: I64, buffer: F32) -> tuple[Any, int]:
-    """Coefficients of the rectangle ``box`` (y0, y1, x0, x1) of a frame, made in ``buffer``, and the number of its
-    pixels inside saturated areas."""
+    """Coefficients of the rectangle ``box`` (y0, y1, x0, x1) of the ``k``-th frame in memory, made in ``buffer``, and
+    the number of its pixels inside saturated areas."""
     y0, y1, x0, x1 = box[0], box[1], box[2], box[3]
     height, width = y1 - y0, x1 - x0
     picture = np.empty((height, width), film.frames.dtype)

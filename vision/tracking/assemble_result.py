@@ -117,7 +117,7 @@ def assemble_result(
     time_s: NDArray[np.float64],
     settings: FitSettings,
     info: dict[str, Any],
-    each: ItemMap = serial_map,
+    map_items: ItemMap = serial_map,
     u_stretch: float = 0.0,
 ) -> TrackResult:
     """Angles, uncertainties and budget from the poses; ``time_s`` of all frames of the film, shape (n_frames,)."""
@@ -150,7 +150,7 @@ def assemble_result(
         float(np.median(np.diff(time_s))) if time_s.size > 1 else 0.0,
         u_stretch,
     )
-    budget = compute_budget(ready, settings.camera_model, tracked, settings.u_time_s, settings.rows_per_s, each)
+    budget = compute_budget(ready, settings.camera_model, tracked, settings.u_time_s, settings.rows_per_s, map_items)
     u_angle = np.hypot(tracked.u_noise_rad, u_common)
     flag = table.flag.copy()
     is_woven = ready.u_field_frames > 0.0 and (ready.rectified_film is None or ready.rectified_film.field is None)

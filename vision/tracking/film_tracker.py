@@ -106,8 +106,9 @@ class FilmTracker:
             self.trackers[i].take_fit(partial(self._together.accepted_fit, i), int(self._together.found.flag[i]))
 
     def track_rows(self, table: PoseTable, rows: range, first_ordinal: int, watch: Watch, search: bool = True) -> int:
-        """Track and store rows of a table in compiled code, the first as the ``first_ordinal``-th tracked frame;
-        returns how many are done, 0 where the film or the next row is not for compiled code."""
+        """Track and store ``rows`` of a table in compiled code, the first as the ``first_ordinal``-th tracked frame;
+        returns how many, 0 where that cannot be. ``watch`` tells repeated frames; lost bodies are looked for if
+        ``search``."""
         index = table.frame[rows.start : rows.stop]
         span = read_frames_around(self.ready.film, index)
         if span is None or self._frames.newest(int(index[0])) is not None:

@@ -28,6 +28,7 @@ from vision.fitting.assessment import COHERENT, HIDDEN_SHARE, template_blocks
 from vision.fitting.base import ROUNDING_GREY, Fit, region_of
 from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.icgn import IcgnFitter
+from vision.fitting.illumination import SIGNIFICANT_U
 from vision.fitting.kernels import Places, Region, Subset, place_pixels, sample_frame
 from vision.fitting.template import Template
 from vision.frame_fit.judgement import SAME_INLIER
@@ -46,7 +47,7 @@ SEEN = 0.8  # share of a tile that lies in the picture
 MOST_GAIN = 2.5  # of the light: another surface has more, or less
 MOST_STEP_PX = 4.0  # further from its last place a tile is not looked for
 MOST_TURN_RAD = MOST_STEP_PX / TILE_PX  # by which its rim moves about as far
-LEAST_PX, LEAST_U = 0.5, 6.0  # a tile has moved, a body sags, by more, and by more standard uncertainties
+LEAST_PX = 0.5  # a tile has moved, a body sags, by more, and by more than `SIGNIFICANT_U` standard uncertainties
 EXPLAINED = 0.5  # share of what is left, beyond noise or a rigid motion, that a shift or a sag must explain
 OFTEN = 0.25  # share of the rows in which it has
 LEAST_TILES = 3  # that must have moved: a motion has three unknowns
@@ -135,7 +136,7 @@ def _find_moving_tiles(
         if known.any():
             shift[row] -= np.median(np.sum(shift[row, known] * middle[known], axis=1) / far[known] ** 2) * middle
     size = np.where(np.isfinite(u), np.hypot(*np.moveaxis(shift, 2, 0)), 0.0)
-    moved = better & (size > np.maximum(LEAST_PX, LEAST_U * np.nan_to_num(u, nan=np.inf)))
+    moved = better & (size > np.maximum(LEAST_PX, SIGNIFICANT_U * np.nan_to_num(u, nan=np.inf)))
     known = np.isfinite(u).sum(axis=0)
     judged = known >= OFTEN * len(frame)
     often = judged & (moved.sum(axis=0) >= np.maximum(OFTEN * known, 3))
@@ -179,7 +180,7 @@ def _largest_sag(shift: F64, u: F64, middle: F64) -> tuple[float, int] | None:
         sags[row] = inverse[2] @ (there.T @ off)
         u_sag = np.sqrt(inverse[2, 2] * max(float(left @ left) / (known.size - 3), 1.0))
         explains = 1.0 - float(left @ left) / max(float(straight @ straight), 1e-9)
-        certain[row] = explains > EXPLAINED and abs(sags[row]) > max(LEAST_PX, LEAST_U * u_sag)
+        certain[row] = explains > EXPLAINED and abs(sags[row]) > max(LEAST_PX, SIGNIFICANT_U * u_sag)
     if np.count_nonzero(certain) < max(OFTEN * len(shift), 3) or abs(np.sign(sags[certain]).sum()) < certain.sum():
         return None
     worst = int(np.argmax(np.where(certain, np.abs(sags), 0.0)))
@@ -279,7 +280,7 @@ def _tiles(template: Template) -> list[_Tile]:
     x, y = np.floor((template.offset_px - template.offset_px.min(axis=1, keepdims=True)) / TILE_PX).astype(int)
     number = y * (1 << 12) + x
     tiles = [_Tile(template, np.flatnonzero(number == k)) for k in np.unique(number)]
-    return [tile for tile in tiles if tile._nothing.size >= LEAST_PIXELS and LEAST_U * tile.u_px < 2.0]
+    return [tile for tile in tiles if tile._nothing.size >= LEAST_PIXELS and SIGNIFICANT_U * tile.u_px < 2.0]
 
 
 LEVEL = 1  # squares of 16 px

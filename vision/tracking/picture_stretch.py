@@ -81,16 +81,16 @@ def prior_stretch_uncertainty(film: FrameSource, settings: FitSettings) -> float
 
 
 def measure_stretch(
-    ready: PreparedFilm, table: PoseTable, u_before: float, each: ItemMap = serial_map
+    ready: PreparedFilm, table: PoseTable, u_before: float, map_items: ItemMap = serial_map
 ) -> PictureStretch:
     """Stretch of the picture along x against y, by the strains of bodies that turn; ``u_before`` is its standard
     uncertainty without the measurement."""
-    found = _measure_remaining_stretch(ready, table, u_before, 0.0, each)
+    found = _measure_remaining_stretch(ready, table, u_before, 0.0, map_items)
     for _ in range(ROUNDS):
         if not found.is_significant or abs(found.value) < LINEAR_STRETCH:
             break
         # a large one is followed to first order only
-        more = _measure_remaining_stretch(ready, table, u_before, found.value, each)
+        more = _measure_remaining_stretch(ready, table, u_before, found.value, map_items)
         found = PictureStretch(found.value + more.value, more.u, True)
         if abs(more.value) < more.u:
             break
@@ -98,12 +98,12 @@ def measure_stretch(
 
 
 def _measure_remaining_stretch(
-    ready: PreparedFilm, table: PoseTable, u_before: float, value: float, each: ItemMap
+    ready: PreparedFilm, table: PoseTable, u_before: float, value: float, map_items: ItemMap
 ) -> PictureStretch:
     """Stretch of the picture that is left after ``value``, from strains of bodies that turn; ``u_before``: its standard
     uncertainty without the measurement."""
     right, normal, chi2, degrees = 0.0, 0.0, 0.0, 0
-    for strains in each(
+    for strains in map_items(
         lambda i: _measure_strains(ready, table, i, thin_template(ready.templates[i], PIXELS), value),
         range(len(ready.templates)),
     ):

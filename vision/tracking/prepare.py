@@ -47,7 +47,7 @@ def prepare(
     bodies: Sequence[Body],
     n_still: int | None = None,
     max_pixels: int | None = MAX_PIXELS,
-    each: ItemMap = serial_map,
+    map_items: ItemMap = serial_map,
 ) -> PreparedFilm:
     """Average the still frames, build masks and templates of the bodies, and return the prepared film, less its defect
     pixels and row flicker.
@@ -57,15 +57,15 @@ def prepare(
     VisionWarning
         When fewer than ten still frames are found.
     """
-    distances = outline_distances(bodies, film.height, film.width, each)
+    distances = outline_distances(bodies, film.height, film.width, map_items)
     masks = masks_from_distances(bodies, distances)
     region = np.logical_or.reduce(masks)
     check_first_light(film, region)
-    film, still = _correct_and_average(film, region, n_still, each)
+    film, still = _correct_and_average(film, region, n_still, map_items)
 
     def build_prepared(reference: Reference) -> PreparedFilm:
         usable = exclude_saturated(bodies, masks, reference.saturated)
-        templates = each(
+        templates = map_items(
             lambda i: build_template(
                 *(bodies[i].name, reference.picture, usable[i], reference.n_averaged, max_pixels, reference.noise_grey)
             ),
@@ -126,13 +126,13 @@ def _warn_of_motion(ready: PreparedFilm, n_still: int) -> None:
 
 
 def _correct_and_average(
-    film: FrameSource, region: NDArray[np.bool_], n_still: int | None, each: ItemMap
+    film: FrameSource, region: NDArray[np.bool_], n_still: int | None, map_items: ItemMap
 ) -> tuple[FrameSource, Reference]:
     """The film, less its defect pixels and its rows' flicker where it has any, and the average of its still frames."""
     if isinstance(film, DefectCorrectedFilm | PatternCorrectedFilm | FlickerCorrectedFilm | RectifiedFilm):
         return film, average_still_frames(film, region, n_still)
     # most films have none, so that the average need not wait for the answer
-    found: list[Any] = each(
+    found: list[Any] = map_items(
         lambda work: work(), [lambda: correct_defects(film), lambda: average_still_frames(film, region, n_still)]
     )
     without, still = found

@@ -143,7 +143,7 @@ def _track(
     film, bodies = prepare_square_film(film, bodies, settings)
     threads = settings.threads or usable_threads()
     with workers(threads if is_thread_safe(film) else 1) as crew:
-        ready = prepare(film, bodies, settings.n_still, settings.max_pixels, crew.each)
+        ready = prepare(film, bodies, settings.n_still, settings.max_pixels, crew.map_items)
     if settings.expected is not None:
         expected = expected_budget(
             ready, camera, settings.u_time_s, rows_per_s=settings.rows_per_s, u_stretch=u_stretch
@@ -214,7 +214,7 @@ def _track(
         "moving_parts": {name: asdict(parts) for name, parts in apart.items()},
     }
     with workers(threads) as crew:
-        result = assemble_result(ready, done.zero, table, time_s, settings, info, crew.each, stretch.effect)
+        result = assemble_result(ready, done.zero, table, time_s, settings, info, crew.map_items, stretch.effect)
     _warn_of_delay(result, ready)
     if checkpoint is not None:
         checkpoint.clear()
@@ -294,7 +294,7 @@ def _measure_stretch(ready: PreparedFilm, table: PoseTable, settings: TrackSetti
     if settings.is_calibrated:
         return PictureStretch(0.0, 0.0, False)
     with workers(settings.threads or usable_threads() if is_thread_safe(ready.film) else 1) as crew:
-        stretch = measure_stretch(ready, table, u_before, crew.each)
+        stretch = measure_stretch(ready, table, u_before, crew.map_items)
     if stretch.is_significant:
         used = 1.0 if ready.rectified_film is None else ready.rectified_film.aspect
         warnings.warn(

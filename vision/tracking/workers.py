@@ -43,7 +43,7 @@ class Workers:
         future.set_result(work(*arguments, **named))
         return future
 
-    def each(self, work: Callable[[A], B], items: Iterable[A], /) -> list[B]:
+    def map_items(self, work: Callable[[A], B], items: Iterable[A], /) -> list[B]:
         """Have work done for each of several items; an error is that of the first item that has one."""
         return (
             serial_map(work, items)

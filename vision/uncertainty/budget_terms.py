@@ -251,7 +251,7 @@ def compute_budget(
     tracked: TrackedAngles,
     u_time_s: float,
     rows_per_s: float | None = None,
-    each: ItemMap = serial_map,
+    map_items: ItemMap = serial_map,
 ) -> ErrorBudget:
     """Budget of every tracked frame; ``u_time_s`` is the standard uncertainty of the frame times."""
     angle_rad, u_noise_rad = tracked.angle_rad, tracked.u_noise_rad
@@ -281,7 +281,9 @@ def compute_budget(
     if rows.any():
         own["interlace"] = np.hypot(own["interlace"], rows)
         against["interlace"] = np.hypot(against["interlace"], _combine_with_parent(rows[None], ready.parents))
-    return _assemble_budget(ready, camera, (tracked.pose, speed), (own, against), rows_per_s, each, tracked.u_stretch)
+    return _assemble_budget(
+        ready, camera, (tracked.pose, speed), (own, against), rows_per_s, map_items, tracked.u_stretch
+    )
 
 
 def _assemble_budget(
@@ -290,13 +292,13 @@ def _assemble_budget(
     motion: tuple[NDArray[np.float64], NDArray[np.float64]],
     terms: tuple[dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]],
     rows_per_s: float | None,
-    each: ItemMap = serial_map,
+    map_items: ItemMap = serial_map,
     u_stretch: float = 0.0,
 ) -> ErrorBudget:
     """Budget of poses (n, m, 3) and speeds, ``motion``: terms of camera, stretch and rows, beside each body's own
     ``terms``, by name (n, m): independent ones, and those of a body against its parent."""
     (pose, speed), (own, against) = motion, terms
-    absolute, relative = _camera_terms(ready, camera, pose, each)
+    absolute, relative = _camera_terms(ready, camera, pose, map_items)
     absolute["aspect"], relative["aspect"] = _stretch_terms(ready, pose, u_stretch)
     absolute |= own
     relative |= {name: _combine_with_parent(values, ready.parents) for name, values in own.items()} | against
@@ -395,12 +397,12 @@ def _speed_and_acceleration(
 
 
 def _camera_terms(
-    ready: PreparedFilm, camera: CameraModel, pose: NDArray[np.float64], each: ItemMap = serial_map
+    ready: PreparedFilm, camera: CameraModel, pose: NDArray[np.float64], map_items: ItemMap = serial_map
 ) -> tuple[dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]]:
     """Terms tilt and distortion, by name (n, m), rad, of the absolute angles and of those relative to the parent."""
     width, height = ready.film.width, ready.film.height
     n, m = pose.shape[:2]
-    responses = each(PoseResponse, ready.templates)
+    responses = map_items(PoseResponse, ready.templates)
 
     def corrected_turn(projection: Projection) -> NDArray[np.float64]:
         return np.column_stack([r.error(projection, pose[:, i])[:, 0] for i, r in enumerate(responses)])
@@ -410,7 +412,7 @@ def _camera_terms(
     absolute = {name: np.zeros((n, m)) for name in ("tilt", "distortion")}
     relative = {name: _combine_with_parent(values, ready.parents) for name, values in absolute.items()}
     for variant, found in zip(
-        variants, each(corrected_turn, [variant.projection for variant in variants]), strict=True
+        variants, map_items(corrected_turn, [variant.projection for variant in variants]), strict=True
     ):
         off = found - base
         absolute[variant.term] += variant.weight * off**2
