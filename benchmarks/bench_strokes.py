@@ -200,7 +200,12 @@ def delayed(by_s: float) -> Change:
 
 
 def stretched(by: float) -> Change:
-    return lambda data, _: replace(data, time_s=data.time_s * by)
+    """A clock that reads ``by`` times the true time, and so the delay of a converter's filter, which counts samples."""
+    return lambda data, _: replace(
+        data,
+        time_s=data.time_s * by,
+        force_info=replace(data.force_info, group_delay_s=data.force_info.group_delay_s * by),
+    )
 
 
 def specimen_change(which: str, friction: tuple[str, float] | None) -> dict[str, float]:

@@ -77,25 +77,30 @@ class Responses:
     @cached_property
     def base(self) -> Array | None:
         """Differences (trials, 3 m), rad, of the unchanged model from the trials; None where a trial cannot be run."""
-        return self.exact(Point())
+        return self.exact([Point()])[0]
 
-    def exact(self, point: Point) -> Array | None:
-        """Differences (trials, 3 m) with every trial run; those of points near by are found from there."""
-        places = [self._place(point, t) for t in range(len(self.trials))]
-        found = self._read_all([(place, t) for t, place in enumerate(places)])
-        known = [turn for turn in found if turn is not None]
-        if len(known) < len(found):
-            return None
-        differences = self.measured - np.array(known)
-        if len(set(places)) == 1:
-            self._known.append(differences)
-        return differences
+    def exact(self, points: Sequence[Point]) -> list[Array | None]:
+        """Differences (trials, 3 m) at each point with every trial run; None where a trial cannot be run there.
+
+        Those of points near by are found from there (`differences`).
+        """
+        trials = range(len(self.trials))
+        places = [[self._place(point, t) for t in trials] for point in points]
+        found = iter(self._read_all([(place, t) for of in places for t, place in enumerate(of)]))
+        out: list[Array | None] = []
+        for of in places:
+            turns = [next(found) for _ in trials]
+            known = [turn for turn in turns if turn is not None]
+            out.append(self.measured - np.array(known) if len(known) == len(turns) else None)
+            if out[-1] is not None and len(set(of)) == 1:
+                self._known.append(out[-1])
+        return out
 
     def differences(self, points: Sequence[Point]) -> list[Array | None]:
-        """Differences (trials, 3 m) at each point; None where a trial cannot be run there.
+        """Differences (trials, 3 m) at each point, good enough for a search; None where a trial cannot be run there.
 
         Where all trials have the same, two are run, and the others move as these do on the average, from the nearest
-        point where all have the same and were run (`exact`).
+        point where all have the same and were run. Causes are compared at `exact` differences.
         """
         base = self.base
         if base is None:
@@ -127,7 +132,11 @@ class Responses:
         return group[:MOST_RUN] if len(groups) == 1 else group
 
     def columns(
-        self, asked: Sequence[tuple[Point, int, int]], here: Sequence[Array], longest: Sequence[float] = ()
+        self,
+        asked: Sequence[tuple[Point, int, int]],
+        here: Sequence[Array],
+        longest: Sequence[float] | Array = (),
+        central: bool = False,
     ) -> list[Array]:
         """Derivative (3 m,) of a trial's prediction by a source for each of ``asked``; ``here``: differences there.
 
@@ -136,6 +145,7 @@ class Responses:
         asked : point, index of the trial, index of the source
         here : differences (trials, 3 m) at each of the points
         longest : longest step of each difference; by default that of the source
+        central : whether differences are central, but of effects: of equivalent causes they are equal
         """
         places, steps = [], []
         for n, (point, t, j) in enumerate(asked):
@@ -143,10 +153,16 @@ class Responses:
             there = source.added and dict(at.amounts).get(j, 0.0) > LEAST_ADDED
             steps.append(min([LEAST_ADDED if there else source.step, *longest[n : n + 1]]))
             places.append((_add_amount(at, j, steps[-1]), t))
-        out = []
-        for (_, t, _), step, turn, differences in zip(asked, steps, self._read_all(places), here, strict=True):
-            predicted = self.measured[t] - differences[t]
-            out.append(np.zeros(predicted.size) if turn is None else (turn - predicted) / step)
+            if central and not source.added:
+                places.append((_add_amount(at, j, -steps[-1]), t))
+        out, found = [], iter(self._read_all(places))
+        for (_, t, j), step, differences in zip(asked, steps, here, strict=True):
+            predicted, above = self.measured[t] - differences[t], next(found)
+            below = next(found) if central and not self.listed[j].added else None
+            if above is None:
+                out.append(np.zeros(predicted.size))
+            else:
+                out.append((above - predicted) / step if below is None else (above - below) / (2.0 * step))
         return out
 
     def force_columns(self, at: Point, t: int, here: Array) -> Array:
@@ -160,12 +176,23 @@ class Responses:
         scaled = moved * np.concatenate([[trial.u_offset_n], slow_noise_n(trial)])
         return np.moveaxis(scaled.reshape(3, -1, scaled.shape[1]), 0, 1)
 
-    def scattered(self, amounts: Array, here: Array) -> Array:
-        """Changes (draws, 3 m) of the curves of the trials in turn, with amounts (draws, p); zero where a run fails."""
-        moved = np.flatnonzero(np.any(amounts != 0.0, axis=0))
-        places = [
-            (_Place(tuple((int(j), float(z[j])) for j in moved)), k % len(self.trials)) for k, z in enumerate(amounts)
-        ]
+    def scattered(self, amounts: Array, here: Array, at: Point = Point()) -> Array:
+        """Changes (draws, 3 m) from a point of the curves of the trials in turn; zero where a run fails.
+
+        Parameters
+        ----------
+        amounts : (draws, p) drawn amounts of the sources
+        here : differences (trials, 3 m) at the point
+        at : the point
+        """
+        moved, trials = np.flatnonzero(np.any(amounts != 0.0, axis=0)), range(len(self.trials))
+        there = [self._place(at, t) for t in trials]
+        places = []
+        for k, z in enumerate(amounts):
+            t = k % len(trials)
+            total = dict(there[t].amounts)
+            total |= {int(j): total.get(int(j), 0.0) + float(z[j]) for j in moved}
+            places.append((_Place(tuple(sorted(total.items()))), t))
         base = self.measured - here
         found = zip(places, self._read_all(places), strict=True)
         return np.array([0.0 * base[t] if turn is None else turn - base[t] for (_, t), turn in found])

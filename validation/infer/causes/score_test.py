@@ -48,7 +48,8 @@ class BalancedNoise:
     families : (p,) of its columns, see `noise.Sizes`
     scatter : (p,) declared standard deviations of the amounts of columns that are no laws between trials
     known : (p, k) root of the declared covariance of its columns' amounts
-    trials : how many
+    shared : (draws, trials, n) changes of the curves at drawn errors of the force that all trials share
+    shared_drawn : the same at other draws, for sessions of the null hypothesis
     runs : (draws, n) changes of the predicted curve at drawn amounts
     linear : (draws, n) the same by the linear model
     """
@@ -59,28 +60,33 @@ class BalancedNoise:
         families: NDArray[np.intp],
         scatter: Array,
         known: Array,
-        trials: int,
+        shared: Array,
+        shared_drawn: Array,
         runs: Array,
         linear: Array,
     ) -> None:
-        half = len(runs) // 2  # what estimates the curvature is drawn no more: in it, noise looks smaller than it is
-        self.trials, self.runs = trials, runs[half:]
-        curved = (runs - linear)[:half]
+        # what estimates a covariance is drawn no more: in it, noise looks smaller than it is
+        half = len(runs) // 2
+        self.trials, self.runs, self.shared = shared.shape[1], runs[half:], shared_drawn
+        curved, common_error = (runs - linear)[:half], shared.mean(axis=1)
+        answers = (shared - common_error[:, None]).reshape(-1, shared.shape[2])
         sizes = [Sizes.null(families, own) for own in DEVIATIONS]
         found = [(share, _covariances(block, sizes, scatter, known)) for share, block in blocks]
-        own, laws, shared = (np.sum([share * parts[k] for share, parts in found], axis=0) for k in range(3))
+        own, laws, known_covariance = (np.sum([share * parts[k] for share, parts in found], axis=0) for k in range(3))
         common = [_shared_columns(block, known) for _, block in blocks]
         middle = np.sum([share * columns for (share, _), columns in zip(blocks, common, strict=True)], axis=0)
         for (share, _), columns in zip(blocks, common, strict=True):  # what all share reads otherwise where a cause is
             laws = laws + share * (columns - middle) @ (columns - middle).T
+        laws = laws + answers.T @ answers / max(len(answers) - len(shared), 1)
         total = [each + laws + curved.T @ curved / len(curved) for each in own]
         self._inverse: dict[int, list[Array]] = {}
         self._own = [cholesky(c, lower=True) for c in own]
-        self._shared = cholesky(shared, lower=True)
+        self._shared = cholesky(known_covariance, lower=True)
+        common_covariance = known_covariance + common_error.T @ common_error / len(shared)
         self.between = [cholesky(b, lower=True) for b in total]
-        self.mean = [cholesky(b / trials + shared, lower=True) for b in total]
+        self.mean = [cholesky(b / self.trials + common_covariance, lower=True) for b in total]
         log_det = [
-            (trials - 1) * np.log(np.diag(b)).sum() + np.log(np.diag(m)).sum()
+            (self.trials - 1) * np.log(np.diag(b)).sum() + np.log(np.diag(m)).sum()
             for b, m in zip(self.between, self.mean, strict=True)
         ]
         self.log_prior = np.array([size.log_prior() for size in sizes]) - np.array(log_det)
@@ -90,6 +96,7 @@ class BalancedNoise:
         n = len(self._shared)
         each = rng.standard_normal((count, self.trials, n)) @ self._own[k].T
         each += self.runs[rng.integers(len(self.runs), size=(count, self.trials))]
+        each += self.shared[rng.integers(len(self.shared), size=count)]
         out = np.einsum("jt,dtn->djn", helmert(self.trials), each)
         out[:, 0] += rng.standard_normal((count, n)) @ self._shared.T
         return np.asarray(out)
@@ -153,6 +160,11 @@ class ScoreTest:
         at = np.ix_(self.source, self.source)
         w, mean, between = self.weights, self._mean[k], self._between[k]
         return np.asarray(np.outer(w[0], w[0]) * (mean.T @ mean)[at] + (w[1:].T @ w[1:]) * (between.T @ between)[at])
+
+    def known_u(self, k: int) -> Array:
+        """Standard uncertainty (p,) of each source's amount in one trial if all else is known, with `DEVIATIONS[k]`."""
+        norm = np.linalg.norm(self._between[k], axis=0)
+        return np.asarray(1.0 / np.maximum(norm, np.finfo(float).tiny))
 
     def group_alike(self, k: int, furthest: Array) -> dict[int, list[int]]:
         """Candidates (index) detectable at `DEVIATIONS[k]`, each with those that are indistinguishable from it.

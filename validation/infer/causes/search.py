@@ -16,7 +16,7 @@ import numpy as np
 from validation.conventions import Array
 from validation.infer.blocks import make_blocks
 from validation.infer.causes.responses import Point, Responses
-from validation.infer.causes.score_test import ODDS, PAIRED, BalancedNoise, ScoreTest, Threshold, helmert, pair_gains
+from validation.infer.causes.score_test import PAIRED, BalancedNoise, ScoreTest, Threshold, helmert, pair_gains
 from validation.infer.fit import BACKTRACK, CLOSE
 from validation.infer.hypotheses import ALL, LEAST_ADDED, SMALL_STEP, TREND, Source, known_root
 from validation.infer.noise import law_family
@@ -24,12 +24,14 @@ from validation.infer.observations import ENCODERS
 
 REFITTED = 12  # causes of each size that are refitted, the best of the linear model first
 SECOND = 2  # best single causes beside which a second one is looked for
-RUNS = 256  # draws of the scatter between trials that are run: half for the curvature, half for the threshold
-MORE_RUNS, CLEAR = 896, 10.0  # further draws for the threshold, but where it is exceeded so many times
+RUNS = 192  # draws that are run, of scatter and of shared errors: half for a covariance, half for the threshold
+MORE_RUNS, CLEAR = 448, 10.0  # further draws for the threshold, but where it is exceeded so many times
 ROUNDS = 12  # of Gauss–Newton, at most
 FELTS = 4  # whose hereditary laws are tried, those whose damping shows most: each compiles a scene of its own
 AMOUNTS = (0.5, 1.0, 2.0)  # of what their files state, at which effects are first run
-DIFFERENCE, LEAST_STEP = 3.0, 0.02  # standard uncertainties, and amount, over which a fit takes its derivatives
+MISSED = 0.005  # posterior probability of the causes and pairs beyond those named: half of the stated rate
+LEAST_STEP = 0.02  # amount: derivatives are differences over one standard uncertainty, which runs resolve from here on
+MOVED = 3  # times, at most, that the noise is linearised around another best fit
 DAMPING = ".normal.D"
 
 
@@ -54,6 +56,8 @@ class Search:
 
     columns: Array  # (n, p) derivatives of the predicted curve with respect to each source
     drawn: tuple[Array, Array]  # (draws, n) changes of the curves of trials that scatter: as run, and linear
+    # (draws, trials, n) changes of the curves at errors of the force that all share: for their covariance, and as drawn
+    shared: tuple[Array, Array]
 
     def __init__(
         self, responses: Responses, at: Fit, effects: Sequence[int] = (), before: Search | None = None
@@ -61,7 +65,7 @@ class Search:
         self.responses, self.at, self.effects = responses, at, effects
         listed, trials = responses.listed, responses.trials
         if at.members:
-            exact = responses.exact(at.point)
+            (exact,) = responses.exact([at.point])
             at = at if exact is None else replace(at, each=exact)
             self.at = at
         wanted = [j for j, s in enumerate(listed) if not s.added or j in effects]
@@ -70,7 +74,7 @@ class Search:
         blocks, tangents = [], []
         for t, share in self._conditions():
             columns = np.zeros((at.each.shape[1], len(listed)))
-            longest = len(wanted) * [SMALL_STEP] if at.members else []
+            longest = before.difference_steps()[wanted] if before is not None and at.members else ()
             found = responses.columns([(at.point, t, j) for j in wanted], len(wanted) * [at.each], longest)
             columns[:, wanted] = np.column_stack(found)
             shaped = np.moveaxis(columns.reshape(len(ENCODERS), -1, len(listed)), 0, 1)
@@ -78,10 +82,17 @@ class Search:
             blocks.append((share, block))
             tangents.append(columns)
         columns = tangents[0]
+        self.force_errors = np.array([s.error is not None and s.known > 0.0 for s in listed])
         self.drawn = self._draw(RUNS, columns) if before is None else before.drawn
-        known = known_root(responses.tested.action, listed)
+        if before is None or at.point != before.at.point:
+            half = -(-RUNS // (2 * len(trials)))
+            estimated = self._draw_shared(half)
+            self.shared = estimated, estimated if at.members else self._draw_shared(half, seed=1)
+        else:
+            self.shared = before.shared
+        known = np.where(self.force_errors[:, None], 0.0, known_root(responses.tested.action, listed))
         between = np.where(laws, 0.0, scatter)
-        self.noise = BalancedNoise(blocks, families, between, known, len(trials), *self.drawn)
+        self.noise = BalancedNoise(blocks, families, between, known, *self.shared, *self.drawn)
         self.columns, self._turn = columns, helmert(len(trials))
         shown = [i for i, c in enumerate(responses.candidates) if np.any(columns[:, c.source])]
         if before is None:
@@ -91,6 +102,22 @@ class Search:
             self.alike = {i: [] for i in self.at.members} | new | before.alike
         self.named = sorted(self.alike)
         self.test = ScoreTest(self.noise, columns, [responses.candidates[i] for i in self.named])
+
+    def _draw_shared(self, count: int, seed: int = 0) -> Array:
+        """Changes (count, trials, n) of the trials' curves at drawn errors of the force that all share."""
+        trials = len(self.at.each)
+        amounts = np.where(self.force_errors, [s.known for s in self.responses.listed], 0.0)
+        amounts = amounts * np.random.default_rng(seed).standard_normal((count, amounts.size))
+        drawn = self.responses.scattered(np.repeat(amounts, trials, axis=0), self.at.each, self.at.point)
+        return drawn.reshape(count, trials, -1)
+
+    def difference_steps(self) -> Array:
+        """Standard uncertainty (p,) of each source's amount if all else is known: its longest step for a derivative.
+
+        Over a longer one the response of an impact bends. An effect bends where it comes in: its step is its own.
+        """
+        added = np.array([s.added for s in self.responses.listed])
+        return np.where(added, np.inf, np.clip(self.test.known_u(0), LEAST_STEP, SMALL_STEP))
 
     def _draw(self, count: int, columns: Array, seed: int = 0) -> tuple[Array, Array]:
         """Changes (count, n) of the curves of trials whose laws and lengths scatter: as run, and linear."""
@@ -103,7 +130,9 @@ class Search:
     def refine_threshold(self) -> Threshold:
         """Threshold from `MORE_RUNS` further strokes: a rare one of `RUNS` alone would set it, or miss."""
         more, _ = self._draw(MORE_RUNS, self.columns, seed=1)
+        shared = self._draw_shared(MORE_RUNS // self.noise.trials, seed=2)
         self.noise.runs = np.concatenate([self.noise.runs, more])
+        self.noise.shared = np.concatenate([self.noise.shared, shared])
         return self.test.threshold(self.turned(self.at.each))
 
     def _conditions(self) -> list[tuple[int, float]]:
@@ -117,8 +146,12 @@ class Search:
         return [(int(np.argmin(most)), 1.0 - share), (int(np.argmax(most)), share)]
 
     def _group_alike(self, shown: Sequence[int]) -> dict[int, list[int]]:
-        """Detectable candidates (index), each with those that are indistinguishable from it."""
-        test = ScoreTest(self.noise, self.columns, [self.responses.candidates[i] for i in shown])
+        """Detectable candidates (index), each with those that are indistinguishable from it, by central differences."""
+        wanted = sorted({self.responses.candidates[i].source for i in shown})
+        columns = np.zeros_like(self.columns)
+        asked = [(self.at.point, 0, j) for j in wanted]
+        columns[:, wanted] = np.column_stack(self.responses.columns(asked, len(wanted) * [self.at.each], central=True))
+        test = ScoreTest(self.noise, columns, [self.responses.candidates[i] for i in shown])
         k = self.log_posterior(self.at.each, self.at.z)[1]
         groups = test.group_alike(k, np.array([self.source(i).furthest for i in shown]))
         return {shown[i]: [shown[j] for j in group] for i, group in groups.items()}
@@ -187,8 +220,19 @@ class Search:
         white, _ = self.whitened(fit, self.log_posterior(fit.each, fit.z)[1])
         return np.asarray(np.linalg.inv(np.eye(fit.z.size) + white.T @ white))
 
-    def refit(self, started: Sequence[Fit], rounds: int = ROUNDS) -> list[Fit]:
-        """All fits converged by Gauss–Newton, runs of a round side by side, the best first."""
+    def refit(
+        self, started: Sequence[Fit], rounds: int = ROUNDS, exact: bool = False, kept: int | None = None
+    ) -> list[Fit]:
+        """The best fits after Gauss–Newton, runs of a round side by side, the best first.
+
+        Parameters
+        ----------
+        started : fits to start from
+        rounds : at most
+        exact : whether every trial is run
+        kept : how many fits come back; by default all
+        """
+        differences = self.responses.exact if exact else self.responses.differences
         fits = list(started)
         share = {i: 1.0 for i in range(len(fits))}
         for _ in range(rounds):
@@ -199,7 +243,7 @@ class Search:
                     proposed[i] = fits[i].z + short * step
             tried, share, accepted = share, {}, []
             points = [replace(fits[i], z=z).point for i, z in proposed.items()]
-            for (i, z), each in zip(proposed.items(), self.responses.differences(points), strict=True):
+            for (i, z), each in zip(proposed.items(), differences(points), strict=True):
                 there = -math.inf if each is None else self.log_posterior(each, z)[0]
                 if each is None or there <= fits[i].log_posterior:
                     share[i] = BACKTRACK * tried[i]
@@ -207,6 +251,7 @@ class Search:
                 fits[i] = replace(fits[i], z=z, each=each, log_posterior=there)
                 accepted.append(i)
                 share[i] = 1.0
+            accepted = sorted(accepted, key=lambda i: -fits[i].log_posterior)[:kept]
             for i, columns in zip(accepted, self.columns_at([fits[i] for i in accepted]), strict=True):
                 fits[i] = replace(fits[i], columns=columns)
             if not share:
@@ -217,16 +262,16 @@ class Search:
             for f in ran
             if all(z > LEAST_ADDED or not self.source(i).added for i, z in zip(f.members, f.z, strict=True))
         ]
-        return sorted(shown, key=lambda f: -f.log_posterior)
+        return sorted(shown, key=lambda f: -f.log_posterior)[:kept]
 
     def columns_at(self, fits: Sequence[Fit]) -> list[Array]:
         """Derivatives (trials, n, k) of each fit: of a trend in every trial, else in one that has the cause.
 
-        Differences are taken over `DIFFERENCE` standard uncertainties: a longer step leaves the bend of an impact in.
+        Differences are taken over one standard uncertainty, as in `difference_steps`.
         """
         asked, here, longest, trials = [], [], [], range(self.noise.trials)
         for fit in fits:
-            steps = np.maximum(DIFFERENCE * np.sqrt(np.diag(self.covariance(fit))), LEAST_STEP)
+            steps = np.maximum(np.sqrt(np.diag(self.covariance(fit))), LEAST_STEP)
             for j, step in zip(fit.members, steps, strict=True):
                 c = self.responses.candidates[j]
                 seen = [t for t in trials if c.weights[t]] if c.profile == TREND else [c.seen_in]
@@ -244,10 +289,21 @@ class Search:
             out.append(np.moveaxis(np.array(at), 1, 2))
         return out
 
-    def rest(self, threshold: Threshold) -> float:
-        """Largest score statistic of one more cause beside the fit, over its threshold."""
-        gains, _ = self.gains(self.at, self.at.members)
+    def rest(self, fit: Fit, threshold: Threshold) -> float:
+        """Largest score statistic of one more cause beside a fit, over its threshold."""
+        gains, _ = self.gains(fit, fit.members)
         return float(gains.max()) / threshold.single
+
+    def credible_set(self, fits: Sequence[Fit]) -> list[Fit]:
+        """The fewest fits that together have the posterior probability 1 - `MISSED`, the most probable first.
+
+        Amounts are integrated out by Laplace's approximation; all fits have as many causes, equally probable before.
+        """
+        evidence = np.array([f.log_posterior + 0.5 * np.linalg.slogdet(self.covariance(f))[1] for f in fits])
+        order = np.argsort(-evidence, kind="stable")
+        share = np.exp(evidence[order] - evidence.max())
+        before = (np.cumsum(share) - share) / share.sum()
+        return [fits[int(i)] for i in order[before < 1.0 - MISSED]]
 
     def exchange_causes(self, fits: Sequence[Fit]) -> tuple[Search, list[Fit]]:
         """Search linearised at the best fit, and the fits refitted there, exchanges of one cause among them."""
@@ -261,14 +317,22 @@ class Search:
                 if j not in kept and frozenset((*kept, j)) not in known:
                     started.append(around.start_fit((*kept, j)))
         again = [replace(f, log_posterior=around.log_posterior(f.each, f.z)[0]) for f in fits[:PAIRED]]
-        every = around.refit([*again, *started], rounds=ROUNDS // 2)
-        best = every[0]
-        u = np.sqrt(np.diag(around.covariance(best)))
-        if best.members != around.at.members or np.any(np.abs(best.z - around.at.z) > u):
-            around = Search(self.responses, best, self.effects, self)
-            again = [replace(f, log_posterior=around.log_posterior(f.each, f.z)[0]) for f in every[:PAIRED]]
-            every = around.refit(again, rounds=ROUNDS // 2)
+        every = around.refit([*again, *around.start_effects(started)], rounds=ROUNDS // 2)
+        for _ in range(MOVED):
+            best = every[0]
+            u = np.sqrt(np.diag(around.covariance(best)))
+            if best.members != around.at.members or np.any(np.abs(best.z - around.at.z) > u):
+                around = Search(self.responses, best, self.effects, self)
+            every = around.refit_exactly(every[:PAIRED])
+            if every[0].members == around.at.members:
+                break
         return around, every
+
+    def refit_exactly(self, fits: Sequence[Fit]) -> list[Fit]:
+        """The fits with every trial run, refitted with this search's noise, the best first."""
+        found = zip(fits, self.responses.exact([f.point for f in fits]), strict=True)
+        run = [replace(f, each=e, log_posterior=self.log_posterior(e, f.z)[0]) for f, e in found if e is not None]
+        return self.refit(run, exact=True)
 
     def pairs(self, singles: Sequence[Fit]) -> list[Fit]:
         """Fits of pairs to start from: the best single causes with those that gain most given them."""
@@ -280,7 +344,7 @@ class Search:
             ]:
                 if i not in one.members:
                     started.setdefault(frozenset((*one.members, i)), self.start_fit((*one.members, i), one))
-        return list(started.values())
+        return self.start_effects(list(started.values()))
 
     def rank_candidates(self, fit: Fit, held: Sequence[int]) -> list[int]:
         """Candidates (indexes) by their gain beside the ``held`` ones of a fit, the largest first."""
@@ -320,7 +384,8 @@ class Search:
         shared = [i for (_, all_trials), i in best.items() if all_trials and i not in added]
         partial = [i for (_, all_trials), i in best.items() if not all_trials]
         started = [self.start_fit((i,)) for i in (*shared, *partial[: 2 * REFITTED])]
-        return self.refit([*started, *self.effects_at_amounts(added)], rounds=1)
+        started += [self.start_fit((i,)) for i in added]
+        return self.refit(self.start_effects(started), rounds=1, kept=REFITTED)
 
     def refit_alike(self, fits: Sequence[Fit]) -> list[Fit]:
         """The fits, and refits with each cause exchanged for an indistinguishable one, the best first."""
@@ -330,19 +395,22 @@ class Search:
             for i in fit.members
             for other in self.alike.get(i, ())
         ]
-        return sorted([*fits, *self.refit(started)], key=lambda f: -f.log_posterior)
+        return sorted([*fits, *self.refit_exactly(self.refit(started))], key=lambda f: -f.log_posterior)
 
-    def effects_at_amounts(self, added: Sequence[int]) -> list[Fit]:
-        """Effects run at each of `AMOUNTS`, the best of each: the response bends where an effect comes in."""
-        fits = [replace(self.start_fit((i,)), z=np.array([z])) for i in added for z in AMOUNTS]
-        out: dict[int, Fit] = {}
-        for fit, each in zip(fits, self.responses.differences([f.point for f in fits]), strict=True):
+    def start_effects(self, fits: Sequence[Fit]) -> list[Fit]:
+        """The fits, an effect without an amount at the best of `AMOUNTS`: the response bends where it comes in."""
+        tried: list[tuple[int, Fit]] = []
+        for n, fit in enumerate(fits):
+            absent = [self.source(i).added and z == 0.0 for i, z in zip(fit.members, fit.z, strict=True)]
+            if any(absent):
+                tried += [(n, replace(fit, z=np.where(absent, amount, fit.z))) for amount in AMOUNTS]
+        out = dict(enumerate(fits)) if not tried else {n: f for n, f in enumerate(fits) if n not in dict(tried)}
+        for (n, fit), each in zip(tried, self.responses.differences([f.point for _, f in tried]), strict=True):
             if each is None:
                 continue
             found = replace(fit, each=each, log_posterior=self.log_posterior(each, fit.z)[0])
-            (i,) = fit.members
-            if i not in out or found.log_posterior > out[i].log_posterior:
-                out[i] = found
+            if n not in out or found.log_posterior > out[n].log_posterior:
+                out[n] = found
         return list(out.values())
 
 
@@ -377,11 +445,11 @@ def find_causes(responses: Responses, effects: bool = True) -> Found:
     if effects:
         search = search.with_effects()
     null = search.log_posterior(base, np.zeros(0))[0]
-    singles = search.refit(search.first_round()[:REFITTED])
+    singles = search.refit(search.first_round())
     if not singles:
         return Found(exceeds=True, search=search)
     around, fits = search.exchange_causes(singles)
-    left = around.rest(threshold)
+    left = around.rest(fits[0], threshold)
     if left > 1.0:
         pairs = around.refit(around.refit(around.pairs(fits), rounds=2)[:REFITTED])
         if pairs and 2.0 * (pairs[0].log_posterior - fits[0].log_posterior) > threshold.single:
@@ -389,13 +457,6 @@ def find_causes(responses: Responses, effects: bool = True) -> Found:
             alone = around.refit([around.start_fit((i,), fits[0]) for i in fits[0].members])
             if alone and 2.0 * (fits[0].log_posterior - alone[0].log_posterior) <= threshold.single:
                 around, fits = around.exchange_causes(alone)  # beside what the pair has right, the other is not needed
-            left = around.rest(threshold)
-    fits = around.refit_alike(_near_best(fits, left))
-    kept = tuple(_near_best(fits, left))
-    return Found(kept, True, around, fits[0].log_posterior - null, left)
-
-
-def _near_best(fits: Sequence[Fit], left: float) -> list[Fit]:
-    """Fits that the best one is not preferred to; by more where something is ``left`` to explain."""
-    near = fits[0].log_posterior - max(left, 1.0) * math.log(ODDS)
-    return [f for f in fits if f.log_posterior >= near]
+            left = around.rest(fits[0], threshold)
+    fits = around.refit_alike(around.credible_set(fits))
+    return Found(tuple(around.credible_set(fits)), True, around, fits[0].log_posterior - null, left)

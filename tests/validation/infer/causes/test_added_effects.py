@@ -99,6 +99,15 @@ def test_what_some_trials_have_does_not_reach_a_point_where_all_are_alike(respon
         next(i for i, c in enumerate(alike.candidates) if (c.profile, c.first) == kind)
         for kind in ((ALL, 1), (STEP, 3))
     )
-    assert alike.exact(Point(((shared, 0.5), (step, 1.0)))) is not None
+    assert alike.exact([Point(((shared, 0.5), (step, 1.0)))])[0] is not None
     (found,) = alike.differences([Point(((shared, 0.5),))])
     assert found is not None and found == pytest.approx(np.tile(found[0], (4, 1)), abs=1e-12)
+
+
+def test_central_differences_of_one_gap_moved_by_two_lengths_are_equal() -> None:
+    trial = toy.short_forte(PRELOAD_N)
+    listed = [s for s in sources(ACTION, trial) if s.name in ("contact08.first.radius", "contact08.second.y")]
+    moved = Responses(ModelUnderTest(ACTION), [trial], listed)
+    assert moved.base is not None
+    radius, gap = moved.columns([(Point(), 0, 0), (Point(), 0, 1)], 2 * [moved.base], central=True)
+    assert np.abs(radius).max() > 1e-3 and radius == pytest.approx(-gap, rel=1e-3, abs=1e-6)

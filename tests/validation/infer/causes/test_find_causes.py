@@ -68,7 +68,7 @@ class Curved:
 
     @property
     def base(self) -> Array:
-        return self.exact(Point())
+        return self.exact([Point()])[0]
 
     def amounts(self, point: Point, t: int) -> Array:
         out = np.zeros(SHAPES)
@@ -81,21 +81,25 @@ class Curved:
         total = shapes() @ amounts
         return np.asarray(total + 3.0 * total**2)
 
-    def exact(self, point: Point) -> Array:
-        return np.array([m - self.curve(self.amounts(point, t)) for t, m in enumerate(self.measured)])
+    def exact(self, points: Sequence[Point]) -> list[Array]:
+        return [np.array([m - self.curve(self.amounts(p, t)) for t, m in enumerate(self.measured)]) for p in points]
 
-    def differences(self, points: Sequence[Point]) -> list[Array | None]:
-        return [self.exact(point) for point in points]
+    def differences(self, points: Sequence[Point]) -> list[Array]:
+        return self.exact(points)
 
     def columns(
-        self, asked: Sequence[tuple[Point, int, int]], here: Sequence[Array], longest: Sequence[float] = ()
+        self,
+        asked: Sequence[tuple[Point, int, int]],
+        here: Sequence[Array],
+        longest: Sequence[float] = (),
+        central: bool = False,
     ) -> list[Array]:
         return [shapes()[:, j] * (1.0 + 6.0 * (shapes() @ self.amounts(p, t))) for p, t, j in asked]
 
     def force_columns(self, at: Point, t: int, here: Array) -> Array:
         return np.zeros((M, 3, 1))
 
-    def scattered(self, amounts: Array, here: Array) -> Array:
+    def scattered(self, amounts: Array, here: Array, at: Point = Point()) -> Array:
         return np.array([self.curve(z) for z in amounts])
 
 
@@ -154,6 +158,33 @@ def test_what_some_trials_have_is_told_with_the_trials(profile: str, share: Sequ
     assert finding.kind == "force gain" and finding.channel == "force" and found.changes[0].words in finding.text
 
 
+class Extrapolated(Curved):
+    """Responses that, short of runs of every trial, show that ``law 4`` leaves nearly nothing."""
+
+    def differences(self, points: Sequence[Point]) -> list[Array]:
+        out = self.exact(points)
+        laws = [{self.listed[self.candidates[j].source].name for j, _ in point.amounts} for point in points]
+        return [0.1 * each if found == {"law 4"} else each for found, each in zip(laws, out, strict=True)]
+
+
+def test_causes_are_compared_by_runs_of_every_trial() -> None:
+    each = np.zeros((3, SHAPES))
+    each[:, 3] = 1.2
+    noise = NOISE_RAD * np.random.default_rng(1).standard_normal((3, 3 * M))
+    responses = Extrapolated(np.array([Curved.curve(z) for z in each]) + noise)
+    found = make_answer(find_causes(cast(Responses, responses), effects=False), range(1, 4))
+    assert sets(found) == {frozenset({("law 3", ALL, 1)})}
+
+
+@pytest.mark.parametrize(("behind", "named"), [(0.0, 2), (5.2, 2), (5.4, 1)])  # exp(-5.3) is half a percent
+def test_fits_named_have_all_but_half_a_percent_of_the_probability(behind: float, named: int) -> None:
+    responses = Curved(np.zeros((3, 3 * M)))
+    search = Search(cast(Responses, responses), Fit((), np.zeros(0), responses.base, np.zeros((3, 3 * M, 0))))
+    best = search.start_fit((search.named[0],))
+    fits = [replace(best, log_posterior=0.0), replace(best, log_posterior=-behind)]
+    assert len(search.credible_set(fits)) == named
+
+
 def test_two_causes_of_other_trials_are_named_together() -> None:
     found = explain({0: [0, 0, 0, 1.2, 1.2, 1.2], 5: [-0.9] * 6}, 6)
     assert sets(found) == {frozenset({(FORCE_GAIN, STEP, 4), ("law 5", ALL, 1)})}
@@ -200,7 +231,7 @@ def noise() -> BalancedNoise:
     block = Block(0, TIME, columns, nil, nil, nil, np.full(3 * M, NOISE_RAD**2), size, np.zeros(M))
     scatter, families = np.where(np.arange(SHAPES) == 1, 0.05, 0.0), np.full(SHAPES, -1)
     runs = np.random.default_rng(1).standard_normal((200, SHAPES)) * scatter @ columns.T
-    return BalancedNoise([(1.0, block)], families, scatter, 1e-3 * np.eye(SHAPES), 6, runs, runs)
+    return BalancedNoise([(1.0, block)], families, scatter, 1e-3 * np.eye(SHAPES), *2 * [np.zeros((4, 6, 3 * M))], runs, runs)
 
 
 def test_score_statistic_is_that_of_the_whole_covariance(noise: BalancedNoise) -> None:
