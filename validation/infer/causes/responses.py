@@ -176,7 +176,7 @@ class Responses:
         scaled = moved * np.concatenate([[trial.u_offset_n], slow_noise_n(trial)])
         return np.moveaxis(scaled.reshape(3, -1, scaled.shape[1]), 0, 1)
 
-    def scattered(self, amounts: Array, here: Array, at: Point = Point()) -> Array:
+    def scattered(self, amounts: Array, here: Array, at: Point) -> Array:
         """Changes (draws, 3 m) from a point of the curves of the trials in turn; zero where a run fails.
 
         Parameters

@@ -166,8 +166,10 @@ class ScoreTest:
         norm = np.linalg.norm(self._between[k], axis=0)
         return np.asarray(1.0 / np.maximum(norm, np.finfo(float).tiny))
 
-    def group_alike(self, k: int, furthest: Array) -> dict[int, list[int]]:
-        """Candidates (index) detectable at `DEVIATIONS[k]`, each with those that are indistinguishable from it.
+    def group_alike(self, k: int, furthest: Array) -> dict[int, dict[int, float]]:
+        """Candidates (index) detectable at `DEVIATIONS[k]`, each with those indistinguishable from it.
+
+        Of those comes the amount that does as much as amount 1 of the candidate.
 
         At the largest amounts that are looked at, ``furthest`` (P,), the likelihood ratio of one to none, or to the
         other, is below `ODDS`. Of a group, the one that shows most comes first.
@@ -178,12 +180,13 @@ class ScoreTest:
         told = largest * (own[:, None] - gram**2 / np.maximum(own, np.finfo(float).tiny))
         alike = (told < np.log(ODDS)) & (np.log(ODDS) > told.T)
         free = largest[:, 0] * own > np.log(ODDS)
-        groups: dict[int, list[int]] = {}
+        groups: dict[int, dict[int, float]] = {}
         for i in np.argsort(-own, kind="stable"):
             if free[i]:
                 free[i] = False
-                groups[int(i)] = [int(j) for j in np.flatnonzero(alike[i] & free)]
-                free[groups[int(i)]] = False
+                others = np.flatnonzero(alike[i] & free)
+                groups[int(i)] = {int(j): float(gram[i, j] / own[j]) for j in others}
+                free[others] = False
         return groups
 
     def products(self, k: int, white: Array) -> Array:

@@ -98,8 +98,8 @@ class Search:
         if before is None:
             self.alike = self._group_alike(shown)
         else:
-            new = {i: list[int]() for i in shown if self.source(i).added}
-            self.alike = {i: [] for i in self.at.members} | new | before.alike
+            new = {i: dict[int, float]() for i in shown if self.source(i).added}
+            self.alike = {i: {} for i in self.at.members} | new | before.alike
         self.named = sorted(self.alike)
         self.test = ScoreTest(self.noise, columns, [responses.candidates[i] for i in self.named])
 
@@ -125,7 +125,7 @@ class Search:
         moved = np.flatnonzero(scatter)  # which effects are listed does not change the draws
         amounts = np.zeros((count, scatter.size))
         amounts[:, moved] = scatter[moved] * np.random.default_rng(seed).standard_normal((count, moved.size))
-        return self.responses.scattered(amounts, self.at.each), amounts @ columns.T
+        return self.responses.scattered(amounts, self.at.each, self.at.point), amounts @ columns.T
 
     def refine_threshold(self) -> Threshold:
         """Threshold from `MORE_RUNS` further strokes: a rare one of `RUNS` alone would set it, or miss."""
@@ -145,7 +145,7 @@ class Search:
         share = float(np.mean(most) / np.max(most))
         return [(int(np.argmin(most)), 1.0 - share), (int(np.argmax(most)), share)]
 
-    def _group_alike(self, shown: Sequence[int]) -> dict[int, list[int]]:
+    def _group_alike(self, shown: Sequence[int]) -> dict[int, dict[int, float]]:
         """Detectable candidates (index), each with those that are indistinguishable from it, by central differences."""
         wanted = sorted({self.responses.candidates[i].source for i in shown})
         columns = np.zeros_like(self.columns)
@@ -154,7 +154,7 @@ class Search:
         test = ScoreTest(self.noise, columns, [self.responses.candidates[i] for i in shown])
         k = self.log_posterior(self.at.each, self.at.z)[1]
         groups = test.group_alike(k, np.array([self.source(i).furthest for i in shown]))
-        return {shown[i]: [shown[j] for j in group] for i, group in groups.items()}
+        return {shown[i]: {shown[j]: amount for j, amount in group.items()} for i, group in groups.items()}
 
     def with_effects(self) -> Search:
         """The search with effects that the model lacks among its causes."""
@@ -389,13 +389,14 @@ class Search:
 
     def refit_alike(self, fits: Sequence[Fit]) -> list[Fit]:
         """The fits, and refits with each cause exchanged for an indistinguishable one, the best first."""
-        started = [
-            self.start_fit((*(j for j in fit.members if j != i), other), fit)
-            for fit in fits
-            for i in fit.members
-            for other in self.alike.get(i, ())
-        ]
-        return sorted([*fits, *self.refit_exactly(self.refit(started))], key=lambda f: -f.log_posterior)
+        started = []
+        for fit in fits:
+            for i in fit.members:
+                for other, amount in self.alike.get(i, {}).items():
+                    members = tuple(other if j == i else j for j in fit.members)
+                    factor = np.where(np.array(fit.members) == i, amount, 1.0)
+                    started.append(replace(fit, members=members, z=factor * fit.z, columns=fit.columns / factor))
+        return sorted([*fits, *self.refit_exactly(started)], key=lambda f: -f.log_posterior)
 
     def start_effects(self, fits: Sequence[Fit]) -> list[Fit]:
         """The fits, an effect without an amount at the best of `AMOUNTS`: the response bends where it comes in."""
