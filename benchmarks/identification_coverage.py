@@ -37,7 +37,7 @@ from validation.infer.budget import BIFURCATION, CONVERGED, Budget, End
 from validation.infer.channels import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL
 from validation.infer.estimates import IDENTIFIED, LACKING, NORMAL, estimate_all
 from validation.infer.fit import Fitted, fit_multistart
-from validation.infer.further import HALF_KNOWN, SENSORS, Candidate, Prospect, further, prospects
+from validation.infer.further import HALF_KNOWN, SENSORS, Candidate, Prospect, add_trials, prospects
 from validation.infer.hypotheses import ADDED, list_addable_effects
 from validation.infer.identifiability import directions
 from validation.infer.identify import FIT_SHARE, LEAST_EFFECT_RAD, default_budget_s
@@ -534,7 +534,7 @@ def predicted_and_realised(
     for (kind, (new, columns, left)), what in zip(later.items(), ("same", "other"), strict=True):
         told = next(p for name, p in by_name.items() if name == kind or (what == "same" and name.startswith("more of")))
         both = replace(problem, trials=(*problem.trials, *new.trials))
-        known = further(before, columns[0], 1).sizes
+        known = add_trials(before, columns[0], 1).sizes
         after = one.learnt(both, [*blocks[:n], *columns], [*linear[:n], *left], known)
         out += compared(what, n, told, before, after)
     for sensor in better:

@@ -575,7 +575,7 @@ def fit_multistart(problem: Problem, n: int = 1, say: Say | None = None, budget:
     pilots.sort(key=lambda pilot: pilot[0].badness)
     fits: list[Fitted] = []
     for pilot, share in pilots[:MAX_CONTINUED]:
-        fits.append(_continue_pilot(problem, pilot, share, say, budget))
+        fits.append(_fit_from_pilot(problem, pilot, share, say, budget))
         if (fits[-1].converged and fits[-1].is_slight) or budget.is_spent:
             break
     best = max(fits, key=lambda f: (f.converged, -f.badness))
@@ -583,14 +583,13 @@ def fit_multistart(problem: Problem, n: int = 1, say: Say | None = None, budget:
 
 
 def _fit_pilots(problem: Problem, start: Array, say: Say, budget: Budget) -> list[tuple[Fitted, float]]:
-    """Fits of a few trials, one of each session: with a discrepancy, and without where it is more than slight.
-
-    With each the share of a trial, from its start, for which a minimum was found.
+    """Fits of one trial of each session, with a discrepancy, and without where it is more than slight; each with the
+    share of a trial, from its start, for which a minimum was found.
 
     Without a discrepancy a trial is fitted from its start on, the rest in parts: a soft stroke whose end is another
     motion does not turn the values aside.
     """
-    pilot = problem.of_trials(_typical_trials(problem.trials))
+    pilot = problem.of_trials(_select_typical_trials(problem.trials))
     say(f"pilot fit of {', '.join(t.label for t in pilot.trials)}")
     found = fit(pilot, start, say, leave=True, budget=budget)
     pilots, tight, settled = [(found, 1.0)], found, 0.0
@@ -604,9 +603,11 @@ def _fit_pilots(problem: Problem, start: Array, say: Say, budget: Budget) -> lis
     return pilots
 
 
-def _continue_pilot(problem: Problem, pilot: Fitted, share: float, say: Say, budget: Budget) -> Fitted:
-    """Fit of all trials, each at its own mode, from a pilot's values; of few trials first, whose steps cost less."""
-    few, at = _typical_trials(problem.trials, FEW), pilot
+def _fit_from_pilot(problem: Problem, pilot: Fitted, share: float, say: Say, budget: Budget) -> Fitted:
+    """Fit of all trials, each at its own mode, from a pilot's values; of `FEW` of each session first, whose steps cost
+    less.
+    """
+    few, at = _select_typical_trials(problem.trials, FEW), pilot
     if 2 * len(few) <= len(problem.trials):
         say(f"fit of {len(few)} of {len(problem.trials)} trials")
         some = problem.of_trials(few)
@@ -621,7 +622,7 @@ def _continue_pilot(problem: Problem, pilot: Fitted, share: float, say: Say, bud
     return fit_conditional(problem, first, say, budget, share)
 
 
-def _typical_trials(trials: Sequence[ObservedTrial], n: int = 1) -> list[int]:
+def _select_typical_trials(trials: Sequence[ObservedTrial], n: int = 1) -> list[int]:
     """Indices of the ``n`` trials of each session that are nearest to the median of its trials."""
     out = []
     for session in dict.fromkeys(t.session for t in trials):

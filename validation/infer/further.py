@@ -290,7 +290,7 @@ def prospects(
         more = Candidate(f"more of {t.label.rpartition(', trial')[0]}", t)
         made[more.name] = b
         again.add(more.name)
-        found.append(Prospect(more.name, ratio(further(fitted, b, trials)), more, trials))
+        found.append(Prospect(more.name, ratio(add_trials(fitted, b, trials)), more, trials))
     for one in candidates:
         try:
             block = block_of(problem, fitted.z, one.trial, make)
@@ -298,7 +298,7 @@ def prospects(
             refused.append(f"{one.name}: {error}")
             continue
         made[one.name] = block
-        found.append(Prospect(one.name, ratio(further(fitted, block, trials)), one, trials))
+        found.append(Prospect(one.name, ratio(add_trials(fitted, block, trials)), one, trials))
     for sensor, columns in SENSORS.items():
         found.append(Prospect(f"{sensor} known twice as well", ratio(_halve_sensor_u(problem, fitted, columns))))
 
@@ -306,7 +306,7 @@ def prospects(
         """A stroke as it is after a rehearsal, with limits."""
         assert p.candidate is not None
         block = made[p.name]
-        planned = further(fitted, block, trials)
+        planned = add_trials(fitted, block, trials)
         then = rehearse_stroke(fitted, planned, block, _player(make([p.candidate.trial])), trials) or planned
         shrink = ratio(then)
         apart = [np.log(shrink[name] / p.shrink[name]) for name in names]
@@ -354,7 +354,7 @@ def u_from_noise_sizes(fitted: Fitted, marginal: Marginal) -> Array:
     )
     known = np.zeros_like(then.information)
     known[np.ix_(place, place)] = now
-    believed = np.diag(1.0 / sizes.belief()[1] ** 2)
+    believed = np.diag(1.0 / sizes.log_prior_moments()[1] ** 2)
     moves = np.linalg.inv(known + believed) - np.linalg.inv(then.information + believed)
     return np.asarray(np.sqrt(np.maximum(np.einsum("pi,ij,pj->p", then.shares, moves, then.shares), 0.0)))
 
@@ -367,14 +367,14 @@ def block_of(problem: Problem, z: Array, trial: ObservedTrial, respond: Respond)
     return make_blocks([trial], [columns], [force], problem.laws[:p], (held,))[0]
 
 
-def further(fitted: Fitted, block: Block, trials: int) -> Marginal:
+def add_trials(fitted: Fitted, block: Block, trials: int) -> Marginal:
     """Marginal model of the fit with ``trials`` more trials like ``block``, in a further session."""
     sizes, new = fitted.marginal.sizes, len(fitted.marginal.sizes.common)
-    more = replace(sizes, own=_with_typical_sizes(sizes.own), common=_with_typical_sizes(sizes.common))
+    more = replace(sizes, own=_append_typical_sizes(sizes.own), common=_append_typical_sizes(sizes.common))
     return Marginal([*fitted.marginal.blocks, *trials * [replace(block, session=new)]], more)
 
 
-def _with_typical_sizes(of_sessions: Array) -> Array:
+def _append_typical_sizes(of_sessions: Array) -> Array:
     """Sizes by session and channel with a row for one more session: the root mean square of those that have one."""
     there = np.maximum((of_sessions > NOT_SEEN).sum(axis=0), 1)
     return np.vstack([of_sessions, np.sqrt((of_sessions**2).sum(axis=0) / there)])

@@ -112,7 +112,7 @@ def identify(
         why = str(error).removeprefix("identification: ")
         raise ValidationInputError(f"identify: {start.name}: {why}; use other values (`overrides`)") from None
     before = check_identifiability(problem, columns)
-    stuck = bounds_not_run(problem)
+    stuck = list_bounds_not_run(problem)
     for line in [*stuck, *before]:
         options.say(f"before the fit: {line}")
     seconds = default_budget_s(problem) if options.budget_s is None else options.budget_s
@@ -193,7 +193,7 @@ def check_identifiability(problem: Problem, columns: Columns) -> list[str]:
     return warnings_before(names, at_best, expected)
 
 
-def bounds_not_run(problem: Problem) -> list[str]:
+def list_bounds_not_run(problem: Problem) -> list[str]:
     """Lines on ends of requested parameters' ranges at which the model cannot run the strokes."""
     asked, (low, high) = problem.unknowns.asked, problem.box()
     ends = [(j, side, edge[j]) for j in range(len(asked)) for side, edge in (("lower", low), ("upper", high))]

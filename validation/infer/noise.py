@@ -146,7 +146,7 @@ class Sizes:
         there = self.common > NOT_SEEN
         return Sizes(self.families, self.by_family, self.own, np.where(there, factor * self.common, LEAST))
 
-    def belief(self) -> tuple[Array, Array]:
+    def log_prior_moments(self) -> tuple[Array, Array]:
         """Median and standard deviation (k,) of the logarithms of all components before the strokes, in the order of
         `log`; log-normal prior."""
         total = self.discrepancy
@@ -165,7 +165,7 @@ class Sizes:
 
     def log_prior(self) -> float:
         """Log density of the logarithms before the strokes, but for a constant."""
-        middle, spread = self.belief()
+        middle, spread = self.log_prior_moments()
         return -0.5 * float((((self.log() - middle) / spread) ** 2).sum())
 
 
@@ -196,7 +196,7 @@ class RandomEffectColumns:
         return np.asarray(scaled @ scaled.T)
 
 
-def smooth(block: Block, channel: int, *correlated_s: float) -> Array:
+def smooth_root(block: Block, channel: int, *correlated_s: float) -> Array:
     """Root (n, m) of the covariance of a smooth process over the phases of one channel of a trial, the mean of
     exponential correlations of the times ``correlated_s``, s.
 
@@ -215,7 +215,7 @@ def smooth(block: Block, channel: int, *correlated_s: float) -> Array:
 def own_parts(block: Block, sizes: Sizes) -> RandomEffectColumns:
     """Random-effect columns of one trial: laws, which scatter, and its smooth deviation."""
     m, first = block.time_s.size, len(FAMILIES) + block.session * sizes.channels
-    wander = [smooth(block, c, *OWN_S) for c in range(len(block.size))]
+    wander = [smooth_root(block, c, *OWN_S) for c in range(len(block.size))]
     component = [sizes.families[sizes.families >= 0], *(np.full(m, first + c) for c in block.channels)]
     columns = np.hstack([law_columns(block, sizes), *wander])
     return RandomEffectColumns(columns, np.concatenate(component).astype(np.intp))
@@ -226,7 +226,7 @@ def law_columns(block: Block, sizes: Sizes) -> Array:
     return np.asarray(np.hstack([block.moved, block.held])[:, sizes.families >= 0])
 
 
-def reached(block: Block, sizes: Sizes, root: Array) -> Array:
+def shared_root(block: Block, sizes: Sizes, root: Array) -> Array:
     """Root (n, l + n) of a trial's covariance by its session's common parts, from the root (l + n, l + n) of these; l:
     laws.
 
@@ -239,13 +239,13 @@ def reached(block: Block, sizes: Sizes, root: Array) -> Array:
 
 
 def common_parts(blocks: Sequence[Block], sizes: Sizes) -> RandomEffectColumns:
-    """Columns of the model discrepancy that all trials of a session share; rows as in `reached`."""
+    """Columns of the model discrepancy that all trials of a session share; rows as in `shared_root`."""
     lead, c = blocks[0], sizes.channels
     m, first = lead.time_s.size, len(FAMILIES) + sizes.own.size + lead.session * sizes.common.shape[1]
     columns, component = [], []
     for k, channel in enumerate(lead.channels):
         for i, scale in enumerate(SCALES_S):
-            columns.append(smooth(lead, k, scale))
+            columns.append(smooth_root(lead, k, scale))
             component.append(np.full(m, first + channel * len(SCALES_S) + i))
         under_load = np.zeros((lead.white.size, 1))
         under_load[k * m : (k + 1) * m, 0] = lead.load * lead.size[k].max()
@@ -274,7 +274,7 @@ def null_covariances(block: Block, sizes: Sizes) -> tuple[Array, Array, Array]:
     size, laws = np.exp(sizes.log()), law_columns(block, sizes)
     alone = replace(sizes, by_family=np.full_like(sizes.by_family, LEAST))
     each = np.diag(block.white) + block.own @ block.own.T + own.covariance(np.exp(alone.log()))
-    root = reached(block, sizes, np.eye(laws.shape[1] + len(each)))
+    root = shared_root(block, sizes, np.eye(laws.shape[1] + len(each)))
     shared = root @ common[block.session].covariance(size) @ root.T + block.instrument @ block.instrument.T
     return each, (laws * sizes.scatter[sizes.families >= 0] ** 2) @ laws.T, shared
 
@@ -347,7 +347,7 @@ class Marginal:
 
     def design(self, b: Block) -> Array:
         """Columns (n, …) of one trial: moved, instrument, discrepancy of its session."""
-        return np.hstack([b.moved, b.instrument, reached(b, self.sizes, self.roots[b.session])])
+        return np.hstack([b.moved, b.instrument, shared_root(b, self.sizes, self.roots[b.session])])
 
     def _whiten(self, b: Block, own: Array) -> tuple[Array, Array]:
         lower = cholesky(np.diag(b.white) + b.own @ b.own.T + own, lower=True)
@@ -635,7 +635,7 @@ def _take_step(marginal: Marginal, residuals: Sequence[Array], floor: float) -> 
     """Marginal model after the least damped scoring step that raises the posterior of the variance components; None
     where none does."""
     found, log = scores(marginal, residuals), marginal.sizes.log()
-    middle, spread = marginal.sizes.belief()
+    middle, spread = marginal.sizes.log_prior_moments()
     slope = found.slope + (log - middle) / spread**2
     curved = found.information + np.diag(1.0 / spread**2)
     before = marginal.log_likelihood(residuals) - 0.5 * float((((log - middle) / spread) ** 2).sum())
@@ -657,7 +657,8 @@ def select_noise_model(
     anew: bool = True,
     floor: float = FLOOR,
 ) -> Marginal:
-    """The likelier model of two, learnt from these sizes and, ``anew``, from next to no discrepancy.
+    """The likelier model of two, learnt from these sizes and, ``anew``, from next to no discrepancy; none of it below
+    ``floor``.
 
     Where there are several kinds of strokes, its discrepancy as a whole is then as large as predicts those of a kind
     that is kept aside best. With one kind that says nothing: the other trials tell the discrepancy, whatever its size.

@@ -41,7 +41,7 @@ class FilmSeen:
     u_time_s: float  # of the film's clock
 
 
-def film_seen(m: MeasuredTrial, phase_s: Array) -> FilmSeen:
+def read_film(m: MeasuredTrial, phase_s: Array) -> FilmSeen:
     """Film angles of a trial at times (m,), s; all lost (NaN) without a film.
 
     Conventions: relative to the whippen and to rest, rad; a phase without a frame of its own is lost (NaN): frames may
@@ -54,7 +54,7 @@ def film_seen(m: MeasuredTrial, phase_s: Array) -> FilmSeen:
     if m.film is None or m.film.time_s.size < 2:
         return FilmSeen(phase_s, lost, lost, np.zeros(n), np.zeros(n), 0.0)
     film = m.film
-    frame, there = _own_frames(film.time_s, phase_s)
+    frame, there = _assign_frames(film.time_s, phase_s)
     change, white = lost.copy(), lost.copy()
     zero, scale = np.zeros(n), np.zeros(n)
     still = max(int(np.sum(film.time_s < m.quiet.end_s)), 1)
@@ -64,12 +64,12 @@ def film_seen(m: MeasuredTrial, phase_s: Array) -> FilmSeen:
         known = np.isfinite(film.change_rad[name]) & np.isfinite(noise) & np.isfinite(film.u_rad[name])
         if known.any():
             zero[c] = float(np.median(noise[known])) / np.sqrt(still)
-            scale[c] = _growing_u(film, name, noise, known)
+            scale[c] = _estimate_growing_u(film, name, noise, known)
     change[~np.isfinite(white)] = np.nan
     return FilmSeen(np.where(there, film.time_s[frame], phase_s), change, white, zero, scale, film.u_time_s)
 
 
-def _own_frames(frame_s: Array, phase_s: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+def _assign_frames(frame_s: Array, phase_s: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
     """Index of the frame nearest to each phase (m,), and whether the phase has it for itself."""
     frame = np.clip(np.round(np.interp(phase_s, frame_s, np.arange(frame_s.size))), 0, frame_s.size - 1).astype(int)
     away = np.abs(frame_s[frame] - phase_s)
@@ -81,7 +81,7 @@ def _own_frames(frame_s: Array, phase_s: Array) -> tuple[NDArray[np.intp], NDArr
     return frame, there
 
 
-def _growing_u(film: FilmAngles, name: str, noise: Array, known: NDArray[np.bool_]) -> float:
+def _estimate_growing_u(film: FilmAngles, name: str, noise: Array, known: NDArray[np.bool_]) -> float:
     """Relative standard uncertainty of a film angle beyond its noise, where the body has turned most."""
     beside = np.sqrt(np.maximum(film.u_rad[name][known] ** 2 - noise[known] ** 2, 0.0))
     turned = np.abs(film.change_rad[name][known])
@@ -228,7 +228,7 @@ def common_phases(name: str, trials: Sequence[MeasuredTrial], spans: Sequence[Sp
 
 def add_film_angles(trial: ObservedTrial, m: MeasuredTrial) -> ObservedTrial:
     """The trial with jack and repetition lever as its film shows them; lost throughout without one."""
-    seen: FilmSeen = film_seen(m, trial.time_s)
+    seen: FilmSeen = read_film(m, trial.time_s)
     white = np.broadcast_to(trial.u_white_rad, trial.change_rad.shape)
     return replace(
         trial,
@@ -243,7 +243,7 @@ def add_film_angles(trial: ObservedTrial, m: MeasuredTrial) -> ObservedTrial:
     )
 
 
-def sampled(m: MeasuredTrial, span: Span, phases: Array) -> Array:
+def nearest_samples(m: MeasuredTrial, span: Span, phases: Array) -> Array:
     """Indices (m,) of samples nearest to the phases: between samples a straight line misses an impact by 1e-4 rad."""
     nearest = np.round(np.interp(span.top_s + phases, m.time_s, np.arange(m.time_s.size)))
     return np.asarray(np.clip(nearest, 0, m.time_s.size - 1), dtype=int)
@@ -281,7 +281,7 @@ def _interpolate_change(m: MeasuredTrial, time_s: Array) -> Array:
 
 def _observe_trial(name: str, session: int, m: MeasuredTrial, span: Span, phases: Array) -> ObservedTrial:
     """Observation of a force-driven trial at the phases (m,): its angles, force and their uncertainties."""
-    index = sampled(m, span, phases)
+    index = nearest_samples(m, span, phases)
     time = m.time_s[index]
     f = m.force
     # from where it begins to act, not from the first phase, which may be later: what moved the key till then counts
@@ -340,7 +340,7 @@ def _driven_span(m: MeasuredTrial) -> Span:
 
 def _observe_driven_trial(name: str, session: int, m: MeasuredTrial, span: Span, phases: Array) -> ObservedTrial:
     """Observation of a trial driven by its key encoder: fitted key motion, whippen and hammer angles."""
-    index = sampled(m, span, phases)
+    index = nearest_samples(m, span, phases)
     time = m.time_s[index]
     inside = (m.time_s > span.start_s - LEAD_S) & (m.time_s <= time[-1] + AFTER_S)
     try:
@@ -399,7 +399,7 @@ def _positions_span(m: MeasuredTrial) -> Span:
 
 def _observe_positions_trial(name: str, session: int, m: MeasuredTrial, span: Span, phases: Array) -> ObservedTrial:
     """Observation of a trial of position sensors: the key's drives, the hammer's is compared."""
-    index, measured = sampled(m, span, phases), list(HAMMER_ALONE)
+    index, measured = nearest_samples(m, span, phases), list(HAMMER_ALONE)
     white = (m.resolution_rad * RECTANGULAR)[measured]
     return ObservedTrial(
         label=f"{name}, trial {m.number}",

@@ -53,7 +53,7 @@ Job = TypeVar("Job")
 Found = TypeVar("Found")
 
 
-def lost(error: Exception) -> ValidationInputError:
+def lost_run_error(error: Exception) -> ValidationInputError:
     """What is said of a computation that did not come back."""
     what = " ".join(f"{type(error).__name__}: {error}".split())
     return ValidationInputError(
@@ -80,7 +80,7 @@ def map_jobs(executor: Executor | None, run: Callable[[Job], Found], jobs: Seque
     except ModelError:
         raise
     except Exception as error:
-        raise lost(error) from error
+        raise lost_run_error(error) from error
 
 
 @dataclass(frozen=True)
@@ -542,7 +542,7 @@ class ModelResponse:
         done = model.batch.run_jobs(model.batch.lanes.select_lane_jobs(jobs, None), executor=self.executor)
         for (key, (known, trial, rest)), member in zip(waiting.items(), done, strict=True):
             if member.error is not None and not isinstance(member.error, ModelError):
-                raise lost(member.error)  # a run that was lost is not a model that cannot run
+                raise lost_run_error(member.error)  # a run that was lost is not a model that cannot run
             known.curves[key] = None
             if member.solution is not None:
                 turn = np.asarray(member.solution.angle_rad)[:, :5] - rest.angle_rad[:5]

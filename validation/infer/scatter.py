@@ -77,7 +77,7 @@ def widen_by_jackknife(width: Array, jack: Array, trials: int) -> Array:
 def factors(fitted: Fitted) -> Array:
     """Student factor (p,) of the 95 % interval of each parameter."""
     found = scores(fitted.marginal)
-    _, spread = fitted.marginal.sizes.belief()
+    _, spread = fitted.marginal.sizes.log_prior_moments()
     unknown = np.linalg.inv(found.information + np.diag(1.0 / spread**2))  # covariance of the logarithms of sizes
     varied = np.einsum("pi,ij,pj->p", found.shares, unknown, found.shares)
     return np.asarray(stdtrit(np.clip(0.5 / np.maximum(varied, 1e-9), LEAST_FREEDOM, None), 0.5 + 0.5 * CONFIDENCE))

@@ -19,7 +19,7 @@ from tests.validation.infer import toy
 from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.infer.fit import fit
-from validation.infer.identify import bounds_not_run, check_identifiability, identify
+from validation.infer.identify import check_identifiability, identify, list_bounds_not_run
 from validation.infer.observations import observe, observe_driven
 from validation.infer.problem import Columns, Problem
 from validation.infer.response import Own
@@ -154,8 +154,8 @@ def test_a_model_that_cannot_run_at_the_start_is_refused() -> None:
 
 def test_an_end_of_the_range_at_which_the_model_cannot_run_is_named() -> None:
     p = made()
-    assert bounds_not_run(p) == []
-    (line,) = bounds_not_run(replace(p, response=Stuck(p.trials)))
+    assert list_bounds_not_run(p) == []
+    (line,) = list_bounds_not_run(replace(p, response=Stuck(p.trials)))
     assert line.startswith("key.joint_friction.A: the model cannot run at the upper end of its range (0.04")
 
 

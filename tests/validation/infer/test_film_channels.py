@@ -9,7 +9,7 @@ import pytest
 
 from tests.validation.infer import toy
 from validation.infer.blocks import INSTRUMENT, LOST_RAD, make_blocks, residuals
-from validation.infer.observations import ENCODERS, FILM, add_film_angles, film_seen
+from validation.infer.observations import ENCODERS, FILM, add_film_angles, read_film
 from validation.measurement.trial import FilmAngles
 
 FRAME_S = np.arange(0.0, 0.2, 4e-3)
@@ -28,7 +28,7 @@ def filmed(lost: int = 20, u_total: float = 1e-3) -> SimpleNamespace:
 
 def test_each_frame_counts_once_at_its_own_time() -> None:
     phases = np.arange(0.02, 0.1, 1e-3)  # four phases a frame
-    seen = film_seen(filmed(), phases)  # type: ignore[arg-type]
+    seen = read_film(filmed(), phases)  # type: ignore[arg-type]
     there = np.isfinite(seen.change_rad[:, 1])
     assert np.unique(seen.time_s[there]).size == there.sum() == 21
     np.testing.assert_allclose(seen.change_rad[there, 1], 0.1 * seen.time_s[there])
@@ -38,14 +38,14 @@ def test_each_frame_counts_once_at_its_own_time() -> None:
 
 
 def test_reference_and_scale_are_told_from_noise() -> None:
-    seen = film_seen(filmed(), np.arange(0.02, 0.1, 1e-3))  # type: ignore[arg-type]
+    seen = read_film(filmed(), np.arange(0.02, 0.1, 1e-3))  # type: ignore[arg-type]
     np.testing.assert_allclose(seen.u_scale, 1e-3, rtol=1e-6)
     np.testing.assert_allclose(seen.u_zero_rad, 3e-4 / np.sqrt(5))  # of five frames before the blow
     assert seen.u_time_s == 2e-5
 
 
 def test_frames_before_and_after_the_film_are_lost() -> None:
-    seen = film_seen(filmed(), np.array([-0.05, 0.05, 0.5]))  # type: ignore[arg-type]
+    seen = read_film(filmed(), np.array([-0.05, 0.05, 0.5]))  # type: ignore[arg-type]
     np.testing.assert_array_equal(np.isfinite(seen.change_rad[:, 1]), [False, True, False])
 
 

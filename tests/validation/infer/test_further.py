@@ -19,8 +19,8 @@ from validation.infer.fit import Fitted, fit
 from validation.infer.further import (
     Candidate,
     Prospect,
+    add_trials,
     block_of,
-    further,
     prospects,
     scale_profile_force,
     u_from_noise_sizes,
@@ -114,7 +114,7 @@ def test_limits_close_where_the_sizes_of_noise_are_known() -> None:
     for n in (3, 24):
         p, before = first(np.random.default_rng(5), n)
         block = block_of(p, before.z, toy.trial(0, Other([]).curve(before.z)), Other)
-        wide.append(float(u_from_noise_sizes(before, further(before, block, AGAIN)).max()))
+        wide.append(float(u_from_noise_sizes(before, add_trials(before, block, AGAIN)).max()))
     assert wide[1] < 0.5 * wide[0]
 
 
