@@ -27,7 +27,7 @@ from validation.infer.fit import Fitted, fit_alike, fit_conditional
 from validation.infer.hypotheses import list_addable_effects
 from validation.infer.identifiability import HALF, Combination, directions
 from validation.infer.noise import ODDS, Marginal
-from validation.infer.observations import ObservedTrial
+from validation.infer.observations import HAMMER_ALONE, ObservedTrial
 from validation.infer.problem import Problem
 from validation.infer.response import ModelResponse, Own
 from validation.infer.scatter import measure_lack
@@ -38,7 +38,7 @@ SIZE_U = 0.4
 LIFTING = {RAIL, "key_pin"}
 """Effects that a fit cannot let in: the key's encoder reads the lift of its pivot."""
 NEAR, MOST_FITTED = 0.5, 2  # of the best one's gain: what is fitted anew, and how many, of values and of effects
-SHOWS, HAMMER, UP, AROUND_S = 4.0, 2, 0.95, 5e-3  # u of a sensor; the blow: its channel, share of its way, s about it
+SHOWS, UP, AROUND_S = 4.0, 0.95, 5e-3  # u of a sensor; the blow: share of the hammer's way, s about it
 
 Promise = tuple[float, Parameter, model.Action]
 """Gain of log evidence that the linear model promises, what is let in, and the action that has it."""
@@ -320,7 +320,7 @@ def describe_lack_phase(problem: Problem, lack: Sequence[Array]) -> str:
     there = np.flatnonzero(np.any(size > SHOWS, axis=1))
     if there.size == 0:
         return "is below the sensors' noise"
-    hammer = np.abs(np.nan_to_num(first[0].change_rad[:, first[0].channels.index(HAMMER)]))
+    hammer = np.abs(np.nan_to_num(first[0].change_rad[:, first[0].channels.index(HAMMER_ALONE[0])]))
     blow = float(first[0].time_s[int(np.argmax(hammer > UP * hammer.max()))])
 
     def phase(index: int) -> str:

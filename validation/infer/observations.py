@@ -95,7 +95,7 @@ HELD = 0.15  # of the peak force: below it for good, the key is being let go
 EVEN = 0.15  # share of the phases, and of the knots of the force noise, that is spread evenly over time
 APART = 1.5  # samples between neighbouring phases, at least: each is the nearest sample of every trial
 CHANNEL_NAMES = (*ENCODER_CHANNELS, *FILM_CHANNELS)
-ENCODERS, FILM = (0, 1, 2), (3, 4)
+ENCODERS, FILM = (tuple(CHANNEL_NAMES.index(name) for name in group) for group in (ENCODER_CHANNELS, FILM_CHANNELS))
 """Channels by their place in `CHANNEL_NAMES`."""
 BODY = tuple(BODIES.index(name) for name in CHANNEL_NAMES)
 
@@ -375,7 +375,7 @@ def _observe_driven_trial(name: str, session: int, m: MeasuredTrial, span: Span,
 
 
 UP = 0.02  # of the hammer's way: below it for good, it is back
-HAMMER_ALONE = (2,)  # index of the hammer among key, whippen, hammer
+HAMMER_ALONE = (ENCODER_CHANNELS.index("hammer"),)
 
 
 def observe_positions(

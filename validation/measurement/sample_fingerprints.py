@@ -65,6 +65,6 @@ def _hashes(samples: NDArray[np.uint64], is_changing: NDArray[np.bool_]) -> list
             total = total * BASE + samples[k : k + n]
         # the mixing of SplitMix64 (Steele, Lea and Flood 2014)
         mixed = (total ^ (total >> np.uint64(29))) * np.uint64(0xBF58476D1CE4E5B9)
-        mixed ^= mixed >> np.uint64(32)
+        mixed ^= mixed >> np.uint64(32)  # a part of it
     telling = np.convolve(is_changing, np.ones(WINDOW, dtype=int), "valid") >= 3 * WINDOW // 4
     return [int(value) for value in mixed[telling & (mixed % np.uint64(ONE_IN) == 0)]]

@@ -232,7 +232,7 @@ def format_interval(middle: float, half: float, unit: str, *, is_signed: bool = 
     places = 2
     if half > 0:
         first = math.floor(math.log10(half))
-        places = min(max(0, (half < 2 * 10.0**first) - first), 3)
+        places = min(max(0, (half < 2 * 10.0**first) - first), 3)  # a half width that begins with 1 has two digits
     joined = " " if unit and unit != "°" else ""
     rounded = round(middle, places) + 0.0  # no minus before zero
     number = f"{rounded:+.{places}f}" if is_signed and rounded else f"{rounded:.{places}f}"
