@@ -63,7 +63,7 @@ def explained_lines(action: model.Action, sources: Sources) -> tuple[str, ...]:
     candidate (docs/explanation/differences.md).
     """
     tested = ModelUnderTest(action)
-    found = [(_name(trials[0][0]), _explained(tested, trials)) for trials in select_driven_by_force(sources)]
+    found = [(_name(trials[0][0]), _explain(tested, trials)) for trials in select_driven_by_force(sources)]
     lines = tuple(
         f"{TITLE}, {name}: {'; '.join([*(f.text for f in e.findings), e.sentence or NOT_LOOKED_FOR])}."
         for name, e in found
@@ -84,15 +84,15 @@ def select_driven_by_force(sources: Sources) -> list[Trials]:
     return list(out.values())
 
 
-def _explained(tested: ModelUnderTest, trials: Trials) -> Explained:
+def _explain(tested: ModelUnderTest, trials: Trials) -> Explained:
     measured = [m for _, m in trials if m is not None]
     if measured:
         return explain_difference(tested, measured)
     observed = [t for t, _ in trials]
-    return explain_observed(tested, [t for t in observed if _same_phases(t, observed[0])][:MOST_TRIALS])
+    return explain_observed(tested, [t for t in observed if _have_same_phases(t, observed[0])][:MOST_TRIALS])
 
 
-def _same_phases(a: ObservedTrial, b: ObservedTrial) -> bool:
+def _have_same_phases(a: ObservedTrial, b: ObservedTrial) -> bool:
     """Whether two trials are compared at the same phases, each at the nearest of its samples."""
     sample_s = float(np.median(np.diff(b.force_time_s)))
     return a.time_s.size == b.time_s.size and float(np.ptp(a.time_s - b.time_s)) < SAMPLES * sample_s

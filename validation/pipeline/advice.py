@@ -103,11 +103,11 @@ def advise_on_rivals(skill: Mapping[str, Skill]) -> list[str]:
         return []
     rivals = dict.fromkeys(CALLED.get(one.rival, one.rival) for one in lost.values())
     return [
-        f"Do not rely on this model for {_and(lost)} on such strokes before it is identified on them: "
-        f"{_and(rivals)} {'is' if len(rivals) == 1 else 'are'} nearer."
+        f"Do not rely on this model for {_join_words(lost)} on such strokes before it is identified on them: "
+        f"{_join_words(rivals)} {'is' if len(rivals) == 1 else 'are'} nearer."
     ]
 
 
-def _and(words: Collection[str]) -> str:
+def _join_words(words: Collection[str]) -> str:
     *first, last = words
     return f"{', '.join(first)} and {last}" if first else last

@@ -86,10 +86,10 @@ class TrialJudgement:
             "lines": self.lines(),
             "condition": self.condition,
             "n_trials": self.n_trials,
-            "rmse_rad": {name: _plain(x) for name, x in self.rmse_rad.items()},
-            "repeatability_rad": {name: _plain(x) for name, x in self.repeatability_rad.items()},
+            "rmse_rad": {name: _round_or_none(x) for name, x in self.rmse_rad.items()},
+            "repeatability_rad": {name: _round_or_none(x) for name, x in self.repeatability_rad.items()},
             "differences": {
-                d.quantity.name: {"value": d.value, "scatter": _plain(d.scatter), "unit": d.quantity.unit}
+                d.quantity.name: {"value": d.value, "scatter": _round_or_none(d.scatter), "unit": d.quantity.unit}
                 for d in self.differences
             },
             "differing": list(self.differing),
@@ -97,7 +97,7 @@ class TrialJudgement:
             "curves": {
                 name: {
                     key.replace("_rad", "_deg"): [
-                        _plain(x) for x in (values if key == "time_s" else SIGN[name] * np.degrees(values))
+                        _round_or_none(x) for x in (values if key == "time_s" else SIGN[name] * np.degrees(values))
                     ]
                     for key, values in curve.items()
                 }
@@ -106,7 +106,7 @@ class TrialJudgement:
         }
 
 
-def _plain(x: float) -> float | None:
+def _round_or_none(x: float) -> float | None:
     return round(float(x), 9) if np.isfinite(x) else None
 
 
@@ -166,7 +166,7 @@ class TrialJudge:
         if number in found:
             errors = np.array([one.errors for one in found.values()])
             rows = tuple(observed_differences(errors, list(found).index(number)))
-            differing = _differing(found[number], branch_of(events.model[number]), rows, limits)
+            differing = _list_differing(found[number], branch_of(events.model[number]), rows, limits)
         channels = [c for c in m.channels if (number, c) not in findings.left_out]
         return TrialJudgement(
             number=number,
@@ -181,7 +181,7 @@ class TrialJudge:
         )
 
 
-def _differing(
+def _list_differing(
     own: TrialErrors, of_model: int, rows: Sequence[ObservedDifference], limits: Mapping[str, float]
 ) -> list[str]:
     """Texts on events in trial or model only, and on quantities of the trial's errors ``own`` beyond their limits."""

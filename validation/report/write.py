@@ -46,7 +46,7 @@ def results_json(side: SideBySide) -> str:
                 "advice": list(r.advice),
                 "verdict_lines": r.verdict_lines,
                 "warnings": r.warnings,
-                "provenance": _plain(r.provenance),
+                "provenance": _to_plain(r.provenance),
             }
             for r in side.results
         ],
@@ -63,7 +63,7 @@ def records(table: pd.DataFrame) -> list[dict[str, Any]]:
     """Rows of a table as plain values, null for what does not exist."""
     names = [str(name) for name in table.columns]
     return [
-        {name: _plain(value) for name, value in zip(names, row, strict=True)}
+        {name: _to_plain(value) for name, value in zip(names, row, strict=True)}
         for row in table.itertuples(index=False, name=None)
     ]
 
@@ -73,12 +73,12 @@ def table_csv(table: pd.DataFrame) -> str:
     return table.to_csv(index=False, lineterminator="\n")
 
 
-def _plain(value: Any) -> Any:
+def _to_plain(value: Any) -> Any:
     """Value that JSON can hold: numbers of NumPy as Python's, numbers that are not finite as None."""
     if isinstance(value, dict):
-        return {str(k): _plain(v) for k, v in value.items()}
+        return {str(k): _to_plain(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
+        return [_to_plain(v) for v in value]
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, float) and not math.isfinite(value):

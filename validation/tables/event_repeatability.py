@@ -11,7 +11,7 @@ from validation.tables.events import event_label
 from validation.tables.table import OF_ROW, UNIT, UNIT_SHOWN, Column, Page, Row, Table
 
 
-def _found(row: Row) -> str:
+def _count_words(row: Row) -> str:
     return f"{row['n_found']} found" + (f", {row['n_ambiguous']} ambiguous" if row["n_ambiguous"] else "")
 
 
@@ -23,7 +23,7 @@ def _interval(row: Row) -> str:
 COLUMNS = (
     Column("event", "", "Event, a key of event_definitions", str, head="event", text=event_label),
     UNIT,
-    Column("n_found", "1", "Trials in which it was found", int, head="trials", text=_found),
+    Column("n_found", "1", "Trials in which it was found", int, head="trials", text=_count_words),
     Column("n_ambiguous", "1", "Trials in which it is ambiguous, not counted", int),
     Column("n_absent", "1", "Trials in which it is absent", int),
     Column("mean", OF_ROW, "Mean over trials", head="mean ± s", u="s"),

@@ -18,7 +18,7 @@ from validation.tables.events import event_label
 from validation.tables.table import OF_ROW, UNIT, Column, Page, Row, Table
 
 
-def _found(column: str) -> Callable[[Row], str]:
+def _count_words(column: str) -> Callable[[Row], str]:
     """Formatter of a table cell: in how many trials of a row the event was found."""
 
     def cell(row: Row) -> str:
@@ -34,9 +34,10 @@ COLUMNS = (
     Column("event", "", "Event, a key of event_definitions", str, head="event", text=event_label),
     UNIT,
     Column("n_trials", "1", "Trials compared", int),
-    Column("found_trial", "1", "Trials in which it happened", int, head="trials with it", text=_found("found_trial")),
+    Column("found_trial", "1", "Trials in which it happened", int, head="trials with it",
+           text=_count_words("found_trial")),
     Column("found_model", "1", "Predictions in which it happened", int, head="predictions with it",
-           text=_found("found_model")),
+           text=_count_words("found_model")),
     Column("agree", "", "Whether it happened in the same trials and predictions", bool),
     Column("ambiguous", "1", "Ambiguous cases, trials and predictions together", int),
     Column("trial_mean", OF_ROW, "Mean over trials", head="trials: mean ± s", u="trial_s"),

@@ -29,7 +29,7 @@ def _score(column: str) -> Callable[[Row], str]:
     return cell
 
 
-def _of(name: str, words: str, head: str) -> tuple[Column, Column]:
+def _rms_columns(name: str, words: str, head: str) -> tuple[Column, Column]:
     return (
         Column(f"{name}_rms", OF_ROW, f"Root mean square of {words}", head=head, text=_score(name)),
         Column(f"{name}_both", "1", "Trials in which trial and model have the event; null of an angle", int, True),
@@ -43,10 +43,10 @@ COLUMNS = (
     ),
     UNIT,
     Column("n_trials", "1", "Trials that have the event; of an angle 0", int),
-    *_of("before", "model − trial with the values before", "values before"),
-    *_of("identified", "model − trial with the identified values", "identified"),
-    *_of("null", "null model − trial", "null model"),
-    *_of("scatter", "the trials about their mean", "scatter of the trials"),
+    *_rms_columns("before", "model − trial with the values before", "values before"),
+    *_rms_columns("identified", "model − trial with the identified values", "identified"),
+    *_rms_columns("null", "null model − trial", "null model"),
+    *_rms_columns("scatter", "the trials about their mean", "scatter of the trials"),
 )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from validation.result import ValidationResult
 
 
-def _of_several(column: str) -> Callable[[Row], str]:
+def _format_if_several(column: str) -> Callable[[Row], str]:
     return lambda row: number(row[column], 3) if row["n_trials"] > 1 else DASH
 
 
@@ -50,11 +50,11 @@ COLUMNS = (
     Column("first_closer", "1", "Trials in which the first model scores better", int, head="closer",
            text=lambda row: f"{row['first_closer']} : {row['second_closer']} of {row['n_trials']}"),
     Column("second_closer", "1", "Trials in which the second does", int),
-    Column("p", "1", "Two-sided sign-flip test; 1 with one trial", head="p", text=_of_several("p")),
+    Column("p", "1", "Two-sided sign-flip test; 1 with one trial", head="p", text=_format_if_several("p")),
     Column("p_least", "1", "Smallest p that so many trials allow, 2^(1−n)", head="least p",
-           text=_of_several("p_least")),
+           text=_format_if_several("p_least")),
     Column("p_joint", "1", "p with the signs of all channels flipped together, for all channels at once",
-           head="p, all channels", text=_of_several("p_joint")),
+           head="p, all channels", text=_format_if_several("p_joint")),
     Column("claim", "", "What may be said, in words", str, head="what can be said"),
 )  # fmt: skip
 

@@ -28,7 +28,7 @@ def _interval(low: str, high: str) -> Callable[[Row], str]:
     return cell
 
 
-def _detectable(row: Row) -> str:
+def _detectable_text(row: Row) -> str:
     known = row["primary"] and math.isfinite(row["detectable_low"])
     return detectable_words(SimpleNamespace(**row)) if known else DASH
 
@@ -64,7 +64,7 @@ COLUMNS = (
            text=lambda row: reading_of(SimpleNamespace(**row))),
     Column("alone", "", "Whether only its own interval excludes zero", bool),
     Column("detectable_low", "SI", "Least negative error that the test resolves in 80 % of sessions (Y)",
-           head="detectable", text=_detectable),
+           head="detectable", text=_detectable_text),
     Column("detectable_high", "SI", "Least positive one"),
     Column("u", "SI", "Standard uncertainty of the difference, robust", head="standard uncertainty", text=_size("u")),
     Column("u_force", "SI", "Part of the force: gain, level, delay"),

@@ -8,7 +8,7 @@ from validation.tables.comparison import Comparison
 from validation.tables.table import TRIAL, Column, Page, Row, Table
 
 
-def _nearest(row: Row) -> str:
+def _nearest_head(row: Row) -> str:
     """The heading of the column with the smallest error."""
     return next((c.head for c in COLUMNS if c.name == f"{row['nearest']}_rmse_rad"), str(row["nearest"]))
 
@@ -24,7 +24,7 @@ COLUMNS = (
     Column("fir_lags_rmse_rad", "rad", "RMSE of the black box: nonlinear FIR filter of six lags of the force",
            head="FIR, six lags"),
     Column("nearest", "", "model, null, unfitted, polynomial, fir or fir_lags", str, head="nearest",
-           text=_nearest),
+           text=_nearest_head),
 )  # fmt: skip
 
 

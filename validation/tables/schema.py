@@ -25,7 +25,7 @@ def _number(meaning: str, unit: str) -> Field:
     return _field(["number", "null"], meaning, unit)
 
 
-def _each(meaning: str, one: Field) -> Field:
+def _map_of(meaning: str, one: Field) -> Field:
     return _field("object", meaning, additionalProperties=one)
 
 
@@ -51,7 +51,7 @@ ACTION = {
     "name": _text("Name"),
     "origin": _text("File"),
     "values_sha256": _text("SHA-256 of all values and of the structure"),
-    "changed": _each("Parameter path → value changed after reading, SI", {"type": "number"}),
+    "changed": _map_of("Parameter path → value changed after reading, SI", {"type": "number"}),
     "fitted_to": _list("Trials of this comparison that the values were fitted to (pianorig identify), by their hashes"),
 }
 WINDOW = {
@@ -88,16 +88,16 @@ PROVENANCE = {
     "created_utc": _text("When, UTC"),
     "session": _record("The session as recorded", SESSION),
     "driven_by": _text("What drives the model: the measured force, or the measured key", enum=["force", "key"]),
-    "trials_sha256": _each("Trial file → SHA-256 of its recorded data", {"type": "string"}),
+    "trials_sha256": _map_of("Trial file → SHA-256 of its recorded data", {"type": "string"}),
     "action": _record("Parameter values of the model", ACTION),
     "model": _text("SHA-256 of the model's source"),
     "tolerance_rad": _field("number", "Largest error of any predicted angle that was asked for", "rad"),
     "window": _record("Evaluation window, fixed before scoring", WINDOW),
     "force": _text("How the force was corrected"),
     "alignment": _text("How model and trial share the time"),
-    "event_definitions": _each("Event → definition", {"type": "string"}),
-    "versions": _each("Software → version", {"type": "string"}),
-    "reused": _each(
+    "event_definitions": _map_of("Event → definition", {"type": "string"}),
+    "versions": _map_of("Software → version", {"type": "string"}),
+    "reused": _map_of(
         "Kind of result → how many were known from earlier runs and not computed again, `4 of 5`",
         {"type": "string", "pattern": "^[0-9]+ of [0-9]+$"},
     ),
@@ -158,7 +158,7 @@ def results_schema() -> dict[str, Any]:
         "refused": _list("Sessions, or sessions with a model, that could not be compared, with the reason"),
         "results": _field("array", "One for each session and model", minItems=1, items=_record("One", RESULT)),
         "tables": _record("Every table of every result, also as CSV files of these names", tables, needed),
-        "event_definitions": _each("Event → how it is defined", _record("One event", EVENT)),
+        "event_definitions": _map_of("Event → how it is defined", _record("One event", EVENT)),
     }
     whole = _record(
         "results.json beside a validation report: sessions against models. SI units and radians; a number that does "

@@ -60,7 +60,7 @@ def control_charts(view: SessionView) -> ReportFigure | None:
         charts.append(("peak force (N)", numbers, np.array(peaks)))
     rmse = result.scores[result.scores["channel"] == "hammer"].dropna(subset=["rmse_rad"])
     charts.append(("hammer RMSE (°)", rmse["trial"].to_numpy(), np.degrees(rmse["rmse_rad"].to_numpy(dtype=float))))
-    charts += [(EVENTS[name].label, *_of_event(result.events, name)) for name in CHARTS]
+    charts += [(EVENTS[name].label, *_select_event(result.events, name)) for name in CHARTS]
     charts = [chart for chart in charts if chart[1].size]
     chart = Chart(WIDTH, 90 * len(charts) + 22, rows=[1.0] * len(charts), top=17, between=19)
     outside = []
@@ -85,7 +85,7 @@ def _limits(values: Array) -> tuple[float, float]:
     return float(np.mean(values)), reach
 
 
-def _of_event(events: pd.DataFrame, name: str) -> tuple[Array, Array]:
+def _select_event(events: pd.DataFrame, name: str) -> tuple[Array, Array]:
     """Trials and values of one measured event, in the unit it is shown in."""
     own = events[(events["source"] == "trial") & (events["event"] == name)].dropna(subset=["value"])
     return own["trial"].to_numpy(), EVENTS[name].display_factor * own["value"].to_numpy(dtype=float)
