@@ -195,7 +195,7 @@ def main(arguments: list[str] | None = None) -> None:
     warnings.showwarning = _make_warning_printer()
     # a command keeps most of what it allocates until it ends: passes of the collector, the last one above all, find
     # nothing and would take a fifth of the time (docs/explanation/lanes.md)
-    gc.set_threshold(20_000, 20, 50)  # choice: some thirty times Python's own
+    gc.set_threshold(100_000, 20, 50)  # choice: some hundred times Python's own
     atexit.register(gc.freeze)
     try:
         refuse_shadowed_packages()

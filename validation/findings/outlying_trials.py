@@ -264,11 +264,12 @@ def find_outlying_residuals(
         rms = np.sqrt(np.mean(curves**2, axis=0))
         ratio = compute_distance_ratios(curves)
         for j, number in enumerate(residuals.numbers):
-            others = np.delete(curves, j, axis=1)
             usual = float(np.median(np.delete(rms, j)))
-            far = float(np.sqrt(np.mean((curves[:, j] - np.median(others, axis=1)) ** 2)))
-            odd = far > FAR and ratio[j] > STANDS_OUT and rms[j] > LARGER * usual > 0
-            if odd and far > estimate_force_effect(tested, trials[number], residuals.start_s, residuals.until_s):
+            if not (ratio[j] > STANDS_OUT and rms[j] > LARGER * usual > 0):
+                continue
+            others = np.median(np.delete(curves, j, axis=1), axis=1)
+            far = float(np.sqrt(np.mean((curves[:, j] - others) ** 2)))
+            if far > FAR and far > estimate_force_effect(tested, trials[number], residuals.start_s, residuals.until_s):
                 worst[number] = max(worst.get(number, (0.0, "")), (float(rms[j] / usual), channel))
     out = []
     for number, (times, channel) in worst.items():
