@@ -173,7 +173,8 @@ def _check_direction(along: Array, rows: NDArray[np.int64], name: str, x: Array,
 
 
 def read_curve(path: str | Path) -> LoadingCurve:
-    """Read a loading experiment from a CSV file with ``displacement_m,force_n`` and optionally ``phase``.
+    """Read a loading experiment from a CSV file with ``displacement_m,force_n`` and optionally ``phase`` (``loading``
+    or ``unloading``); without it, it is split at its largest displacement.
 
     Parameters
     ----------

@@ -327,8 +327,9 @@ class StepPrograms:
     def _default_memories(
         self, contact: Contact, inverse_inertia: dict[int, Expression], chain: list[int]
     ) -> list[Statement]:
-        """Statements for a contact's internal variables while it does not press: no push, and their error weights;
-        ``chain``: coordinates it acts on."""
+        """Statements for a contact's internal variables while it is open: no push on any coordinate in ``chain``, and
+        the error of speed that a unit of each is worth; ``inverse_inertia``: 1/M_ii by coordinate.
+        """
         out: list[Statement] = []
         felt = contact.pressed_by(ZERO, contact.relative_speeds[0])
         for m, z, alone in zip(contact.memories, felt.memory, contact.law.recovery_rates(felt), strict=True):

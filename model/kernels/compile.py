@@ -115,9 +115,8 @@ FOLDER = _writable_cache()
 
 
 def _compile_inner(function: Callable[..., Any], options: dict[str, Any], keep: bool = False) -> Any:
-    """Compile a ``function`` that compiled code calls, without what Python needs to call it: a sixth less to compile.
-
-    A call from Python goes to a twin that has it, compiled then. With ``keep`` it has a cache of its own on disk.
+    """Compile a ``function`` that compiled code calls, without the wrappers for Python (a sixth less to compile); a
+    call from Python compiles a twin. ``keep``: cache it on disk.
     """
     compile_with: Any = numba.njit  # its types do not name all options
     made = compile_with(**options | NO_WRAPPERS)(function)

@@ -112,7 +112,9 @@ class Presser(NamedTuple):
 
 
 def presser_numbers(action: Action, body: str, key_rad: float) -> Presser:
-    """Numbers of motor arm or finger, its tip on the key that is turned by ``key_rad``."""
+    """Return the numbers of the presser ``body`` (`MOTOR` or `FINGER`) of an action: body, spring, tip, damper; its tip
+    lies on the key at the absolute angle ``key_rad``.
+    """
     section, law, friction = TIP[body]
     x, y = action["drive.point.x"], action["drive.point.y"]
     c, s = math.cos(key_rad), math.sin(key_rad)

@@ -230,9 +230,8 @@ class Inside(ArrayRecord):
         return out
 
     def key_tensions(self) -> list[RailTension]:
-        """Intervals in which a joint at the balance rail would have to pull the key down: predicted lift.
-
-        Empty where the key lies on a one-sided rail: see `key_lifts`.
+        """Return the intervals in which a joint at the balance rail would have to pull the key down: predicted lift.
+        Empty where the key lies on a one-sided rail (see `key_lifts`).
         """
         if RAIL in self.contacts:
             return []

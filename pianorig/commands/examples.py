@@ -17,7 +17,7 @@ def command(
     folder: Annotated[Path, typer.Argument(help="Folder to write into.", metavar="DIR")],
     as_json: AsJson = False,
 ) -> None:
-    """Write small files to try every command with.
+    """Write small files to try every command with; refuse, before writing, a folder that has one of them.
 
     Force, key motion, felt, film, target, plan and rig: computed, not measured.
 

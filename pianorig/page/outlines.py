@@ -95,8 +95,9 @@ def _plain_body(body: vision.Body) -> dict[str, Any]:
 
 
 def save_outlines(subject: FilmSubject, rows: Any) -> dict[str, Any]:
-    """Check outlines (rows of name, parent, layer, points in px) against the film and write them; a file that was there
-    is kept as ``….previous.toml``."""
+    """Check outlines (rows of name, parent, layer, points in px) against the film, and write them; a file that was
+    there is kept as ``….previous.toml``. Return the names of file and bodies.
+    """
     if not isinstance(rows, list) or not 1 <= len(rows) <= MOST_BODIES:
         raise CommandInputError(f"outlines: allowed a list of 1 to {MOST_BODIES}")
     bodies = [_parse_body(row) for row in rows]

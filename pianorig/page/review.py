@@ -245,7 +245,7 @@ def _measured_of(measured: MeasuredTrial, body: str) -> tuple[Array, Array] | No
 
 
 def _channels(measured: MeasuredTrial, predicted: list[_Predicted]) -> dict[str, Any]:
-    """Curves by body for the page: measured, predicted and their differences, in degrees."""
+    """Curves by body for the page, in degrees: measured, each prediction, and each prediction less the measurement."""
     channels = {}
     for i, body in enumerate(BODIES):
         found = _measured_of(measured, body)

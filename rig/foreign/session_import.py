@@ -61,7 +61,8 @@ class Cut:
 def cut_strokes(
     displacement: Array, travel: Array, rate_hz: float, *, trigger: float, pre_s: float, rest_s: float
 ) -> list[Cut]:
-    """Find the strokes in displacements (n, k), m: from where any sensor leaves its rest until all are back.
+    """Find the strokes in displacements (n, k), m, of k sensors: each from a departure by ``trigger`` (share of
+    ``travel``) from the level of rest until all are back, with ``pre_s`` before and ``rest_s`` of rest after.
 
     Parameters
     ----------
@@ -152,7 +153,9 @@ def make_channel_info(one: PositionMapping) -> ChannelInfo:
 
 
 def _read_position(table: ChannelTable, one: PositionMapping, overruled: tuple[str, ...]) -> Array:
-    """Reading (n,) of a position sensor: (value - offset) / gain; refuse one that stays at the converter's limit."""
+    """Reading (n,) of a position sensor: (value - offset) / gain; refuse one that stays at the converter's limit, and
+    one whose file states another unit unless its channel is in ``overruled``.
+    """
     check_unit(table, one.channel, one.unit, overruled)
     raw = table.channel(one.channel)
     if one.limits is not None:

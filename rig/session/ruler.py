@@ -75,7 +75,9 @@ class SmoothCurve:
 
 
 def fit_smooth(places: Array, height: Array) -> SmoothCurve:
-    """Fit a monotone smoothing spline whose stretch and stiffness predict points left out best; else go through all."""
+    """Fit height, m, over a sensor's increasing readings ``places`` by a monotone smoothing spline whose stretch and
+    stiffness predict left-out points best; through all points where none is monotone.
+    """
     share = (places - places[0]) / (places[-1] - places[0])
     sense = np.sign(height[-1] - height[0])
     best, least = None, np.inf

@@ -78,7 +78,9 @@ def trial_facts(data: TrialData) -> dict[str, str | int | float]:
 
 
 def export_trial(data: TrialData, path: Path) -> list[Path]:
-    """Write a trial in the form that the ending of ``path`` names; return the files written."""
+    """Write a trial as ``.csv`` (with ``…-metadata.json`` beside it), ``.mat``, ``.tdms`` or ``.parquet`` by the ending
+    of ``path``, never over a file that exists; return the files written.
+    """
     write = _WRITERS.get(path.suffix)
     if write is None:
         raise RigInputError(f"{path}: ending found {path.suffix!r}, allowed {', '.join(_WRITERS)}")

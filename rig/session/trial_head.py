@@ -37,7 +37,9 @@ class FrameClock:
 
     @classmethod
     def from_camera(cls, camera: CameraConfig | None, timing: Timing) -> FrameClock | None:
-        """Return the clock of a configured camera; None without one."""
+        """Clock of a camera: nominal, from its configuration, where frames are counted, else from the recorded pulses;
+        None without a camera, or where rate or first pulse was not recorded.
+        """
         if camera is None:
             return None
         if camera.mode == "counted":

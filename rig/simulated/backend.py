@@ -140,7 +140,8 @@ def _make_inventory(config: RigConfig, rtsi: bool) -> Inventory:
 
 
 def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
-    """Open the virtual bench.
+    """Build a virtual bench in this process from ``sim://?options`` (no server, no network), wired as ``config`` says;
+    close it after use.
 
     Parameters
     ----------

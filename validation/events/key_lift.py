@@ -185,7 +185,9 @@ def _find_edges(excess: Array, samples: NDArray[np.intp], longest: int) -> tuple
 def _make_lift(
     capstan: Capstan, time: Array, excess: Array, first: int, last: int, pulls: list[RailPull] | None
 ) -> KeyLift:
-    """Lift of the key in the samples ``first`` to ``last`` of the excess of the capstan's gap (m), with its reason."""
+    """Lift of the key in samples ``first`` to ``last`` of ``excess``, m, by which the measured capstan gap exceeds the
+    model's, with its reason; ``pulls``: of the model's rail, None where unknown.
+    """
     part = excess[first : last + 1]
     worst = first + int(np.nanargmax(part))
     gap = float(excess[worst])

@@ -143,8 +143,9 @@ RISES = (0.1, 0.5)  # choice, of the hammer's largest angle: from there to there
 
 
 def _fit_lever_before_flight(change_rad: Array) -> float:
-    """Slope of the hammer's angle over the whippen's, of changes (n, 3), while the hammer first rises; NaN where it
-    does not."""
+    """Slope of the hammer's angle over the whippen's, of changes (n, 3) of key, whippen, hammer, rad, while the hammer
+    first rises; NaN where either hardly moves.
+    """
     hammer = np.abs(change_rad[:, 2])
     first, last = (int(np.argmax(hammer > share * hammer.max(initial=0.0))) for share in RISES)
     if last - first < FEWEST_RISING or not np.ptp(change_rad[first:last, 1]) > MOVES_RAD:

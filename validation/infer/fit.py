@@ -465,7 +465,9 @@ def _find_bifurcations(problem: Problem, at: _Iterate, known: Mapping[int, int])
 
 
 def _cut_at_bifurcations(at: _Iterate, bifurcations: Mapping[int, int]) -> _Iterate:
-    """Copy of an iterate without the samples after each trial's bifurcation, ``bifurcations`` by trial index."""
+    """Copy of an iterate in which each trial counts only before its bifurcation, the sample index in ``bifurcations``
+    by trial; later samples keep their place but weigh nothing.
+    """
     blocks = [b.until(bifurcations[k]) if k in bifurcations else b for k, b in enumerate(at.marginal.blocks)]
     marginal = Marginal(blocks, at.marginal.sizes)
     costs = OwnModes(marginal, at.linear, at.z).costs(at.run, at.own)

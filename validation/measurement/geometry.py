@@ -95,8 +95,9 @@ class ActionGeometry:
 
 
 def geometry_of(action: model.Action, rest_angle_rad: Array) -> ActionGeometry:
-    """Geometry of an action for the event finders, from its angles (5,), rad, at rest under the load that the trials
-    start from."""
+    """Geometry of an action for the event finders: hammer height and key dip, m, as functions of the angles (n, 5), and
+    the dip at touch; ``rest_angle_rad``: (5,), under the load that the trials start from.
+    """
     rest = np.asarray(rest_angle_rad, dtype=float)
 
     def height(angle: Array) -> Array:

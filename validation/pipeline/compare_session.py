@@ -275,8 +275,9 @@ def replace_explained(findings: SessionFindings, explained: Explained, numbers: 
 def select_one_kind(
     trials: Sequence[MeasuredTrial], findings: SessionFindings, ignored_kind: str = ""
 ) -> list[MeasuredTrial]:
-    """Trials without faults, where those of ``ignored_kind`` do not count; of several kinds of stroke the trials of the
-    median trial's kind."""
+    """Trials without a fault (those of the fault ``ignored_kind`` aside); of several kinds of stroke only the kind of
+    the trial with the median peak force.
+    """
     sound = select_sound_trials(trials, findings.faults, ignored_kind)
     if not sound or not findings.kinds:
         return sound

@@ -69,12 +69,16 @@ def distinct_models(actions: Sequence[model.Action]) -> list[model.Action]:
 
 
 def make_distinct(names: Sequence[str], *details: Sequence[object]) -> list[str]:
-    """Names, made unique by the first detail that differs where several are equal."""
+    """Names, each that occurs more than once with the first detail in brackets that is not the same for all of them;
+    names whose details are all the same stay equal."""
     out = list(names)
     for detail in details:
-        count = Counter(out)
+        found: dict[str, set[object]] = {}
+        for name, more in zip(out, detail, strict=True):
+            found.setdefault(name, set()).add(more)
         out = [
-            f"{name} ({more})" if count[now] > 1 else now for name, now, more in zip(names, out, detail, strict=True)
+            f"{name} ({more})" if len(found[now]) > 1 else now
+            for name, now, more in zip(names, out, detail, strict=True)
         ]
     return out
 

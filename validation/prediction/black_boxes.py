@@ -64,8 +64,9 @@ class BlackBox:
     high: Array
 
     def answers(self, drive_s: Array, drive: Array, time_s: Array) -> Array:
-        """Answers (n, c) at times (n,), s, to an input ``drive`` (k,) over ``drive_s`` (k,), s, held within the range
-        of those fitted."""
+        """Answers (n, c) at times (n,), s, to an input ``drive`` (k,) over ``drive_s`` (k,), s; the answers are clipped
+        to the range of those it was fitted to.
+        """
         grid, scaled = _grid(time_s), (drive - self.middle) / self.reach
         made = np.clip(
             _evaluate_terms(self.kind, _terms(self.kind, self.order), drive_s, scaled, grid) @ self.weights,

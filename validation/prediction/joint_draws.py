@@ -216,7 +216,9 @@ def drawn_tolerance(tested: ModelUnderTest) -> float:
 
 
 def drawn_run(tested: ModelUnderTest, m: MeasuredTrial, drawn: DrawnAction, time_s: Array) -> Run:
-    """Run of a draw under the force of trial ``m`` with the drawn errors, at times ``time_s``."""
+    """What to simulate for a draw (not simulated here): its action and rest, the force of trial ``m`` with the drawn
+    errors, and the ``time_s`` at which the delayed force is recorded.
+    """
     draw, f, rng = drawn.draw, m.force, drawn.draw.rng(m.number, "force")
     offset = f.hum.u_offset_n if np.isfinite(f.hum.u_offset_n) else 0.0
     force = f.force_n * (1 + f.channel.gain_relative_u * draw.z_gain) + f.channel.u_preload_n * draw.z_preload
@@ -228,9 +230,10 @@ def drawn_run(tested: ModelUnderTest, m: MeasuredTrial, drawn: DrawnAction, time
 
 
 def drawn_readings(m: MeasuredTrial, drawn: DrawnAction, time_s: Array, solution: model.Solution) -> Array:
-    """Readings (len(time_s), 5), rad since rest, of trial ``m``'s channels if the draw were true.
+    """Readings (len(time_s), 5), rad since rest, of trial ``m``'s `CHANNELS` (key, whippen, hammer, jack, repetition)
+    if the draw were true; NaN of a film where the trial has none, and where the delayed force is not recorded.
 
-    ``solution`` is that of `drawn_run`. Columns are `CHANNELS`; those of a film are NaN where the trial has none.
+    ``solution`` is that of `drawn_run`.
     """
     draw = drawn.draw
     turn = np.full((time_s.size, len(BODIES)), np.nan)

@@ -272,8 +272,9 @@ class IcgnFitter:
         return self._conclude_fit(fit_rigid(region, subset, self._settings, state), pose)
 
     def _conclude_fit(self, found: RigidFit, pose: NDArray[np.float64], first_fit: FirstFit | None = None) -> Fit:
-        """Assessed fit from what its loop ``found``, its covariance inflated for the light and scale in use; `FAILED`,
-        after a reset, where it broke down."""
+        """Fit at the pose ``pose`` that a loop ``found``, assessed (``first_fit``: already assessed by compiled code),
+        its covariance inflated for light and scale; `FAILED`, after a reset, where the loop broke down.
+        """
         if found.iterations <= 0 or not math.isfinite(sum(pose.tolist())):
             self.reset()
             return FAILED

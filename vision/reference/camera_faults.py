@@ -179,7 +179,9 @@ OF_NOISE = 2.0  # step over the noise from which it is not blurred
 
 
 def find_grey_step(film: FrameSource, box: tuple[int, int, int, int]) -> float:
-    """Smallest step between grey values in a rectangle (y0, y1, x0, x1) of the first frame; inf where one occurs."""
+    """Smallest step between grey values of the first recorded frame in a rectangle (y0, y1, x0, x1); corrections are
+    undone, and a rectified film is searched whole; inf with fewer than two values.
+    """
     while hasattr(film, "film"):  # what was taken off a frame has no steps
         if isinstance(film, RectifiedFilm):
             box = (0, film.film.height, 0, film.film.width)

@@ -78,7 +78,9 @@ def _mean_of_two(values: NDArray[np.float64], first: int) -> NDArray[np.float64]
 
 
 def _picture_changes(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64]:
-    """Root mean square difference of each row's frame from the one before around the bodies, grey, (n,)."""
+    """Root mean square difference, grey, (n,), of each row's frame from that of the row before, in a rectangle around
+    all bodies; NaN in the first row.
+    """
     film = ready.film
     boxes = [region_of(template, np.zeros(3), film.height, film.width, 0) for template in ready.templates]
     known = np.array([box for box in boxes if box is not None] or [(0, film.height, 0, film.width)])

@@ -301,7 +301,10 @@ def prepare_channels(h, channels):
 
 @uncounted_loop(COUPLE)
 def add_channel_coupling(h, n, a, channels):
-    """Add the coupling of joints through the channels to the system matrix ``a`` (S n, S n) of a step of ``h``."""
+    """Subtract from the system matrix ``a`` (S n, S n) of a step ``h`` what joints do to each other through felt
+    memories and the string: push times `operator` (filled before) times turn and speed; the string only while it
+    sounds.
+    """
     answer = channels.small[0]
     for c in range(channels.many.shape[0]):
         if c == channels.many.shape[0] - channels.modes.awake.shape[0] and channels.modes.awake[0] == 0:

@@ -60,8 +60,9 @@ PARAMETER_LOADS = types.void(_numbers, _numbers, _f, SOURCES, LOADS, _table, _ta
 
 @uncounted_loop(PARAMETER_LOADS)
 def parameter_loads(w, p, u, sources, loads, load, entering):
-    """Fill ``load`` (n, P) with d(f - M a)/dp, and ``entering`` (C, P) with those of the memories' rates, then of the
-    string's force, at the state and the accelerations in the workspace ``w``.
+    """Fill ``load`` (n, P) with d(f - M a)/dp, ``entering`` (C, P) with those of memory rates, then the string's force,
+    at state and accelerations in ``w``; ``p``: the scene's numbers, ``u``: its input, ``sources``: which numbers each
+    parameter changes.
     """
     n = load.shape[0]
     load[:, :] = 0.0

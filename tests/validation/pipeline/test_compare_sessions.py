@@ -166,4 +166,5 @@ def test_what_cannot_be_read_is_named_in_one_line_and_the_rest_is_reported(strok
 
 def test_names_of_sessions_are_made_distinct():
     assert make_distinct(["a", "b", "a"], ["x", "y", "x"], ["p/x", "y", "q/x"]) == ["a (p/x)", "b", "a (q/x)"]
+    assert make_distinct(["a", "a"], ["x", "x"]) == ["a", "a"]
     assert same_recordings([]) == []
