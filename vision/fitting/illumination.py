@@ -64,7 +64,7 @@ def fill_unknown_squares(change: F64) -> F64:
     return values
 
 
-LEAST_PIXELS = 20  # of a square that is looked at
+LEAST_PIXELS = TILE_PX**2 // 4  # of a square that is looked at: a quarter of it
 SAME_TEXTURE = 2.5
 """Scatter of the residuals in a square, and difference of neighbouring ones, over those of noise, up to which it shows
 the same texture: an edge of the light lies between few of them, another surface between all."""

@@ -18,7 +18,7 @@ CHANCE = 12.0
 """A correlation may be chance whose Fisher transform is below this over the root of the number of pixels: neighbouring
 pixels are alike."""
 LEAST_COMMON = 0.01  # where noise explains the reference altogether its contrast tells nothing of the gain
-MIN_INLIER = 0.3  # least share of the pixels that agree
+MIN_INLIER = 0.3  # least share of the pixels that agree, or that are left for a fit
 MAX_JUMP_RAD = math.radians(8.0)  # from the expected pose: beyond the capture range of the fit
 MAX_JUMP_PX = 12.0  # the same of a shift
 USUAL_SHARE = 0.85  # least correlation as a share of the usual one; blur lowers it slowly, a wrong pose abruptly

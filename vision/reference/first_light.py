@@ -15,7 +15,8 @@ from vision.film.source import FIRST_FRAMES, SATURATED_SHARE, FrameSource, satur
 from vision.reference.still_average import MOST_PIXELS
 
 MOST_GAIN = 2.0
-"""Of a frame against the others, and its inverse: what is left to flicker. One so dim has four times the variance."""
+"""Of the light of a frame, or of a part of a body, and its inverse: beyond it something else is seen, or too little:
+one so dim has four times the variance."""
 
 
 def check_first_light(film: FrameSource, region: NDArray[np.bool_]) -> None:

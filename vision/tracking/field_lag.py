@@ -26,11 +26,11 @@ from vision.reference.prepared_film import PreparedFilm
 from vision.reference.rectified_film import MARGIN_PX, sample_spline
 from vision.results.pose_table import PoseTable
 from vision.tracking.moving_parts import ROWS
+from vision.tracking.segments import AGREE_PX
 
 MOST_STILL = 8  # rows at rest of each body that are looked at
 LEAST_ROWS = 3  # their scatter must be known
 BETWEEN = 0.25  # half way from rows of one time to fields half a frame apart
-LEAST_PX = 0.02  # motion per frame, at the rim of a body, of the rows that tell
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def _field_differences(
     size = np.hypot(motion[:, 0] * template.radius_px, np.hypot(motion[:, 1], motion[:, 2]))
     size = np.where(inner & (frame >= ready.reference.n_averaged), np.nan_to_num(size), 0.0)
     moving = np.argsort(-size, kind="stable")[:ROWS]
-    moving = np.sort(moving[size[moving] > LEAST_PX])  # in the order in which films decode
+    moving = np.sort(moving[size[moving] > AGREE_PX])  # in the order in which films decode
     still = np.flatnonzero(known & (frame < ready.reference.n_averaged))[:MOST_STILL]
     if moving.size < LEAST_ROWS:
         return None

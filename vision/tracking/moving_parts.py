@@ -31,20 +31,20 @@ from vision.fitting.icgn import IcgnFitter
 from vision.fitting.illumination import SIGNIFICANT_U
 from vision.fitting.kernels import Places, Region, Subset, place_pixels, sample_frame
 from vision.fitting.template import Template
-from vision.frame_fit.judgement import SAME_INLIER
+from vision.frame_fit.judgement import MIN_INLIER, SAME_INLIER
+from vision.reference.first_light import MOST_GAIN
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable, pose_difference
+from vision.tracking.segments import AGREE_PX
 from vision.uncertainty.coherence import inflate_covariance
 
 TILE_PX = 24  # side of a tile
 LEAST_PIXELS = TILE_PX**2 // 4  # of a tile that is fitted by itself: a quarter of it
 ROWS = 24  # of a body that are looked at, spread over its way
 ITERATIONS = 6  # of a tile's fit
-FITTED_PX = 0.02  # last step of a tile's fit, where it ends: a twenty-fifth of the least shift that counts
 MOST_LEFT, LEFT_CONTRAST = 2.5, 0.03  # of the noise's variance and of the texture's: a tile that fits leaves no more
 SEEN = 0.8  # share of a tile that lies in the picture
-MOST_GAIN = 2.5  # of the light: another surface has more, or less
 MOST_STEP_PX = 4.0  # further from its last place a tile is not looked for
 MOST_TURN_RAD = MOST_STEP_PX / TILE_PX  # by which its rim moves about as far
 LEAST_PX = 0.5  # a tile has moved, a body sags, by more, and by more than `SIGNIFICANT_U` standard uncertainties
@@ -245,7 +245,7 @@ class _Tile:
             place = place - found[0]
             if not (np.hypot(*(place - start)[:2]) < MOST_STEP_PX and abs(place[2] - start[2]) < MOST_TURN_RAD):
                 return start, np.nan, False
-            if np.hypot(*found[0][:2]) < FITTED_PX:
+            if np.hypot(*found[0][:2]) < AGREE_PX:
                 break
         if found is None or found[1] > MOST_LEFT * noise2 + LEFT_CONTRAST * self.contrast:
             return start, np.nan, False
@@ -287,7 +287,6 @@ LEVEL = 1  # squares of 16 px
 DOUBTED = 0.3  # a pixel of less weight does not agree; of normal noise 4 % have less
 MANY = 0.15  # share of such pixels in a square that is left out
 AGREE_SIGMA = 2.5  # standard deviations up to which a pixel agrees
-LEAST_SEEN = 0.35  # share of the template that must be left
 
 
 def confirm_hidden(ready: PreparedFilm, table: PoseTable, doubted: NDArray[np.bool_]) -> int:
@@ -341,7 +340,7 @@ def _fit_without_squares(
     count = int(square.max()) + 1
     share = np.bincount(square[doubtful], minlength=count) / np.maximum(np.bincount(square[seen], minlength=count), 1)
     left_out = np.where(share[square] > MANY, np.uint8(1), hidden)
-    if np.count_nonzero(left_out == 0) < LEAST_SEEN * left_out.size:
+    if np.count_nonzero(left_out == 0) < MIN_INLIER * left_out.size:
         return None
     again = second.fit(ready.film, frame, first.pose, left_out)
     return again if again.converged and np.isfinite(again.covariance).all() else None

@@ -93,7 +93,7 @@ STRETCH_ROWS = 150  # a film of fewer than twice as many rows is one stretch
 SHARED_ROWS = 6  # rows that a stretch has in common with the one before; the weights have settled after the first few
 COMPARED_ROWS = SHARED_ROWS // 2  # the last of them
 AGREE_SIGMA = 2.0  # two trackings fit the same pixels, so they differ by how far each has converged, not by noise
-AGREE_PX = 0.02  # difference of two segments' poses that counts as the same place
+AGREE_PX = 0.02  # up to which two places are the same: of two trackings, steps of a fit, motion from frame to frame
 
 
 def fit_rows_forward(
