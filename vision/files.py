@@ -13,7 +13,6 @@ from vision.errors import VisionError
 
 
 def temporary_name(path: Path) -> Path:
-    """Name in the same folder under which a file is written before it is whole."""
     return path.with_name(f".{path.name}.{os.getpid()}.part")
 
 

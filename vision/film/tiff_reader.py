@@ -88,7 +88,6 @@ class TiffFilm(Film):
         super().close()
 
     def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
-        """Rectangle of a frame; of uncompressed films only its rows are read."""
         self._check_index(index)
         self._check_region(y0, y1, x0, x1)
         if self._turned is not None:

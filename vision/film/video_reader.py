@@ -91,7 +91,6 @@ class VideoFilm(Film):
         return self._index.stamp_s[: self.n_frames] + 0.5 * (self.exposure_s or 0.0)
 
     def read(self, index: int) -> Picture:
-        """Whole frame, shape (height, width), uint8 or uint16; fastest in order."""
         self._check_index(index)
         return self._newest.get(index, self._decode_frame)
 

@@ -71,7 +71,6 @@ class FitMemory(NamedTuple):
 
     @classmethod
     def empty(cls, n_pixels: int) -> FitMemory:
-        """For a body of so many pixels."""
         weight, work = np.ones(n_pixels, dtype=np.float32), np.zeros((5, n_pixels), dtype=np.float32)
         return cls(weight, work, np.zeros(n_pixels, dtype=np.int32), np.zeros(1), np.zeros(1, dtype=np.uint8))
 

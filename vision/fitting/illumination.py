@@ -209,7 +209,6 @@ class IlluminationField:
 
     @cached_property
     def _members(self) -> NDArray[np.intp]:
-        """Pixels of each square."""
         return _pad_by_square(self._cell, self._middle_grey.size, self._cell.size)
 
     @cached_property

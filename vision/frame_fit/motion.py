@@ -43,7 +43,6 @@ class Motion(NamedTuple):
 
     @classmethod
     def from_templates(cls, templates: Sequence[Template], parents: Sequence[int | None] | None = None) -> Motion:
-        """Of bodies that have never been placed, without parents where none are given."""
         m = len(templates)
         numbers = [-1 if parent is None else parent for parent in parents or [None] * m]
         centre = np.array([template.centre_px for template in templates], dtype=float)

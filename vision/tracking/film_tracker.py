@@ -146,7 +146,6 @@ class FilmTracker:
                 found.expected[child] = self.trackers[child].predict(ordinal)
 
     def skip(self, ordinal: int, flag: FrameFlag) -> None:
-        """Pass over a frame that says nothing, with a flag for all bodies."""
         for i in self.order:
             self.trackers[i].skip(ordinal, flag)
 
