@@ -214,7 +214,7 @@ def truths(responses: Responses, search: Search, these: list[Planted]) -> list[t
     def start(kept: dict[int, float]) -> Fit:
         at = tuple(sorted(kept))
         z = np.array([kept[i] for i in at])
-        (each,) = responses.exact([Point(tuple(zip(at, map(float, z), strict=True)))])
+        (each,) = responses.exact_differences([Point(tuple(zip(at, map(float, z), strict=True)))])
         assert each is not None
         return Fit(at, z, each, np.zeros((*each.shape, len(at))))
 

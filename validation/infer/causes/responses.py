@@ -76,11 +76,12 @@ class Responses:
 
     @cached_property
     def base(self) -> Array | None:
-        """Differences (trials, 3 m), rad, of the unchanged model from the trials; None where a trial cannot be run."""
-        return self.exact([Point()])[0]
+        """Measured less predicted by the unchanged model (trials, 3 m), rad; None where a trial cannot be run."""
+        return self.exact_differences([Point()])[0]
 
-    def exact(self, points: Sequence[Point]) -> list[Array | None]:
-        """Differences (trials, 3 m) at each point with every trial run; None where a trial cannot be run there.
+    def exact_differences(self, points: Sequence[Point]) -> list[Array | None]:
+        """Measured less predicted (trials, 3 m), rad, at each point, by runs of every trial; None where one cannot
+        be run.
 
         Those of points near by are found from there (`differences`).
         """
@@ -97,10 +98,11 @@ class Responses:
         return out
 
     def differences(self, points: Sequence[Point]) -> list[Array | None]:
-        """Differences (trials, 3 m) at each point, good enough for a search; None where a trial cannot be run there.
+        """Measured less predicted (trials, 3 m), rad, at each point, good enough for a search; None where a trial
+        cannot be run there.
 
         Where all trials have the same, two are run, and the others move as these do on the average, from the nearest
-        point where all have the same and were run. Causes are compared at `exact` differences.
+        point where all have the same and were run. Causes are compared at `exact_differences`.
         """
         base = self.base
         if base is None:
@@ -176,7 +178,7 @@ class Responses:
         scaled = moved * np.concatenate([[trial.u_offset_n], slow_noise_n(trial)])
         return np.moveaxis(scaled.reshape(3, -1, scaled.shape[1]), 0, 1)
 
-    def scattered(self, amounts: Array, here: Array, at: Point) -> Array:
+    def curve_changes(self, amounts: Array, here: Array, at: Point) -> Array:
         """Changes (draws, 3 m) from a point of the curves of the trials in turn; zero where a run fails.
 
         Parameters

@@ -216,7 +216,9 @@ class ScoreTest:
         return found, size
 
     def threshold(self, turned: Array, seed: int = 0) -> Threshold:
-        """Monte Carlo: the whole search repeated in `DRAWS` sessions of the fitted null hypothesis."""
+        """Threshold by Monte Carlo: the whole search repeated in `DRAWS` sessions drawn under the fitted null
+        hypothesis; ``turned`` (trials, n): residuals as mean and contrasts.
+        """
         noise, rng = self.noise, np.random.default_rng(seed)
         posterior = noise.log_likelihoods(turned)
         posterior = np.exp(posterior - posterior.max())

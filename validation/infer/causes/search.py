@@ -65,7 +65,7 @@ class Search:
         self.responses, self.at, self.effects = responses, at, effects
         listed, trials = responses.listed, responses.trials
         if at.members:
-            (exact,) = responses.exact([at.point])
+            (exact,) = responses.exact_differences([at.point])
             at = at if exact is None else replace(at, each=exact)
             self.at = at
         wanted = [j for j, s in enumerate(listed) if not s.added or j in effects]
@@ -108,7 +108,7 @@ class Search:
         trials = len(self.at.each)
         amounts = np.where(self.force_errors, [s.known for s in self.responses.listed], 0.0)
         amounts = amounts * np.random.default_rng(seed).standard_normal((count, amounts.size))
-        drawn = self.responses.scattered(np.repeat(amounts, trials, axis=0), self.at.each, self.at.point)
+        drawn = self.responses.curve_changes(np.repeat(amounts, trials, axis=0), self.at.each, self.at.point)
         return drawn.reshape(count, trials, -1)
 
     def difference_steps(self) -> Array:
@@ -125,7 +125,7 @@ class Search:
         moved = np.flatnonzero(scatter)  # which effects are listed does not change the draws
         amounts = np.zeros((count, scatter.size))
         amounts[:, moved] = scatter[moved] * np.random.default_rng(seed).standard_normal((count, moved.size))
-        return self.responses.scattered(amounts, self.at.each, self.at.point), amounts @ columns.T
+        return self.responses.curve_changes(amounts, self.at.each, self.at.point), amounts @ columns.T
 
     def refine_threshold(self) -> Threshold:
         """Threshold from `MORE_RUNS` further strokes: a rare one of `RUNS` alone would set it, or miss."""
@@ -232,7 +232,7 @@ class Search:
         exact : whether every trial is run
         kept : how many fits come back; by default all
         """
-        differences = self.responses.exact if exact else self.responses.differences
+        differences = self.responses.exact_differences if exact else self.responses.differences
         fits = list(started)
         share = {i: 1.0 for i in range(len(fits))}
         for _ in range(rounds):
@@ -330,7 +330,7 @@ class Search:
 
     def refit_exactly(self, fits: Sequence[Fit]) -> list[Fit]:
         """The fits with every trial run, refitted with this search's noise, the best first."""
-        found = zip(fits, self.responses.exact([f.point for f in fits]), strict=True)
+        found = zip(fits, self.responses.exact_differences([f.point for f in fits]), strict=True)
         run = [replace(f, each=e, log_posterior=self.log_posterior(e, f.z)[0]) for f, e in found if e is not None]
         return self.refit(run, exact=True)
 

@@ -99,7 +99,7 @@ def test_what_some_trials_have_does_not_reach_a_point_where_all_are_alike(respon
         next(i for i, c in enumerate(alike.candidates) if (c.profile, c.first) == kind)
         for kind in ((ALL, 1), (STEP, 3))
     )
-    assert alike.exact([Point(((shared, 0.5), (step, 1.0)))])[0] is not None
+    assert alike.exact_differences([Point(((shared, 0.5), (step, 1.0)))])[0] is not None
     (found,) = alike.differences([Point(((shared, 0.5),))])
     assert found is not None and found == pytest.approx(np.tile(found[0], (4, 1)), abs=1e-12)
 

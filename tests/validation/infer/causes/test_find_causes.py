@@ -68,7 +68,7 @@ class Curved:
 
     @property
     def base(self) -> Array:
-        return self.exact([Point()])[0]
+        return self.exact_differences([Point()])[0]
 
     def amounts(self, point: Point, t: int) -> Array:
         out = np.zeros(SHAPES)
@@ -81,11 +81,11 @@ class Curved:
         total = shapes() @ amounts
         return np.asarray(total + 3.0 * total**2)
 
-    def exact(self, points: Sequence[Point]) -> list[Array]:
+    def exact_differences(self, points: Sequence[Point]) -> list[Array]:
         return [np.array([m - self.curve(self.amounts(p, t)) for t, m in enumerate(self.measured)]) for p in points]
 
     def differences(self, points: Sequence[Point]) -> list[Array]:
-        return self.exact(points)
+        return self.exact_differences(points)
 
     def columns(
         self,
@@ -99,7 +99,7 @@ class Curved:
     def force_columns(self, at: Point, t: int, here: Array) -> Array:
         return np.zeros((M, 3, 1))
 
-    def scattered(self, amounts: Array, here: Array, at: Point) -> Array:
+    def curve_changes(self, amounts: Array, here: Array, at: Point) -> Array:
         there = [self.amounts(at, k % len(self.measured)) for k in range(len(amounts))]
         return np.array([self.curve(a + z) - self.curve(a) for a, z in zip(there, amounts, strict=True)])
 
@@ -163,7 +163,7 @@ class Extrapolated(Curved):
     """Responses that, short of runs of every trial, show that ``law 4`` leaves nearly nothing."""
 
     def differences(self, points: Sequence[Point]) -> list[Array]:
-        out = self.exact(points)
+        out = self.exact_differences(points)
         laws = [{self.listed[self.candidates[j].source].name for j, _ in point.amounts} for point in points]
         return [0.1 * each if found == {"law 4"} else each for found, each in zip(laws, out, strict=True)]
 
