@@ -24,7 +24,7 @@ from rig.recording.recorder import record as record_session
 from rig.session import Session, Trial
 from rig.session.journal_writer import JournalWriter
 from rig.simulated.backend import DEFAULT_BENCH, SimulatedBackend, build_device
-from rig.simulated.bench.bench_time import PacedClock, VirtualClock
+from rig.simulated.bench.clock import PacedClock, VirtualClock
 from rig.simulated.bench.plant_protocol import PlantBlock
 from rig.simulated.bench.sensors import load_sensors
 

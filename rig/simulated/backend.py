@@ -35,7 +35,8 @@ from rig.backend import Capabilities, Opener
 from rig.configuration.rig_file import RigConfig
 from rig.daq import NidaqmxBackend
 from rig.errors import RigInputError
-from rig.simulated.bench.bench_time import BenchTime, PacedClock, VirtualClock
+from rig.simulated.bench.bench_time import BenchTime
+from rig.simulated.bench.clock import PacedClock, VirtualClock
 from rig.simulated.bench.felt_plant import make_felt_plant
 from rig.simulated.bench.plant import load_plant
 from rig.simulated.bench.plant_protocol import Plant, read_bench

@@ -1,93 +1,22 @@
-"""The mechanics and sensors of the bench between two edges of the sample clock that runs, its clock and its hands.
+"""The mechanics and sensors of the bench between two edges of the sample clock that runs.
 
 The device says how many edges pass and what volts its analog output is at; the plant answers, and its state becomes
 what stands at the terminals: the load cell's millivolts per volt and the encoders' counts. A new trial begins, at rest,
 whenever a task with a sample clock of its own starts while nothing else runs. Time moves only when a read needs samples
-that have not been acquired yet: the virtual clock just counts; the paced clock also waits, so that the bench runs at
-wall-clock speed or a multiple of it.
+that have not been acquired yet.
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.simulated.bench.clock import VirtualClock
 from rig.simulated.bench.plant_protocol import Plant
 from rig.simulated.bench.sensors import DelayLine, EncoderSignals, ForceSignal, SensorSet
-
-POLL_S = 0.01  # between two looks of a call that waits, or of a bench that follows the wall clock
-
-
-class VirtualClock:
-    paced = False
-    """Whether the clock follows the wall clock."""
-
-    def __init__(self) -> None:
-        self._now_s = 0.0
-
-    @property
-    def now_s(self) -> float:
-        return self._now_s
-
-    @property
-    def elapsed_s(self) -> float:
-        """Time since the clock was made, as a watchdog timer counts it: also while nothing is read, s."""
-        return self._now_s
-
-    @property
-    def due_s(self) -> float:
-        """Time that should have passed by itself when a client only asks what is available, s: a little."""
-        return POLL_S
-
-    def begin(self) -> None:
-        """Begin an acquisition: time in which nothing ran is not caught up on; here there is none."""
-
-    def advance(self, duration_s: float) -> None:
-        self._now_s += duration_s
-
-
-class PacedClock(VirtualClock):
-    """Virtual time that never runs ahead of ``speed`` times the wall clock."""
-
-    paced = True
-
-    def __init__(
-        self,
-        speed: float = 1.0,
-        *,
-        wall_s: Callable[[], float] = time.monotonic,
-        wait: Callable[[float], None] = time.sleep,
-    ) -> None:
-        super().__init__()
-        self._speed = speed
-        self._wall_s = wall_s
-        self._wait = wait
-        self._origin_s = wall_s()
-
-    @property
-    def elapsed_s(self) -> float:
-        """Wall-clock time, s, slowed down with the bench but never sped up; goes on while nothing is read."""
-        return (self._wall_s() - self._origin_s) * min(self._speed, 1.0)
-
-    @property
-    def due_s(self) -> float:
-        """How far the time is behind the wall clock, s."""
-        return max((self._wall_s() - self._origin_s) * self._speed - self._now_s, 0.0)
-
-    def begin(self) -> None:
-        """Catch up with the wall clock, so that what follows takes its time."""
-        self._now_s = max(self._now_s, (self._wall_s() - self._origin_s) * self._speed)
-
-    def advance(self, duration_s: float) -> None:
-        """Add ``duration_s`` to the time, then wait until the wall clock has caught up."""
-        self._now_s += duration_s
-        ahead_s = self._now_s / self._speed - (self._wall_s() - self._origin_s)
-        if ahead_s > 0:
-            self._wait(ahead_s)
+from rig.simulated.bench.virtual_hands import VirtualPianist, is_arm_lifted, press_n
 
 
 @dataclass(frozen=True)
@@ -115,58 +44,6 @@ class PulseTrain:
     def end_s(self) -> float:
         last = self.count - 1
         return self.first_s + last / self.rate_hz + self.high_s if np.isfinite(self.count) else float("inf")
-
-
-LIFTED_S = (0.4, 1.2)  # from, to: as the self-test asks its operator
-PRESS_S = (1.8, 2.6, 3.0, 3.5)  # begin, key at the bottom, let go, key up again
-PRESS_N = 2.5  # at the arm's tip: a gentle hand
-
-
-def press_n(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.interp(time_s, PRESS_S, (0.0, PRESS_N, PRESS_N, 0.0))
-
-
-def is_arm_lifted(time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
-    return (time_s >= LIFTED_S[0]) & (time_s < LIFTED_S[1])
-
-
-PAUSE_S = (1.0, 2.5)  # least, most: this and what follows are a pianist's strokes by choice
-PEAK_N = (3.0, 22.0)  # piano to forte
-RISE_S = (0.03, 0.12)  # hard to soft
-HOLD_N = (2.0, 4.0)  # more than keeps a key down
-HOLD_S = (0.05, 0.4)  # staccato to tenuto
-LET_GO_S = 0.06  # of the finger
-_STREAM = 9
-
-
-class VirtualPianist:
-    """The force of one player over time; strokes are drawn as they come."""
-
-    def __init__(self, seed: int, trial: int) -> None:
-        self._random = np.random.default_rng([seed, trial, _STREAM])
-        self._begun_s = 0.0
-        self._strokes: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
-
-    def press_n(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the force at the arm's tip, N, at successive times (n,)."""
-        while not self._strokes or self._strokes[-1][0][0] <= time_s[-1]:
-            self._strokes.append(self._draw_stroke())
-        while self._strokes[0][0][-1] < time_s[0]:
-            self._strokes.pop(0)
-        force = np.zeros(time_s.size)
-        for at, values in self._strokes:
-            force += np.interp(time_s, at, values, left=0.0, right=0.0)
-        return force
-
-    def _draw_stroke(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Draw the next stroke, times, s, and forces, N, (k,) each: a pause, a push, a hold, the finger lifted."""
-        pause, peak, rise, hold_n, hold = (self._random.uniform(*b) for b in (PAUSE_S, PEAK_N, RISE_S, HOLD_N, HOLD_S))
-        begin = self._begun_s + pause
-        phase = np.linspace(0.0, 1.0, 41)  # points of a push: lines between them
-        push = np.maximum(peak * np.sin(np.pi * phase) ** 2, np.where(phase > 0.5, min(hold_n, peak), 0.0))
-        at = np.concatenate((begin + rise * 2 * phase, [begin + 2 * rise + hold, begin + 2 * rise + hold + LET_GO_S]))
-        self._begun_s = float(at[-1])
-        return at, np.concatenate((push, [push[-1], 0.0]))
 
 
 _CAMERA_STREAM = 4

@@ -7,7 +7,7 @@ import pytest
 
 import model
 from rig import InputError, open_backend
-from rig.simulated.bench.bench_time import VirtualClock
+from rig.simulated.bench.clock import VirtualClock
 from rig.simulated.bench.plant import ActionPlant
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rig.simulated.bench.bench_time import PacedClock, VirtualClock
+from rig.simulated.bench.clock import PacedClock, VirtualClock
 
 
 @pytest.mark.parametrize("speed", [1.0, 4.0])

@@ -11,7 +11,7 @@ from nidaqmx import constants as ni
 from nidaqmx.errors import DaqError
 
 from rig import load_rig
-from rig.simulated.bench.bench_time import PacedClock
+from rig.simulated.bench.clock import PacedClock
 from rig.simulated.device.faults import parse_faults
 from rig.simulated.device.state import FaultPlan
 

@@ -20,7 +20,7 @@ from nidaqmx._stubs import nidaqmx_pb2_grpc as stubs
 from rig import InputError, ResourceBusy, load_rig, open_backend, reset_server
 from rig.daq import tasks
 from rig.daq.safe_bench import leave_running
-from rig.simulated.bench.bench_time import PacedClock
+from rig.simulated.bench.clock import PacedClock
 from rig.simulated.status import SessionRefused
 from tests.command_line import run
 
