@@ -181,8 +181,8 @@ def write_proposal(backend: str, path: Path, rig_name: str | None = None) -> dic
     # start-up: 0.2 s of nidaqmx, which --help does not need
     from rig.atomic_write import write_text
     from rig.daq.address import discover
-    from rig.daq.discovery import propose_rig
     from rig.daq.nidaqmx_backend import NidaqmxBackend
+    from rig.daq.rig_proposal import propose_rig
 
     if path.exists():
         raise CommandInputError(f"{path}: exists already; choose another name")

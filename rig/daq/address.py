@@ -10,9 +10,10 @@ import grpc
 import nidaqmx.errors
 
 from rig.configuration.rig_file import RigConfig
-from rig.daq.discovery import FoundDevice, ServerClaim, driver_version, find_devices
+from rig.daq.discovery import FoundDevice, driver_version, find_devices
 from rig.daq.faults import translate_faults
 from rig.daq.nidaqmx_backend import NidaqmxBackend
+from rig.daq.server_claim import ServerClaim
 from rig.errors import RigInputError
 
 DEFAULT_PORT = 31763

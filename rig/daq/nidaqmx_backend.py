@@ -30,9 +30,10 @@ from rig.arrays import as_numbers
 from rig.backend import CALL_TIMEOUT_S, Backend, Block, Capabilities, Expiry, Timing
 from rig.configuration.rig_file import RigConfig
 from rig.daq import tasks
-from rig.daq.discovery import FoundDevice, ServerClaim, driver_version, find_device, find_devices
+from rig.daq.discovery import FoundDevice, driver_version, find_device, find_devices
 from rig.daq.faults import translate_faults
 from rig.daq.safe_bench import SafeBench, leave_running, make_watchdog, worst_failure
+from rig.daq.server_claim import ServerClaim
 from rig.errors import HardwareFault, NotSupported, RigInputError
 
 PROBES = 5  # calls that are timed: the longest of five is exceeded once in six

@@ -9,7 +9,8 @@ import pytest
 
 from rig import HardwareFault, InputError, load_rig, open_backend, parse_rig
 from rig.daq.address import discover
-from rig.daq.discovery import FoundDevice, propose_rig
+from rig.daq.discovery import FoundDevice
+from rig.daq.rig_proposal import propose_rig
 from tests.command_line import run
 
 CHASSIS = FoundDevice(
