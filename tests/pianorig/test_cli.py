@@ -63,6 +63,13 @@ def test_simulate_imports_only_what_it_needs(short_force: Path, tmp_path: Path) 
     assert not ours & {"scipy.integrate", "scipy.optimize", "scipy.sparse", "scipy.special", "scipy.stats"}
 
 
+def test_comparison_and_reports_are_made_without_matplotlib() -> None:
+    parts = "validation.pipeline.compare_sessions", "validation.report.write", "validation.infer.report"
+    code = f"import sys, {', '.join(parts)}; print('pandas' in sys.modules, 'matplotlib' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["True", "False"]
+
+
 def test_an_unchanged_validate_only_compares_hashes(tmp_path: Path) -> None:
     session = tmp_path / "session"
     shutil.copytree(SHIPPED, session, ignore=shutil.ignore_patterns("*.mraw", "derived"))
