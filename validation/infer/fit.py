@@ -261,7 +261,12 @@ class _Iterate:
 
 
 def fit_conditional(
-    problem: Problem, fitted: Fitted, say: Say | None = None, budget: Budget | None = None, first_share: float = 1.0
+    problem: Problem,
+    fitted: Fitted,
+    say: Say | None = None,
+    budget: Budget | None = None,
+    first_share: float = 1.0,
+    rough: bool = False,
 ) -> Fitted:
     """Continue a fit with each trial linearised at its random effects; at first only ``first_share`` of each trial.
 
@@ -274,6 +279,7 @@ def fit_conditional(
     fitted : where a fit with all trials alike ended
     say : called with a line after each step
     first_share : share of each trial, from its start, that is fitted first; the rest follows as far as it is linear
+    rough : end with the least discrepancy of fits on the way
 
     Returns
     -------
@@ -281,10 +287,24 @@ def fit_conditional(
         As it was, out of budget, where no step could be taken.
     """
     budget = Budget(np.inf) if budget is None else budget
+    columns = Columns(problem)
     if first_share < 1.0:
-        return _extend(problem, fitted, say, budget, first_share)
-    columns, at = Columns(problem), _first_iterate(fitted)
-    return _iterate(problem, fitted, columns, at, {}, say, budget)[0]
+        found, at = _extend(problem, fitted, columns, say, budget, first_share)
+    else:
+        found, at = _iterate(problem, fitted, columns, _first_iterate(fitted), {}, say, budget)
+    if rough or not found.converged:
+        return found
+    return _refine(problem, found, columns, at, say, budget)
+
+
+def _refine(problem: Problem, found: Fitted, columns: Columns, at: _Iterate, say: Say | None, budget: Budget) -> Fitted:
+    """Fit with the least discrepancy `FLOOR`, from one with `ROUGH_FLOOR`; that one where it does not settle."""
+    at = _estimate_noise(replace(at, is_learnt=False, learnings=0), FLOOR)
+    finer, _ = _iterate(problem, found, columns, at, found.bifurcations, say, budget, FLOOR)
+    if not finer.converged:
+        return found
+    end = finer.end if len(finer.bifurcations) > len(found.bifurcations) else found.end
+    return replace(finer, before=found.before, end=end)
 
 
 def _first_iterate(fitted: Fitted) -> _Iterate:
@@ -294,15 +314,19 @@ def _first_iterate(fitted: Fitted) -> _Iterate:
     return _Iterate(z, make_nothing_own(marginal.blocks), here, linear, here, marginal, np.full(len(linear), np.inf))
 
 
-def _extend(problem: Problem, fitted: Fitted, say: Say | None, budget: Budget, first_share: float) -> Fitted:
-    """Fit the first share of each trial, then each up to its bifurcation; the first fit unless the second converges."""
+def _extend(
+    problem: Problem, fitted: Fitted, columns: Columns, say: Say | None, budget: Budget, first_share: float
+) -> tuple[Fitted, _Iterate]:
+    """Fit the first share of each trial, then each up to its bifurcation; the first fit unless the second converges.
+
+    With the last iterate.
+    """
     part = {k: int(first_share * t.time_s.size) for k, t in enumerate(problem.trials)}
-    columns = Columns(problem)
     first, at = _iterate(
         problem, fitted, columns, _cut_at_bifurcations(_first_iterate(fitted), part), part, say, budget
     )
     if not first.converged:
-        return first
+        return first, at
     blocks = columns.blocks(at.z, at.own)
     here = remove_own(blocks, at.run, at.own)
     linear = [r + b.moved @ at.z for r, b in zip(here, blocks, strict=True)]
@@ -311,12 +335,12 @@ def _extend(problem: Problem, fitted: Fitted, say: Say | None, budget: Budget, f
     where = "; ".join(bifurcation_words(problem, found))
     if say is not None:
         say(f"each trial to its end{', left out at a bifurcation: ' if found else ''}{where}")
-    second, _ = _iterate(problem, first, columns, _cut_at_bifurcations(whole, found), found, say, budget)
+    second, last = _iterate(problem, first, columns, _cut_at_bifurcations(whole, found), found, say, budget)
     if second.converged:
-        return second
+        return second, last
     fitted_part = f"only the first {first_share:.0%} of each trial is fitted"
     end = End(BIFURCATION, f"{where}; {fitted_part}") if found else replace(second.end, detail=fitted_part)
-    return replace(first, end=end)
+    return replace(first, end=end), at
 
 
 def _iterate(
@@ -327,8 +351,9 @@ def _iterate(
     bifurcations: Mapping[int, int],
     say: Say | None,
     budget: Budget,
+    floor: float = ROUGH_FLOOR,
 ) -> tuple[Fitted, _Iterate]:
-    """Gauss–Newton steps from the iterate ``at``: the fit, and the last iterate."""
+    """Gauss–Newton steps from the iterate ``at``: the fit, and the last iterate; no discrepancy below ``floor``."""
     box = problem.box()
     steps, idle = 0, 0
     with budget.interruptible():
@@ -343,7 +368,7 @@ def _iterate(
                         say(f"each trial: at a bifurcation, left out: {', '.join(where)}")
                     continue
             found = found or _search_line(problem, at, SHARES[1:])
-            moved = None if found is None else _linearise(columns, found, at, bifurcations)
+            moved = None if found is None else _linearise(columns, found, at, bifurcations, floor)
             if found is None or moved is None:  # a kink: no step lowers the cost
                 break
             steps, gained, at = steps + 1, found[2], moved
@@ -353,20 +378,26 @@ def _iterate(
                 say(f"{said}, cost a datum up to {np.max(at.costs):.2g}")
             if not at.is_learnt:  # the cost was another function
                 continue
-            if at.is_followed and largest < CLOSE:
+            if at.is_followed and largest < (CLOSE if floor == FLOOR else WITHIN):
                 break
             idle = idle + 1 if gained < LEAST_GAIN else 0
-    if steps == 0:
+    if steps == 0 and floor == ROUGH_FLOOR:
         what = "stopped by Ctrl-C" if budget.is_interrupted else "no step of all trials could be taken"
         return replace(fitted, end=End(OUT_OF_BUDGET, what, budget.is_interrupted)), at
-    return _conclude(problem, fitted, at, steps, bifurcations, budget), at
+    return _conclude(problem, fitted, at, steps, bifurcations, budget, floor), at
 
 
 def _conclude(
-    problem: Problem, before: Fitted, at: _Iterate, steps: int, bifurcations: Mapping[int, int], budget: Budget
+    problem: Problem,
+    before: Fitted,
+    at: _Iterate,
+    steps: int,
+    bifurcations: Mapping[int, int],
+    budget: Budget,
+    floor: float,
 ) -> Fitted:
     """Fit of the last iterate ``at`` and how it ended, with the most probable variance components."""
-    marginal, z = select_noise_model(at.marginal.blocks, at.linear, at.marginal.sizes, LAST_ROUNDS, anew=False), at.z
+    marginal, z = select_noise_model(at.marginal.blocks, at.linear, at.marginal.sizes, LAST_ROUNDS, False, floor), at.z
     remaining = box_step(marginal, at.here, z, problem.box(), 0.0)
     asked = problem.unknowns.asked
     left = np.abs(remaining[: len(asked)]) / marginal.width[: len(asked)]
@@ -529,12 +560,13 @@ def _run_towards(
 
 
 def _linearise(
-    columns: Columns, found: tuple[Array, _Modes, float], before: _Iterate, bifurcations: Mapping[int, int]
+    columns: Columns,
+    found: tuple[Array, _Modes, float],
+    before: _Iterate,
+    bifurcations: Mapping[int, int],
+    floor: float,
 ) -> _Iterate | None:
-    """Iterate linearised at the end of a step ``found`` (z, modes, gain); None where the model cannot run.
-
-    Variance components are estimated once every trial is followed, until they settle.
-    """
+    """Iterate linearised at the end of a step ``found`` (z, modes, gain); None where the model cannot run."""
     z, modes, _ = found
     try:
         every = enumerate(columns.blocks(z, modes.own))
@@ -543,18 +575,24 @@ def _linearise(
         return None
     here = remove_own(blocks, modes.run, modes.own)
     linear = [r + b.moved @ z for r, b in zip(here, blocks, strict=True)]
-    costs, sizes = modes.costs / np.array([r.size for r in linear]), before.marginal.sizes
-    marginal, is_learnt, learnings = Marginal(blocks, sizes), before.is_learnt, before.learnings
-    if not is_learnt and bool(np.max(costs) < FOLLOWED):
-        known = marginal.log_evidence(linear)
-        for rounds in (LAST_ROUNDS, ROUNDS_A_STEP):
-            marginal = learn(blocks, linear, sizes, rounds, FLOOR)
-            there = OwnModes(marginal, linear, z).costs(modes.run, modes.own)
-            if np.max(there / np.array([r.size for r in linear])) < STEEP:
-                learnings += 1
-                break
-        is_learnt = learnings == MAX_LEARNINGS or marginal.log_evidence(linear) - known < SETTLED
-    return _Iterate(z, modes.own, modes.run, linear, here, marginal, costs, is_learnt, learnings)
+    costs, marginal = modes.costs / np.array([r.size for r in linear]), Marginal(blocks, before.marginal.sizes)
+    at = _Iterate(z, modes.own, modes.run, linear, here, marginal, costs, before.is_learnt, before.learnings)
+    return _estimate_noise(at, floor)
+
+
+def _estimate_noise(at: _Iterate, floor: float) -> _Iterate:
+    """Iterate with variance components estimated where every trial is followed and they have not settled."""
+    if at.is_learnt or not at.is_followed:
+        return at
+    marginal, learnings = at.marginal, at.learnings
+    for rounds in (LAST_ROUNDS, ROUNDS_A_STEP):
+        marginal = learn(at.marginal.blocks, at.linear, at.marginal.sizes, rounds, floor)
+        there = OwnModes(marginal, at.linear, at.z).costs(at.run, at.own)
+        if np.max(there / np.array([r.size for r in at.linear])) < STEEP:
+            learnings += 1
+            break
+    settled = marginal.log_evidence(at.linear) - at.marginal.log_evidence(at.linear) < SETTLED
+    return replace(at, marginal=marginal, is_learnt=learnings == MAX_LEARNINGS or settled, learnings=learnings)
 
 
 _badness = attrgetter("badness")
@@ -614,7 +652,7 @@ def _fit_from_pilot(problem: Problem, pilot: Fitted, share: float, say: Say, bud
         say(f"fit of {len(few)} of {len(problem.trials)} trials")
         some = problem.of_trials(few)
         with budget.interruptible():
-            at = fit_conditional(some, fit_alike(some, at.z, at.marginal.sizes), say, budget, share)
+            at = fit_conditional(some, fit_alike(some, at.z, at.marginal.sizes), say, budget, share, rough=True)
         if len(at.bifurcations) < len(few):  # not all of them were left out before their end
             share = 1.0
     first = None
