@@ -1,7 +1,8 @@
 """Container video (AVI, MOV, MP4, MKV), decoded by FFmpeg through PyAV: luma as stored, with the stamp of every frame.
 
 Frames whose codec stores each alone are read in any order, by several threads; those predicted from others in order,
-going back to the start. A seek is believed only when the packet it lands on is known from the index.
+on FFmpeg's own threads; of these the newest are kept, and a step back beyond them goes to the start. A seek is
+believed only when the packet it lands on is known from the index.
 
 Grey is the luma plane, without a conversion; of RGB and palette pictures OpenCV's or FFmpeg's weights make it. Luma of
 limited range stays as it is: ``white_grey`` says where white is. A picture that the file wants turned or mirrored for
