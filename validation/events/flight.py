@@ -77,8 +77,9 @@ class _Path:
 
 
 def fit_parabola(age: Array, position: Array, sigma: float, slowing: float | None = None) -> tuple[Array, Array]:
-    """Way, speed and second derivative at age 0 by weighted least squares, (3,), and their covariance, (3, 3);
-    ``slowing`` (m/s²) is a prior of the last one."""
+    """Way (m), speed and second derivative at age 0, (3,), and their covariance, (3, 3), from ways ``position`` (n,),
+    m, of u ``sigma``, m, at ages (n,), s, by weighted least squares; ``slowing`` (m/s²) is a prior of the last one.
+    """
     design = np.stack([np.ones(age.size), age, 0.5 * age**2])
     normal, target = design @ design.T / sigma**2, design @ position / sigma**2
     if slowing is not None:
@@ -90,8 +91,9 @@ def fit_parabola(age: Array, position: Array, sigma: float, slowing: float | Non
 
 
 def _fit_path(age: Array, position: Array, sigma: float, slowing: float | None = None) -> _Path:
-    """Parabola through samples (n,) of u ``sigma``, m, its covariance, and whether a chi-square test accepts it; the
-    expected deceleration ``slowing`` is a prior."""
+    """Parabola through ways ``position`` (n,), m, of u ``sigma``, m, at ages (n,), s, its covariance, and whether a
+    chi-square test accepts it; the expected deceleration ``slowing``, m/s², is a prior.
+    """
     value, covariance = fit_parabola(age, position, sigma, slowing)
     left = (position - value[0] - value[1] * age - 0.5 * value[2] * age**2) / sigma
     chi2, count = float(left @ left), age.size
@@ -171,7 +173,7 @@ def _measure_swing(age: Array, position: Array) -> float:
 
 def _find_undisturbed(stretch: Stretch, sigma: float, slowing: float) -> tuple[float, bool]:
     """Length (s) of free flight to fit, and whether at least 3 ms are undisturbed; ``stretch`` returns ages (s) and
-    ways (m) between two ages, ``slowing`` is the expected deceleration, m/s².
+    ways (m) between two ages, ``sigma`` is the u of a way, m, ``slowing`` the expected deceleration, m/s².
 
     The last millisecond of the longest stretch that passes is left out: a disturbance may have begun in it unseen.
     """
@@ -240,7 +242,9 @@ def _fit_vibration(
     age: Array, position: Array, sigma: float, slowing: float, side: int
 ) -> tuple[float, float, float, float, float, str] | None:
     """Speed (m/s), its u, way (m), its u, deceleration (m/s²) at age 0, and a note, of rigid flight with a damped
-    vibration fitted to samples (n,); None where a chi-square test rejects it."""
+    vibration fitted to ways ``position`` (n,), m, at ages (n,), s; None where a chi-square test rejects it. Other
+    arguments as of `_fit_shaken_flight`.
+    """
     rigid = np.column_stack([np.ones(age.size), age, age**2 / 2])
     weight = np.zeros(len(PARAMETERS))  # of what is known beforehand, and what that is
     weight[[2, 6]] = U_DECELERATION_M_PER_S2**-2, U_DAMPING**-2

@@ -154,7 +154,9 @@ def _fit_lever_before_flight(change_rad: Array) -> float:
 
 
 def _has_sharp_turn(time: Array, height: Array, step: float) -> bool:
-    """Whether the path turns at its largest value as sharply as at a string, not as under gravity."""
+    """Whether the hammer's ``height`` (n,), m, turns at its largest value as sharply as at a string, not as under
+    gravity; ``step``: between samples, s.
+    """
     top = int(np.argmax(height))
     near, far = (max(round(x / step), 1) for x in SHARP_S)
     if near == far or top < far or top + far >= time.size:

@@ -201,7 +201,9 @@ def _evaluate_points(
 
 
 def _find_interval_ends(z: Array, rise: Array, best: float, level: float, width: float) -> tuple[float, float]:
-    """Ends (z) of the interval in which a profile's rise is below ``level``, linear in its signed root."""
+    """Ends (z) of the interval about ``best`` in which a profile's ``rise`` (k,) at z (k,) is below ``level``, linear
+    in its signed root; an end beyond a flat profile is ``width`` times the root of ``level`` away.
+    """
     root = np.sqrt(np.maximum(rise, 0.0))
     want = float(np.sqrt(level))
     edges = []

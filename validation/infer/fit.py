@@ -396,7 +396,9 @@ def _conclude(
     budget: Budget,
     floor: float,
 ) -> Fitted:
-    """Fit of the last iterate ``at`` and how it ended, with the most probable variance components."""
+    """Fit of the last iterate ``at``, after so many steps from the fit ``before``, and how it ended, with the most
+    probable variance components, none of the discrepancy below ``floor``.
+    """
     marginal, z = select_noise_model(at.marginal.blocks, at.linear, at.marginal.sizes, LAST_ROUNDS, False, floor), at.z
     remaining = box_step(marginal, at.here, z, problem.box(), 0.0)
     asked = problem.unknowns.asked

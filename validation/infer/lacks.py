@@ -139,7 +139,8 @@ def find_supported_estimates(
 
 
 def _rank_changes(kinds: Sequence[Sequence[Promise]], lack: float) -> list[Promise]:
-    """Changes to refit: the most promising of each kind, and where the discrepancy is large each contact's felt.
+    """Changes to refit: the most promising of each kind, and, where the share ``lack`` of the discrepancy is
+    large, each contact's felt.
 
     A felt twice as stiff is no small change: where the fit ended its linear model may promise less than a law of
     another form, or another place, of the same contact.

@@ -426,7 +426,9 @@ def held_out_score(marginal: Marginal, residuals: Sequence[Array]) -> float:
 
 
 def _log_density(back: Array, left: Array, covariance: Array) -> float:
-    """Log density of whitened rows kept aside, whose part of the inverse covariance is 1 − back covariance backᵀ."""
+    """Log density of whitened rows kept aside, whose part of the inverse covariance is 1 − back covariance backᵀ;
+    ``left``: these rows, less what the fit to all strokes explains.
+    """
     inside = np.linalg.inv(covariance) - back.T @ back  # the precision without the strokes kept aside
     inside = 0.5 * (inside + inside.T)
     factor = cho_factor(inside)

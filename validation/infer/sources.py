@@ -235,8 +235,9 @@ def _no_trials_message(measured: MeasuredSession, name: str, held: int) -> str:
 
 
 def _refuse_absent(wanted: Sequence[int], of_sessions: Sequence[MeasuredSession]) -> None:
-    """Raise an input error where no session has a trial to hold out: it would be fitted under another number without a
-    word."""
+    """Raise an input error where no session has a trial of a ``wanted`` number, to be held out: it would be fitted
+    under another number without a word.
+    """
     there = {n for one in of_sessions for n in (*one.refused, *(m.number for m in one.trials))}
     absent = [n for n in wanted if n not in there]
     if absent:
@@ -267,8 +268,9 @@ def _refuse_same_stroke(strokes: Sequence[tuple[str, MeasuredTrial]]) -> None:
 
 
 def _refuse_used_before(action: model.Action, seals: Mapping[str, str], samples: Mapping[str, tuple[str, ...]]) -> None:
-    """Raise an input error where the action's values were fitted to a trial before: as its prior they would count the
-    data twice."""
+    """Raise an input error where the action's values were fitted to a trial before, told by ``seals`` or ``samples`` by
+    trial: as its prior they would count the data twice.
+    """
     before = posterior_of(action)
     used = [label for label in seals if before is not None and before.was_fitted_to(seals[label], samples[label])]
     if used:

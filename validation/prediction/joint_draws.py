@@ -74,7 +74,8 @@ class JointDraw:
 def chosen_trials(
     trials: Sequence[MeasuredTrial], without: Collection[tuple[int, str]] = (), max_trials: int = MOST_TRIALS
 ) -> list[MeasuredTrial]:
-    """At most ``max_trials`` trials, by lot, one of them filmed if any is; those with a channel left out come last.
+    """At most ``max_trials`` trials, by lot, one of them filmed if any is; those with a channel left out come last
+    (``without``: trial number, channel).
 
     Each trial draws its lot from its own recorded data, and the lowest are taken: a trial that is added or rejected
     changes at most one of the others (docs/explanation/uncertainty.md).

@@ -44,7 +44,7 @@ def fitted_key(m: MeasuredTrial) -> KeyFit:
 
 
 def key_motion(m: MeasuredTrial, rest_rad: float, errors: KeyErrors = EXACT) -> model.KeyMotion:
-    """Angle of the key over time, rad, with errors of its sensor taken off."""
+    """Angle of the key over time, rad, from ``rest_rad`` on, less ``errors`` of its sensor."""
     if m.sensors is not None:
         return m.sensors.key_motion(rest_rad, errors.positions)
     fit = fitted_key(m)
@@ -56,7 +56,9 @@ def key_motion(m: MeasuredTrial, rest_rad: float, errors: KeyErrors = EXACT) -> 
 def run_key_driven(
     action: model.Action, m: MeasuredTrial, rest_rad: Array, tolerance: float, errors: KeyErrors = EXACT
 ) -> tuple[Array, Array, dict[str, float]]:
-    """Changes of angle (n, 5), rad, speeds (n, 5), rad/s, and counters of the model under a trial's key."""
+    """Changes of angle (n, 5), rad, speeds (n, 5), rad/s, and counters of the model under a trial's key, as
+    its sensors with these ``errors`` read them; ``rest_rad`` (5,): the model's rest, ``tolerance``: rad.
+    """
     motion, at = _motion_and_times(m, rest_rad, errors)
     run = run_prescribed(action, motion, at, tolerance=min(tolerance, TOLERANCE_RAD))
     counters = {name: float(value) for name, value in run.counters.items()}

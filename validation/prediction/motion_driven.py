@@ -99,8 +99,9 @@ def _widen_mask(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
 
 
 def motion_row(trial: int, frame: pd.DataFrame, gain_relative_u: float) -> dict[str, Any]:
-    """Row of table *motion_driven*: scores of the predicted force of one trial; ``gain_relative_u`` is common to all
-    force samples."""
+    """Row of table *motion_driven*: scores of the predicted force of one trial, of which ``frame`` has a row a
+    sample; ``gain_relative_u`` is common to all of them.
+    """
     use = ~frame["left_out"].to_numpy(dtype=bool)
     measured, predicted = frame["force_n"].to_numpy(), frame["predicted_force_n"].to_numpy()
     use &= np.isfinite(measured) & np.isfinite(predicted)

@@ -76,7 +76,8 @@ def make_forest(
 ) -> Forest:
     """A forest of rows: cells, value, ends of the interval, limit on both sides or NaN, and whether it is resolved.
 
-    ``scales``: name of each row's scale; one scale for all where left out.
+    ``head``: of the columns of cells; ``note``: below them; ``scales``: name of each row's scale, one for all where
+    left out.
     """
     names = list(scales) or [""] * len(found)
     reach: dict[str, float] = {}

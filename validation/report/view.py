@@ -77,8 +77,9 @@ class SessionView:
 
 
 def shown_trials(view: SessionView, max_trials: int) -> list[int]:
-    """Trials to show when not all can be: the drawn one, filmed ones, the worst and best of each channel, then others
-    evenly through the session."""
+    """At most ``max_trials`` numbers of trials to show: all, or the drawn one, filmed ones, the worst and best of each
+    channel, then others evenly through the session.
+    """
     trials = list(view.first.traces)
     if len(trials) <= max_trials:
         return trials

@@ -83,7 +83,7 @@ def compute_pair_rmse(curves: Array, *, kinds: Sequence[int] | None = None) -> t
 
 
 def sprague_geers(measured: Array, computed: Array) -> tuple[float, float, float]:
-    """Sprague–Geers errors of magnitude and phase, and both combined, on a uniform time base (dimensionless).
+    """Sprague–Geers errors of magnitude and phase, and both combined, of curves (n,) at even times (dimensionless).
 
     M = √(I_cc/I_mm) − 1, P = acos(I_mc/√(I_mm I_cc))/π, C = √(M² + P²). NaN when either curve is zero throughout.
     """

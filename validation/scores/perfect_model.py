@@ -92,6 +92,7 @@ def score_perfect_model(
     """Draw the trials of a session from their predictions, and score the predictions against them.
 
     With ``paired`` the recorded trials are also scored against each draw, which only a comparison of models needs.
+    ``without``: (trial number, channel) of what is left out.
     """
     chosen = chosen_trials(trials, without)
     seed = session_seed(trials)

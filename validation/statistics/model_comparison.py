@@ -100,7 +100,9 @@ def _compare_pair(first: ValidationResult, second: ValidationResult) -> list[dic
 
 
 def _estimate_common_u(drawn: pd.DataFrame, apart: pd.DataFrame, score: str) -> float:
-    """Standard uncertainty of the mean difference from what is common to the trials; NaN where it was not drawn."""
+    """Standard uncertainty of the mean difference of a ``score`` from errors common to the trials, by its change in
+    each draw from the differences ``d`` of table ``apart``; NaN where none was drawn.
+    """
     if not len(drawn):
         return float("nan")
     base = apart.set_index("trial")["d"]
