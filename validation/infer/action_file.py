@@ -15,7 +15,8 @@ from validation.prediction.posterior import TABLE, TRIALS, digests
 
 
 def identified_text(found: Any) -> str:
-    """Text of the action file of an `Identification` ``found``.
+    """TOML text of the action file of an `Identification` ``found``: the identified values, and a table
+    ``[identification]`` with intervals, scores and hashes of the data; nothing is written.
 
     A valid action file: every command takes it with ``--action``. Its table ``[identification]`` holds the asked
     parameters with intervals and correlations, what the strokes cannot tell, the scores, the hashes of the data, and
@@ -29,7 +30,9 @@ def identified_text(found: Any) -> str:
 
 
 def _set_posterior_u(found: Any) -> model.Action:
-    """Copy of the action with posterior u of requested quantities; the source of others says they were fitted, too."""
+    """Copy of an `Identification`'s action, named ``…-identified``: quantities asked for have their posterior u and the
+    verdict as source, the others that the fit moved a source that says so.
+    """
     quantities = {**found.action.quantities, **found.action.effects}
     for path in found.action.changed:
         quantities[path] = replace(quantities[path], source="fitted beside what was identified; not a finding")
@@ -45,7 +48,9 @@ def _set_posterior_u(found: Any) -> model.Action:
 
 
 def _table(found: Any, hashes: Mapping[str, str]) -> list[str]:
-    """Lines of the TOML section ``identification`` of an identified action; ``hashes`` by name."""
+    """Lines of the TOML section ``[identification]`` of an `Identification`: estimates, correlation, warnings,
+    provenance, scores, events, posterior; ``hashes``: key -> SHA-256, written as they are.
+    """
     names = [e.name for e in found.estimates]
     lines = ["[identification]", f"names = {_value(names)}", f"correlation = {_value(found.correlation.tolist())}"]
     lines.append(f"warnings = {_value(list(found.warnings))}")
@@ -75,7 +80,9 @@ def _key(name: str) -> str:
 
 
 def _value(value: Any) -> str:
-    """Text of a value in TOML; None, which TOML has not, is left out of tables."""
+    """TOML text of a plain value (text, number, bool, list, mapping); an entry of a mapping that is None is left out,
+    and anything else becomes a quoted string.
+    """
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{_key(k)} = {_value(v)}" for k, v in value.items() if v is not None) + " }"
     if isinstance(value, list | tuple):

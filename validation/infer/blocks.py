@@ -81,8 +81,10 @@ def make_blocks(
     laws: NDArray[np.bool_],
     held: Sequence[Array] = (),
 ) -> list[Block]:
-    """Linear model of every trial from its sensitivities ``jacobian`` (m, c, p), ``force_columns`` (m, c, 1 + n) and
-    those of fixed laws, ``held`` (m, c, h); ``laws`` (p,): which columns are laws."""
+    """Linear model of each trial (m samples, c channels) from derivatives of its curves by z, ``jacobian`` (m, c, p),
+    by its own drive, ``force_columns`` (m, c, k), and by fixed laws, ``held`` (m, c, h); ``laws`` (p,): which of z are.
+    NaN weighs nothing.
+    """
     out = []
     for k, t in enumerate(trials):
         m, c = t.change_rad.shape
@@ -110,7 +112,9 @@ def make_blocks(
 
 
 def _sensor_columns(t: ObservedTrial) -> tuple[Array, Array]:
-    """Sensitivity columns of the errors `INSTRUMENT` (c m, 8), and of this trial's zeros (c m, c)."""
+    """Columns of one trial, rad per standard uncertainty: of the errors `INSTRUMENT` that all trials share (c m, 8; 0
+    for a key encoder whose errors are fitted), and of the zeros of its own c channels (c m, c).
+    """
     m = t.time_s.size
     out = np.zeros((len(t.channels) * m, len(INSTRUMENT)))
     own = np.zeros((len(t.channels) * m, len(t.channels)))

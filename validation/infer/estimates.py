@@ -105,7 +105,9 @@ class Profile:
 def profiles(
     problem: Problem, fitted: Fitted, factors: Mapping[int, float], budget: Budget | None = None
 ) -> list[Profile]:
-    """Likelihood profiles of parameters, by index in z, each with the Student factor of its 95 % interval.
+    """Profile of twice the negative log posterior over each parameter in ``factors``, index in z -> Student factor of
+    its 95 % interval: it is held at a few values, and the others refitted by runs. Fewer profiles where the budget
+    ends.
 
     Conventions: the objective is twice the negative log posterior; at each held value the others go where the linear
     model says, and are corrected by runs of the model itself until that gains nothing. The 95 % interval is where it
@@ -141,7 +143,9 @@ def _make_profile(problem: Problem, fitted: Fitted, j: int, factor: float) -> Pr
 
 
 def _conditional_mode(problem: Problem, fitted: Fitted, j: int, value: float) -> Array:
-    """Most probable z (p,) of the linear model where its j-th entry has a value."""
+    """Most probable z (p,) of the linear model with its j-th entry held at ``value``, in prior standard uncertainties;
+    the others are clipped to their bounds.
+    """
     low, high = problem.box()
     cov = fitted.covariance
     z = fitted.z + cov[:, j] / cov[j, j] * (value - fitted.z[j])
@@ -151,7 +155,9 @@ def _conditional_mode(problem: Problem, fitted: Fitted, j: int, value: float) ->
 
 
 def _find_least(problem: Problem, fitted: Fitted, points: Sequence[tuple[int, Array]]) -> list[float]:
-    """Least objective from each point (j, z) on, the j-th entry of z held; infinite where the model cannot run."""
+    """Least objective (twice the negative log posterior) that runs reach from each start (j, z (p,)) with the j-th
+    entry of z held and the others corrected; infinite where the model cannot run.
+    """
     best, at = [math.inf] * len(points), [z for _, z in points]
     own = [fitted.own_at(z) for z in at]
     active = list(range(len(points)))
@@ -171,7 +177,9 @@ def _find_least(problem: Problem, fitted: Fitted, points: Sequence[tuple[int, Ar
 
 
 def _correct_others(problem: Problem, fitted: Fitted, j: int, z: Array, linear: list[Array]) -> Array:
-    """Point z (p,) after a Gauss–Newton step of all but its j-th entry; ``linear`` are residuals at z = 0."""
+    """Point z (p,) after a Gauss–Newton step of all but its j-th entry, clipped to the bounds; ``linear``: residuals of
+    each trial that the linear model has at z = 0.
+    """
     low, high = problem.box()
     cov = fitted.covariance
     mean = fitted.marginal.mean(linear)[: fitted.marginal.p]
@@ -183,9 +191,9 @@ def _correct_others(problem: Problem, fitted: Fitted, j: int, z: Array, linear: 
 def _evaluate_points(
     problem: Problem, fitted: Fitted, points: Sequence[Array], own: Sequence[Sequence[Own] | None]
 ) -> list[tuple[float, list[Array] | None]]:
-    """Objective at each point z with random effects ``own``, and the linear model's residuals at z = 0 by trial.
-
-    (inf, None) where the model cannot run. ``own`` has for each point what each trial has of its own, or None.
+    """Objective (twice the negative log posterior) at each point z (p,), by runs, and each trial's residuals of the
+    linear model at z = 0; (inf, None) where the model cannot run. ``own``: random effects of the trials at each point,
+    or None.
     """
     blocks = fitted.marginal.blocks
     out: list[tuple[float, list[Array] | None]] = []
@@ -201,8 +209,8 @@ def _evaluate_points(
 
 
 def _find_interval_ends(z: Array, rise: Array, best: float, level: float, width: float) -> tuple[float, float]:
-    """Ends (z) of the interval about ``best`` in which a profile's ``rise`` (k,) at z (k,) is below ``level``, linear
-    in its signed root; an end beyond a flat profile is ``width`` times the root of ``level`` away.
+    """Lower and upper z at which a profile, ``rise`` (k,) at ``z`` (k,), reaches ``level`` on either side of ``best``:
+    linear in its root, extrapolated beyond its ends; ``width``: u of z, used where it does not rise.
     """
     root = np.sqrt(np.maximum(rise, 0.0))
     want = float(np.sqrt(level))
@@ -222,8 +230,9 @@ def _find_interval_ends(z: Array, rise: Array, best: float, level: float, width:
 
 
 def _interval_kind(z: Array, alone: Array, best: float, level: float) -> str:
-    """Which ends of the interval the strokes alone leave open (``open below``, ``open above``, ``open``), else
-    ``two-sided``, from the rise ``alone`` (k,) without the prior at z (k,)."""
+    """``two-sided`` where a profile's rise without the prior, ``alone`` (k,) at ``z`` (k,), exceeds ``level`` on both
+    sides of ``best``; else the open end: ``open below``, ``open above`` or ``open``.
+    """
     below = not bool(np.any(alone[z < best] > level)) if np.any(z < best) else True
     above = not bool(np.any(alone[z > best] > level)) if np.any(z > best) else True
     if below and above:
@@ -245,8 +254,9 @@ def estimate_all(
     keep: Callable[[Profile], None] | None = None,
     budget: Budget | None = None,
 ) -> list[Estimate]:
-    """Estimates of all asked parameters in their order; profiles of those ``wanted``, each passed to ``keep`` as it is
-    made."""
+    """Estimates of all asked parameters in their order, with profiles by runs of those named in ``wanted`` (None: all;
+    empty: none). ``say`` gets a line of progress; ``keep`` is called with each profile once all are made.
+    """
     factor, jack, lack = factors(fitted), jackknife(fitted), discrepancy_u(fitted)
     strokes = jackknife_over_strokes(fitted)
     width = widen_by_jackknife(np.sqrt(np.diag(fitted.covariance)), jack, len(problem.trials))
@@ -271,7 +281,9 @@ def estimate_all(
 def _make_estimate(
     problem: Problem, fitted: Fitted, j: int, spread: tuple[float, float, float, float], made: Profile | None
 ) -> Estimate:
-    """Estimate of the j-th parameter; ``spread``: Student factor, u, jackknife u, u of what the model lacks."""
+    """Estimate with its verdict of the j-th asked parameter; ``spread``, all of z: Student factor of the 95 % interval,
+    u, u by jackknife, u from what the model lacks; ``made``: its profile, None without one.
+    """
     parameter, action = problem.unknowns.asked[j], problem.action
     factor, width, jack, lack = spread
     z = float(fitted.z[j])

@@ -123,7 +123,8 @@ def fit(
     first_share: float = 1.0,
     budget: Budget | None = None,
 ) -> Fitted:
-    """Fit from one start, all trials alike.
+    """Damped Gauss–Newton fit from z = ``start`` (default 0) without random effects of trials; variance components are
+    learnt on the way. `Fitted` says how it ended; input error where the model cannot run at the start.
 
     Parameters
     ----------
@@ -225,7 +226,9 @@ class _Attempt:
 
 
 def _search_damping(problem: Problem, marginal: Marginal, here: Sequence[Array], z: Array, damping: float) -> _Attempt:
-    """Attempt of the least damped step from residuals ``here`` that lowers the objective; zero if none does."""
+    """First step from z, where residuals are ``here``, that lowers the objective by runs, tried with ``damping``, then
+    larger ones (of the curvature's diagonal); a zero step without curves where none does.
+    """
     before, bent = marginal.objective(here, z), 0.0
     for more in list_dampings(damping):
         step = box_step(marginal, here, z, problem.box(), more)
@@ -268,7 +271,9 @@ def fit_conditional(
     first_share: float = 1.0,
     rough: bool = False,
 ) -> Fitted:
-    """Continue a fit with each trial linearised at its random effects; at first only ``first_share`` of each trial.
+    """Continue a fit with each trial linearised at its random effects, its first ``first_share`` before the rest, then,
+    unless ``rough``, with less discrepancy allowed. The fit as it was, but *out of budget*, where no step could be
+    taken.
 
     A soft stroke near a bifurcation of its motion does not answer a scatter of 2 % linearly: a linear model around what
     all trials share then calls the rest felt or friction, with too small an uncertainty. Each step moves values and
@@ -298,7 +303,9 @@ def fit_conditional(
 
 
 def _refine(problem: Problem, found: Fitted, columns: Columns, at: _Iterate, say: Say | None, budget: Budget) -> Fitted:
-    """Fit with the least discrepancy `FLOOR`, from one with `ROUGH_FLOOR`; that one where it does not settle."""
+    """Continue a fit, which ended at ``at`` with discrepancies of at least `ROUGH_FLOOR`, with the lower limit `FLOOR`;
+    the fit ``found`` itself where that does not converge.
+    """
     at = _estimate_noise(replace(at, is_learnt=False, learnings=0), FLOOR)
     finer, _ = _iterate(problem, found, columns, at, found.bifurcations, say, budget, FLOOR)
     if not finer.converged:
@@ -317,9 +324,8 @@ def _first_iterate(fitted: Fitted) -> _Iterate:
 def _extend(
     problem: Problem, fitted: Fitted, columns: Columns, say: Say | None, budget: Budget, first_share: float
 ) -> tuple[Fitted, _Iterate]:
-    """Fit the first share of each trial, then each up to its bifurcation; the first fit unless the second converges.
-
-    With the last iterate.
+    """Fit the first ``first_share`` of each trial, then each to its end or bifurcation: the fit, and its last iterate;
+    where the second does not converge, those of the first, with an end that says so.
     """
     part = {k: int(first_share * t.time_s.size) for k, t in enumerate(problem.trials)}
     first, at = _iterate(
@@ -353,7 +359,10 @@ def _iterate(
     budget: Budget,
     floor: float = ROUGH_FLOOR,
 ) -> tuple[Fitted, _Iterate]:
-    """Gauss–Newton steps from the iterate ``at``: the fit, and the last iterate; no discrepancy below ``floor``."""
+    """Gauss–Newton steps from the iterate ``at`` until they are small, gain too little or the budget ends: the fit, and
+    the last iterate. ``bifurcations``: trial index -> first sample left out, more are found on the way; no discrepancy
+    is below ``floor``.
+    """
     box = problem.box()
     steps, idle = 0, 0
     with budget.interruptible():
@@ -396,8 +405,8 @@ def _conclude(
     budget: Budget,
     floor: float,
 ) -> Fitted:
-    """Fit of the last iterate ``at``, after so many steps from the fit ``before``, and how it ended, with the most
-    probable variance components, none of the discrepancy below ``floor``.
+    """Fit at the last iterate ``at``, ``steps`` steps after the fit ``before``, with variance components learnt to the
+    end, no discrepancy below ``floor``; it says that it converged, stands at a bifurcation, or ran out of budget.
     """
     marginal, z = select_noise_model(at.marginal.blocks, at.linear, at.marginal.sizes, LAST_ROUNDS, False, floor), at.z
     remaining = box_step(marginal, at.here, z, problem.box(), 0.0)
@@ -446,8 +455,9 @@ def bifurcation_words(problem: Problem, bifurcations: Mapping[int, int]) -> list
 
 
 def _search_line(problem: Problem, at: _Iterate, shares: Sequence[float]) -> tuple[Array, _Modes, float] | None:
-    """z, modes of the trials and gain after the first of ``shares`` of the Gauss–Newton step that lowers the cost; None
-    where none does."""
+    """z (p,), modes of the trials and gain at the first of ``shares`` of the whole Gauss–Newton step at which runs have
+    a lower cost; None where none does.
+    """
     step = box_step(at.marginal, at.here, at.z, problem.box(), 0.0)
     before = _cost(at.marginal, at.run, at.own, at.z)
     for share in shares:
@@ -460,7 +470,8 @@ def _search_line(problem: Problem, at: _Iterate, shares: Sequence[float]) -> tup
 
 
 def _cost(marginal: Marginal, run: Sequence[Array], own: Sequence[Own], z: Array) -> float:
-    """Twice the negative log density of runs, random effects ``own`` and z, up to a constant.
+    """Twice the negative log density, up to a constant, of z, the random effects ``own`` and the residuals ``run`` of
+    runs made with both, all of each trial.
 
     What trials share is at its mode for these runs, and its own density counts: else a step that needs less of it is
     taken for none.
@@ -471,7 +482,8 @@ def _cost(marginal: Marginal, run: Sequence[Array], own: Sequence[Own], z: Array
 
 
 def _find_bifurcations(problem: Problem, at: _Iterate, known: Mapping[int, int]) -> dict[int, int]:
-    """First sample at or after a bifurcation, by trial index, with those of ``known`` included.
+    """Trial index -> first sample from which on small steps bend the curves by more than the noise, found by runs;
+    those of ``known`` are included. Nothing is cut here.
 
     A probe to both sides along the Gauss–Newton step bends its motion by more than `BENT` times the sensor's noise: a
     body just meets a stop, or misses it, and no linear model holds from there on. Where that would leave less than half
@@ -519,7 +531,8 @@ class _Modes:
 
 
 def _find_modes(problem: Problem, at: _Iterate, z: Array, shares: Sequence[float]) -> _Modes | None:
-    """Modes of the random effects of each trial at z, from the linear model ``at``, corrected by runs; or None.
+    """Most probable random effects of each trial at z (p,): from the linear model of ``at``, corrected by runs at
+    ``shares`` of each step; None where the model cannot run.
 
     What a trial has of its own turns with z along a curve: without corrections all could follow z by short steps only.
     """
@@ -549,7 +562,9 @@ def _find_modes(problem: Problem, at: _Iterate, z: Array, shares: Sequence[float
 def _run_towards(
     problem: Problem, z: Array, modes: OwnModes, own: Sequence[Own], shares: Sequence[float]
 ) -> _Modes | None:
-    """For each trial the most probable point on the line to its mode, among ``shares``; None where none can run."""
+    """Run trials at z with random effects at each of ``shares`` of the way from ``own`` to ``modes``, and keep for each
+    trial the most probable; None where the model cannot run at any.
+    """
     tried = [[a.towards(b, s) for a, b in zip(own, modes.most, strict=True)] for s in shares]
     found = problem.response.curves(len(tried) * [z], tried)
     run = [(own, residuals(problem.trials, c)) for own, c in zip(tried, found, strict=True) if c is not None]
@@ -568,7 +583,10 @@ def _linearise(
     bifurcations: Mapping[int, int],
     floor: float,
 ) -> _Iterate | None:
-    """Iterate linearised at the end of a step ``found`` (z, modes, gain); None where the model cannot run."""
+    """Iterate with a new linear model at the end of a step, ``found`` = (z, modes, gain), without what follows
+    ``bifurcations`` (trial index -> sample), no discrepancy learnt below ``floor``; None where the model has no
+    derivatives there.
+    """
     z, modes, _ = found
     try:
         every = enumerate(columns.blocks(z, modes.own))
@@ -583,7 +601,9 @@ def _linearise(
 
 
 def _estimate_noise(at: _Iterate, floor: float) -> _Iterate:
-    """Iterate with variance components estimated where every trial is followed and they have not settled."""
+    """Iterate with variance components estimated, none of the discrepancy below ``floor``, where the model is near
+    every trial and they have not settled yet; else the iterate as it is.
+    """
     if at.is_learnt or not at.is_followed:
         return at
     marginal, learnings = at.marginal, at.learnings
@@ -601,7 +621,8 @@ _badness = attrgetter("badness")
 
 
 def fit_multistart(problem: Problem, n: int = 1, say: Say | None = None, budget: Budget | None = None) -> list[Fitted]:
-    """Fits from several starts, the likeliest first.
+    """Fits of all trials, each at its own random effects, from the best of ``n`` start points, at most `MAX_CONTINUED`:
+    first the one to use, a converged one if any, and of these the likeliest. ``say`` gets a line after each step.
 
     Each start is brought near a minimum of few trials (`_fit_pilots`); the likeliest of these is continued with all
     trials, each at its own mode, and the next one where it does not settle or the discrepancy is more than slight.
@@ -625,8 +646,8 @@ def fit_multistart(problem: Problem, n: int = 1, say: Say | None = None, budget:
 
 
 def _fit_pilots(problem: Problem, start: Array, say: Say, budget: Budget) -> list[tuple[Fitted, float]]:
-    """Fits of one trial of each session, with a discrepancy, and without where it is more than slight; each with the
-    share of a trial, from its start, for which a minimum was found.
+    """Fits of one typical trial of each session from z = ``start``: with a discrepancy, then without (in growing parts
+    where it is more than slight); each with the share of a trial, from its beginning, that converged, or 1.
 
     Without a discrepancy a trial is fitted from its start on, the rest in parts: a soft stroke whose end is another
     motion does not turn the values aside.
@@ -646,8 +667,8 @@ def _fit_pilots(problem: Problem, start: Array, say: Say, budget: Budget) -> lis
 
 
 def _fit_from_pilot(problem: Problem, pilot: Fitted, share: float, say: Say, budget: Budget) -> Fitted:
-    """Fit of all trials, each at its own mode, from a pilot's values; of `FEW` of each session first, whose steps cost
-    less.
+    """Fit of all trials, each at its own mode, that starts from a pilot's values; `FEW` trials of each session come
+    first, and of each trial its first ``share``, as these steps cost less.
     """
     few, at = _select_typical_trials(problem.trials, FEW), pilot
     if 2 * len(few) <= len(problem.trials):
@@ -665,7 +686,9 @@ def _fit_from_pilot(problem: Problem, pilot: Fitted, share: float, say: Say, bud
 
 
 def _select_typical_trials(trials: Sequence[ObservedTrial], n: int = 1) -> list[int]:
-    """Indices of the ``n`` trials of each session that are nearest to the median of its trials."""
+    """Indices of the ``n`` trials of each session, session after session, whose angles differ least from the median of
+    its trials at each sample, the nearest first.
+    """
     out = []
     for session in dict.fromkeys(t.session for t in trials):
         those = [k for k, t in enumerate(trials) if t.session == session]
@@ -676,7 +699,9 @@ def _select_typical_trials(trials: Sequence[ObservedTrial], n: int = 1) -> list[
 
 
 def fit_alike(problem: Problem, z: Array, sizes: Sizes | None = None) -> Fitted:
-    """Fit at z without random effects and without a step; variance components are re-estimated from ``sizes``."""
+    """State of a fit at z (p,) without random effects: no step is taken, variance components are learnt from ``sizes``,
+    its end is *out of budget*. Input error where the model cannot run.
+    """
     curves, blocks = curves_at(problem, z), _blocks(Columns(problem), z, True)
     if curves is None:
         raise ValidationInputError("identify: the model cannot run at the start; use other values (`overrides`)")
@@ -687,7 +712,9 @@ def fit_alike(problem: Problem, z: Array, sizes: Sizes | None = None) -> Fitted:
 
 
 def starts(problem: Problem, n: int) -> list[Array]:
-    """``n`` start points z: the action's values (zeros), then a Latin hypercube of the parameters in the prior."""
+    """``n`` start points z (p,), the same at every call: zeros (the action's values), then a Latin hypercube of the
+    asked parameters within one prior standard uncertainty, all others 0.
+    """
     p, asked = len(problem.unknowns.moved), len(problem.unknowns.asked)
     out = [np.zeros(p)]
     if n > 1:

@@ -71,8 +71,9 @@ def list_candidate_strokes(
     phases: int,
     levels: Sequence[float] = LEVELS,
 ) -> tuple[list[Candidate], list[str]]:
-    """Candidate strokes, every shipped profile at every level that the bench of trial ``like`` allows, and why each
-    other one is refused.
+    """Candidate strokes: each shipped profile times each factor in ``levels``, its blow predicted by ``predict`` and
+    observed at ``phases`` times by the sensors of trial ``like``; and a line ``name: reason`` for each that the bench's
+    limits refuse.
 
     What the bench's limits forbid is left out, with the reason. The blow is predicted by the identified action on the
     arm of the rig file (a callable, as for the rig's dry run), and read as the bench's sensors would read it, without
@@ -121,7 +122,9 @@ def scale_profile_force(profile: Profile, level: float) -> Profile:
 
 
 def make_measured_trial(blow: PredictedBlow, like: MeasuredTrial) -> MeasuredTrial:
-    """The blow as the bench would measure it, without noise, by the sensors of trial ``like``."""
+    """Trial that the bench would measure of the predicted ``blow``, without noise: 0.1 s of rest, then its force and
+    angles; sensors, uncertainties and preload are those of trial ``like``. It has number 0 and no film.
+    """
     step = float(np.median(np.diff(blow.time_s)))
     rest = int(np.ceil(REST_S / step))
     time = np.concatenate([blow.time_s[0] + step * np.arange(-rest, 0), blow.time_s])
@@ -148,8 +151,9 @@ SEED = 163
 
 
 def rehearse_stroke(fitted: Fitted, planned: Marginal, block: Block, play: Play, trials: int) -> Marginal | None:
-    """Marginal model of the fit with simulated trials of one stroke added, its variance components from all; ``play``
-    runs the stroke at given parameters. None where the model cannot run.
+    """Marginal model of the fit with ``trials`` simulated trials of one stroke added and variance components learnt
+    from all; ``block``: its linear model, ``play`` runs it, ``planned``: the model before learning. None where a run
+    fails.
 
     The Fisher information takes a stroke to answer a scatter of its laws linearly. Near a fork of its motion it does
     not: what is not linear is taken for something the model lacks, and widens every interval. So the stroke is played
@@ -184,8 +188,9 @@ def rehearse_stroke(fitted: Fitted, planned: Marginal, block: Block, play: Play,
 
 
 def _discrepancy_columns(planned: Marginal, new: Block) -> Array:
-    """Columns (n, k) of the discrepancy in the new trials, as large as learnt: without its floor, which no stroke has
-    shown."""
+    """Columns (n, k), rad, of the discrepancy in a trial of the new session, whose linear model is ``new``: scaled to
+    the standard deviations in ``planned``, less the floor, which no stroke has shown.
+    """
     sizes, part = planned.sizes, planned.parts[0][new.session]
     common = sizes.common[new.session].copy()
     smooth = slice(0, len(SCALES_S) * sizes.channels)
@@ -256,8 +261,9 @@ def prospects(
     trials: int = TRIALS,
     respond: Respond | None = None,
 ) -> tuple[list[Prospect], list[str]]:
-    """Predicted information gain of each candidate stroke, and of each sensor with half its u, the best first; and why
-    other candidates are refused.
+    """Predicted u after over u now of each parameter (`Prospect`), for ``trials`` more of each candidate and of each
+    session's stroke, and for each sensor's u halved, the best first; and a line for each candidate that the model
+    cannot run.
 
     From the Fisher information at the identified values: the covariance of the fit with the columns of the new trials
     beside those it has (`noise.Marginal`), sizes of noise as learnt. A further session has a discrepancy of its own, as
@@ -318,8 +324,9 @@ def prospects(
 
 
 def _add_best_rehearsed(found: Sequence[Prospect], rehearse: Callable[[Prospect], Prospect]) -> list[Prospect]:
-    """Prospects, the best first, the best strokes among them replaced by ``rehearse(prospect)`` until one of these
-    leads."""
+    """Prospects, the best (least mean shrink) first; the best strokes are replaced by ``rehearse(prospect)`` in turn,
+    at least `TOLD` and at most `MOST_TOLD`, until the best stroke of all is a rehearsed one.
+    """
     ranked = sorted(found, key=lambda p: p.mean)
     done = 0
     while True:
@@ -339,8 +346,8 @@ def _player(response: Response) -> Play:
 
 
 def u_from_noise_sizes(fitted: Fitted, marginal: Marginal) -> Array:
-    """Standard deviation (p,) of the logarithm of each parameter's u after the new strokes, from how far the sizes of
-    noise may move with them.
+    """Standard deviation (p,) of the logarithm of each parameter's u in ``marginal``, the fit with new strokes added,
+    from how far these may still change the variance components.
 
     What the strokes so far do not know of the sizes, less what will still not be known, is how far they may move; what
     that does to a u is the size's share in its variance.
@@ -398,7 +405,8 @@ def best_stroke(ranked: Sequence[Prospect]) -> Prospect | None:
 
 
 def write_plan(ranked: Sequence[Prospect], path: str | Path, doubts: Sequence[str] = ()) -> dict[str, Path]:
-    """Write the best stroke as a plan, beside it its profile, whole or not at all.
+    """Write the best stroke as a trial plan (TOML), with its profile beside it unless that ships; files of these names
+    are replaced, all or none. Return name -> path; input error where no stroke of a profile is ranked.
 
     Parameters
     ----------

@@ -145,7 +145,8 @@ class Candidate:
 
 
 def sources(action: model.Action, trial: ObservedTrial) -> tuple[Source, ...]:
-    """All possible causes: errors of the session's channels, then parameters of the action, then effects.
+    """All possible causes in a session like ``trial``, whose declared u of the force are taken: errors of its channels,
+    values of the action, effects that the action lacks, in this order. Amounts are in units of `Source.wrong`.
 
     Conventions: amounts are in units of `Source.wrong`: a factor exp(wrong z), or wrong z added in SI. What is known
     of a value (its stated u, or the joint uncertainty of an identified action) is taken out of every comparison;
@@ -188,7 +189,9 @@ def sources(action: model.Action, trial: ObservedTrial) -> tuple[Source, ...]:
 
 
 def list_addable_effects(action: model.Action) -> Iterator[Source]:
-    """Yield effects that the action does not have: of its parts, of all joints together, and memory of each felt."""
+    """Yield as a `Source` each effect that the action lacks: of its parts, of all joints together, and two laws of
+    hereditary felt for each contact.
+    """
 
     def source(effects: Sequence[str], sizes: Sequence[tuple[str, float]], name: str = "", **laws: str) -> Source:
         scaled = tuple((path, MOST_MODES if path == MODES else action[path], power) for path, power in sizes)
@@ -211,8 +214,8 @@ def list_addable_effects(action: model.Action) -> Iterator[Source]:
 
 
 def candidates(listed: Sequence[Source], numbers: Sequence[int]) -> tuple[Candidate, ...]:
-    """Every source that may be named, in all trials, in one, as a trend, and from one trial on; ``numbers``: trial
-    numbers in the order of the trials.
+    """Each source that may be named, once for every way in which trials may have it: all, one, a trend, or from one on
+    (all only, for fewer than four trials); ``numbers``: the trials' numbers in their order.
 
     Of what may be wrong in one, a step at the second trial is the first trial alone, one at the last trial that trial
     alone.
@@ -230,8 +233,10 @@ def candidates(listed: Sequence[Source], numbers: Sequence[int]) -> tuple[Candid
 
 
 def _list_weights(profile: str, numbers: Sequence[int], apart: bool) -> Iterator[tuple[NDArray[Any], int, int]]:
-    """Yield the share (trials,) that each trial has, and the numbers of the first and last that have it, for every way
-    of a profile; ``apart``: whether single trials are candidates, too."""
+    """Yield (weights (trials,), first, last) for every way of ``profile``: the share of the amount that each trial has,
+    and the numbers of the first and last that have it; ``apart``: single trials are candidates, too, so that such steps
+    are left out.
+    """
     at, order = np.array(numbers), sorted(numbers)
     if profile == ALL:
         yield np.ones(at.size), order[0], order[-1]
@@ -244,8 +249,9 @@ def _list_weights(profile: str, numbers: Sequence[int], apart: bool) -> Iterator
 
 
 def known_root(action: model.Action, listed: Sequence[Source]) -> Array:
-    """Root (p, k) of the prior covariance of the amounts of the ``listed`` sources; correlated where the action was
-    identified."""
+    """Root L (p, p) of the prior covariance L Lᵀ of the amounts of the ``listed`` sources, in units of `Source.wrong`:
+    diagonal, but for the parameters that an identified action's posterior correlates.
+    """
     root = np.diag([c.known for c in listed])
     before = posterior_of(action)
     if before is None:

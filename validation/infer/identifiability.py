@@ -49,7 +49,9 @@ NEARLY = 1.2  # of the share left along an eigenvector: what is named of it must
 
 
 def directions(names: Sequence[str], covariance: Array) -> tuple[list[Combination], list[Combination]]:
-    """Undetermined and determined directions among parameters, by share of the prior's u left, largest first.
+    """Directions in the space of z along which over half of the prior's u is left (undetermined), and the others
+    (determined), each list by the share left, the largest first; ``covariance`` (n, n): of z, in prior standard
+    uncertainties.
 
     Parameters
     ----------
@@ -97,7 +99,9 @@ def _share_left_marginal(vector: Array, covariance: Array) -> float:
 
 
 def _keep_determined(vector: Array, covariance: Array, share_left: float) -> Array:
-    """Copy (n,) with all but its largest components zero: the fewest that leave a share near ``share_left``."""
+    """Copy of the direction ``vector`` (n,) with small components zero: the fewest, largest ones along which no more
+    than `NEARLY` times ``share_left`` of the prior's u is left, all other directions free; ``covariance`` (n, n): of z.
+    """
     order = order_by_size(vector)
     short = np.zeros_like(vector)
     for i in order:
@@ -110,7 +114,9 @@ def _keep_determined(vector: Array, covariance: Array, share_left: float) -> Arr
 
 
 def _shorten_undetermined(vector: Array, precision: Array) -> Array:
-    """The vector with its largest components only, as few as leave it undetermined."""
+    """Copy of the direction ``vector`` (n,) with small components zero: the fewest, largest ones along which over half
+    of the prior's u is left, all other directions held; ``precision`` (n, n): inverse covariance of z.
+    """
     order = order_by_size(vector)
     short = np.zeros_like(vector)
     for i in order:
@@ -127,7 +133,9 @@ def _name_weights(names: Sequence[str], vector: Array) -> dict[str, float]:
 
 
 def warnings_of(names: Sequence[str], covariance: Array) -> list[str]:
-    """Sentences on what these strokes cannot separate; none where every asked parameter is determined."""
+    """Sentences on the parameters ``names``, and on their combinations, of which over half of the prior's u is left;
+    empty where there are none. ``covariance`` (n, n): of z, in prior standard uncertainties.
+    """
     width = np.sqrt(np.diag(covariance))
     poor = [(n, w) for n, w in zip(names, width, strict=True) if w > HALF]
     said = []
@@ -144,7 +152,8 @@ def warnings_of(names: Sequence[str], covariance: Array) -> list[str]:
 
 
 def warnings_before(names: Sequence[str], at_best: Array, expected: Array) -> list[str]:
-    """Sentences before a fit on parameters not identifiable: at best, and with a usual model discrepancy.
+    """Sentences before a fit on parameters of which over half of the prior's u will be left; ``at_best``, ``expected``:
+    covariances (n, n) of z if the model lacks nothing, and with a usual discrepancy.
 
     Parameters
     ----------

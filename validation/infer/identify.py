@@ -50,7 +50,9 @@ def identify(
     action: model.Action | str | Path = "hirschkorn2004",
     **keywords: Unpack[IdentifyKeywords],
 ) -> Identification:
-    """Find the parameter values that explain the measured strokes, and say how well they are known.
+    """Find the parameter values that explain the measured strokes, and say how well they are known: a fit to
+    ``sessions``, with the values and uncertainties of ``action`` as the prior. The result holds the new action; the one
+    given is not changed.
 
     Parameters
     ----------
@@ -167,8 +169,9 @@ def identify(
 
 
 def check_identifiability(problem: Problem, columns: Columns) -> list[str]:
-    """Sentences on identifiability from the derivatives at the start, before the fit; raises an input error where a
-    parameter has no effect or data are fewer than parameters."""
+    """Sentences, before the fit, on parameters of which the strokes will leave over half of the prior's u, from the
+    derivatives at z = 0; input error where a parameter moves no angle, data are too few, or the model cannot run.
+    """
     data = sum(t.change_rad.size for t in problem.trials)
     names = [p.name for p in problem.unknowns.asked]
     if data < len(names):
@@ -194,7 +197,9 @@ def check_identifiability(problem: Problem, columns: Columns) -> list[str]:
 
 
 def list_bounds_not_run(problem: Problem) -> list[str]:
-    """Lines on ends of requested parameters' ranges at which the model cannot run the strokes."""
+    """Lines, one for each end of a requested parameter's range, all others at z = 0, at which the model cannot run the
+    strokes; empty where it runs at all of them.
+    """
     asked, (low, high) = problem.unknowns.asked, problem.box()
     ends = [(j, side, edge[j]) for j in range(len(asked)) for side, edge in (("lower", low), ("upper", high))]
     points = [at * np.eye(low.size)[j] for j, _, at in ends]
@@ -232,7 +237,10 @@ def list_size_warnings(names: Sequence[str]) -> list[str]:
 
 
 def _decide_end(best: Fitted, names: Sequence[str], covariance: Array, determined: Sequence[Combination]) -> End:
-    """How the fit ended; *not identifiable* where it converged and no requested parameter is determined."""
+    """How the fit ended: *not identifiable* where it converged and leaves over half of the prior's u of every
+    parameter, ``covariance`` (n, n) being that of z, else its own end; ``determined`` combinations are named in the
+    text.
+    """
     if not best.converged or np.any(np.sqrt(np.diag(covariance)) < HALF):
         return best.end
     known = "; ".join(f"{d.words} ({100 * d.left:.0f} % of its prior uncertainty left)" for d in determined)

@@ -109,8 +109,10 @@ class Supported:
 def find_supported_estimates(
     problem: Problem, fitted: Fitted, say: Callable[[str], None], budget: Budget | None = None
 ) -> Supported | None:
-    """Estimates that hold in spite of the model's discrepancy, from fits with further parameters freed as far as the
-    budget allows; None where nothing seems to be lacking, or another than a force drives a trial."""
+    """Estimates that hold in spite of what the model lacks, from refits each with one held value or effect freed, as
+    many as the budget allows; None where nothing seems to be lacking, or any trial is driven by its key. ``say`` gets a
+    line a refit.
+    """
     if not isinstance(problem.response, ModelResponse) or any(t.key is not None for t in problem.trials):
         return None
     budget = Budget(math.inf) if budget is None else budget
@@ -139,8 +141,9 @@ def find_supported_estimates(
 
 
 def _rank_changes(kinds: Sequence[Sequence[Promise]], lack: float) -> list[Promise]:
-    """Changes to refit: the most promising of each kind, and, where the share ``lack`` of the discrepancy is
-    large, each contact's felt.
+    """Changes to refit, of ``kinds`` (values held, effects; each the best first): up to `MOST_FITTED` of each kind with
+    gains near the best, and, where ``lack`` (discrepancy, share of the response) is large, the felts of the contacts
+    named.
 
     A felt twice as stiff is no small change: where the fit ended its linear model may promise less than a law of
     another form, or another place, of the same contact.
@@ -155,8 +158,8 @@ def _rank_changes(kinds: Sequence[Sequence[Promise]], lack: float) -> list[Promi
 
 
 def predict_gains(problem: Problem, fitted: Fitted, budget: Budget) -> list[list[Promise]]:
-    """Values that were held, then effects, each list with the gain of log evidence that the linear model promises, the
-    best first.
+    """Changes with the gain of log evidence that the linear model promises: a list of values that the fit held, then
+    one of effects that the action lacks, each the best first; the second is left out where nothing seems lacking.
 
     What an effect promises is what it does as stated; a value that looks like it may promise more, and then keep less.
 
@@ -190,7 +193,9 @@ Columns = Iterator[tuple[Parameter, model.Action, list[Array]]]
 def _held_columns(
     problem: Problem, fitted: Fitted, response: ModelResponse, own: list[Sequence[Own]] | None
 ) -> Columns:
-    """Each parameter that the fit held, its action, and its column (c m,) in each trial, at random effects ``own``."""
+    """Yield each parameter that the fit held, the action, and the derivative (c m,) of each trial's curves by it, rad
+    per prior standard uncertainty, at the fit's values and random effects.
+    """
     action, unknowns = problem.action, problem.unknowns
     moved = {p.name for p in unknowns.moved}
     names = {n: paths for n, paths in single_names(action).items() if n not in moved}
@@ -214,7 +219,10 @@ def _measured_rows(fitted: Fitted, columns: Sequence[Array]) -> list[Array]:
 def _effect_columns(
     problem: Problem, fitted: Fitted, response: ModelResponse, own: list[Sequence[Own]] | None
 ) -> Columns:
-    """Effects that the action lacks: parameter of size, action with it, column (c m,), at random effects ``own``."""
+    """Yield for each effect that the action lacks a parameter of its size, the action with it, and the change (c m,),
+    rad, of each trial's curves by the whole effect at the fit's z and random effects ``own``; those that cannot run are
+    skipped.
+    """
     action, base = problem.action, response.curves([fitted.z], own)[0]
     for source in list_addable_effects(action) if base is not None else ():
         scene = None if LIFTING & set(source.effects) else source.scene(action, 1.0)
@@ -242,8 +250,9 @@ def fit_with_change(
     rarity: float,
     budget: Budget | None = None,
 ) -> LetIn | None:
-    """The fit with one parameter of ``action`` let in, and its gain of log evidence less ``rarity``, the logarithm of
-    how many changes were tried; None where the model cannot run with it."""
+    """The fit continued with one parameter of ``action`` freed, and its gain of log evidence less ``rarity``, the
+    logarithm of how many changes were tried; None where the model cannot run with it.
+    """
     unknowns = problem.unknowns
     held = tuple(p for p in unknowns.held if p.name != parameter.name)
     unknowns = replace(unknowns, beside=(*unknowns.beside, parameter), held=held)
@@ -275,7 +284,10 @@ def _held_columns_without(problem: Problem, parameter: Parameter) -> tuple[Array
 def _combine_estimates(
     kept: Sequence[LetIn],
 ) -> tuple[tuple[Estimate, ...], tuple[tuple[Combination, float, float], ...]]:
-    """Estimates whose intervals cover those of all fits, and determined combinations of several parameters."""
+    """Estimates of the first (likeliest) fit with intervals widened to cover those of all ``kept``, and determined
+    combinations of several parameters, each with value and u of the sum of weights times z; none where a fit did not
+    converge.
+    """
     each = [estimate_all(one.problem, one.fitted, (), lambda text: None) for one in kept]
     out = []
     for of in zip(*each, strict=True):
@@ -334,8 +346,9 @@ def describe_lack_phase(problem: Problem, lack: Sequence[Array]) -> str:
 
 
 def _discrepancy_curves(problem: Problem, fitted: Fitted, best: LetIn) -> list[Array]:
-    """Discrepancy (m, c), rad, of each trial: the most probable extended fit less the model without it, else the
-    residuals."""
+    """Discrepancy (m, c), rad, of each trial: curves of the fit ``best`` less those of the model without what it freed;
+    measured less predicted by ``fitted`` where it freed nothing or the model cannot run without.
+    """
     z = best.fitted.z
     if best.parameter is not None:
         z = np.delete(z, best.problem.unknowns.moved.index(best.parameter))
@@ -346,8 +359,9 @@ def _discrepancy_curves(problem: Problem, fitted: Fitted, best: LetIn) -> list[A
 
 
 def measure_separation(let_in: Sequence[LetIn], trials: Sequence[ObservedTrial]) -> Array:
-    """Root mean square difference (trials,) of the fits in each stroke, in standard deviations of the sensors; 0 where
-    one cannot run."""
+    """How far the predictions of the fits ``let_in`` are apart in each stroke (trials,): root mean square over times
+    and channels of their range, in standard deviations of the sensors' noise; 0 where one cannot run.
+    """
     out = np.zeros(len(trials))
     for k, trial in enumerate(trials):
         curves = []

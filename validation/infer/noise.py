@@ -49,7 +49,9 @@ def family_of(parameter: Parameter) -> int:
 
 
 def law_family(path: str) -> int:
-    """Place in `FAMILIES` of the law that a path of the action belongs to."""
+    """Place in `FAMILIES` of the law that a path of the action belongs to, told by its name; every other path counts as
+    stiffness.
+    """
     if "joint_friction" in path:
         return 1
     if "friction" in path:
@@ -96,7 +98,10 @@ class Sizes:
 
     @staticmethod
     def _fill(families: NDArray[np.intp], seen: Array, scatter: float, own: float, common: float) -> Sizes:
-        """Variance components: ``scatter`` of laws, ``own`` of a trial, ``common`` of all, for channels ``seen``."""
+        """Equal start values, standard deviations: ``scatter`` of laws (prior u), ``own`` of each trial's deviation and
+        ``common`` of the discrepancy (shares of the response); next to none of a channel that ``seen`` (sessions, c; 1
+        or 0) lacks.
+        """
         sessions = len(seen)
         parts = np.hstack([np.repeat(seen, len(SCALES_S), axis=1), seen, np.ones((sessions, 1))])
         return Sizes(
@@ -181,7 +186,9 @@ class RandomEffectColumns:
 
     @cached_property
     def component_blocks(self) -> list[tuple[int, slice, Array]]:
-        """For each variance component: its index in `Sizes.log`, range of rows that are not zero, columns there."""
+        """For each variance component its index in `Sizes.log`, a slice of rows outside which its columns are zero, and
+        its columns in these rows.
+        """
         out = []
         for component in np.unique(self.component):
             mine = self.columns[:, self.component == component]
@@ -197,8 +204,9 @@ class RandomEffectColumns:
 
 
 def smooth_root(block: Block, channel: int, *correlated_s: float) -> Array:
-    """Root (n, m) of the covariance of a smooth process over the phases of one channel of a trial, the mean of
-    exponential correlations of the times ``correlated_s``, s.
+    """Root (c m, m) of the covariance, rad², of a smooth process in one channel (its place in the block) of a trial, as
+    large as its response: the mean of exponential correlations over the times ``correlated_s``, s. Other channels' rows
+    are 0.
 
     Rows of a trial are channel after channel. Smooth parts are Gaussian processes over time with exponential
     correlation, the mean of those of the times given, and as large where the action responds as `Block.size` says.
@@ -227,8 +235,8 @@ def law_columns(block: Block, sizes: Sizes) -> Array:
 
 
 def shared_root(block: Block, sizes: Sizes, root: Array) -> Array:
-    """Root (n, l + n) of a trial's covariance by its session's common parts, from the root (l + n, l + n) of these; l:
-    laws.
+    """Root (n, l + n) of the covariance of a trial's n rows by what its session shares: from ``root`` (l + n, l + n) of
+    the shifts of l laws, then of a discrepancy of n rows; the trial's own law columns carry the first.
 
     Trials of one kind differ by some per cent in their force, and after an impact their columns of a law by half.
     """
@@ -239,7 +247,9 @@ def shared_root(block: Block, sizes: Sizes, root: Array) -> Array:
 
 
 def common_parts(blocks: Sequence[Block], sizes: Sizes) -> RandomEffectColumns:
-    """Columns of the model discrepancy that all trials of a session share; rows as in `shared_root`."""
+    """Columns, of unit size, of the discrepancy that the trials ``blocks`` of one session share: rows are shifts of its
+    l laws, then the n rows of its first trial.
+    """
     lead, c = blocks[0], sizes.channels
     m, first = lead.time_s.size, len(FAMILIES) + sizes.own.size + lead.session * sizes.common.shape[1]
     columns, component = [], []
@@ -269,7 +279,9 @@ def make_parts(blocks: Sequence[Block], sizes: Sizes) -> Parts:
 
 
 def null_covariances(block: Block, sizes: Sizes) -> tuple[Array, Array, Array]:
-    """Covariances (n, n) of a trial that stands for all: sensors and drive with its deviation, laws, what all share."""
+    """Covariances (n, n), rad², of a trial: of its sensors, drive and smooth deviation; of the scatter of its laws; of
+    what all trials share, discrepancy and errors of instruments.
+    """
     common, (own,) = make_parts([block], sizes)
     size, laws = np.exp(sizes.log()), law_columns(block, sizes)
     alone = replace(sizes, by_family=np.full_like(sizes.by_family, LEAST))
@@ -354,7 +366,9 @@ class Marginal:
         return lower, solve_lower(lower, self.design(b))
 
     def projected(self, residuals: Sequence[Array]) -> tuple[Array, float]:
-        """Xᵀ C⁻¹ r (q,) and rᵀ C⁻¹ r; the last residuals' are cached."""
+        """Xᵀ C⁻¹ r (q,) and rᵀ C⁻¹ r of residuals r (n,) of each trial: X all columns that trials share, C the
+        covariance of what a trial has of its own. The last answer is kept for the same list.
+        """
         if self._asked is residuals:
             return self._projected
         b, square = np.zeros(self.q), 0.0
@@ -397,7 +411,8 @@ GROWN = (2.0, 4.0, 0.5)
 
 
 def held_out_score(marginal: Marginal, residuals: Sequence[Array]) -> float:
-    """Sum of the log densities of strokes kept aside, each session where there are several, each trial else.
+    """Sum of the log densities, but for a constant, of each session's strokes (with one session: each stroke's) as all
+    others predict them; ``residuals`` (n,) of each trial at z = 0 of the linear model.
 
     With W the inverse covariance of all data and a = W y, the trials kept aside (k) differ from what all others predict
     by W_kk⁻¹ a_k with covariance W_kk⁻¹. Source: Rasmussen and Williams (2006), 5.4.2.
@@ -426,8 +441,8 @@ def held_out_score(marginal: Marginal, residuals: Sequence[Array]) -> float:
 
 
 def _log_density(back: Array, left: Array, covariance: Array) -> float:
-    """Log density of whitened rows kept aside, whose part of the inverse covariance is 1 − back covariance backᵀ;
-    ``left``: these rows, less what the fit to all strokes explains.
+    """Log density, but for a constant, of n whitened rows kept aside: ``left`` (n,) these rows less what the fit to all
+    data explains, ``back`` (n, q) their columns, ``covariance`` (q, q) of the columns given all data.
     """
     inside = np.linalg.inv(covariance) - back.T @ back  # the precision without the strokes kept aside
     inside = 0.5 * (inside + inside.T)
@@ -473,7 +488,9 @@ class OwnModes:
             self.most.append(Own(laws, b.own[:, : b.driven].T @ pull))
 
     def costs(self, residuals: Sequence[Array], own: Sequence[Own]) -> Array:
-        """Cost (trials,) of residuals of runs at z with random effects ``own``."""
+        """Cost (trials,), twice the negative log density but for a constant, of the residuals (n,) of runs at z with
+        the random effects ``own``, and of these, one of each trial.
+        """
         scatters, out = self.scatter > 0.0, []
         for lower, shared, r, o in zip(self._own_roots, self.shared, residuals, own, strict=True):
             white = solve_triangular(lower, r - shared, lower=True)
@@ -483,7 +500,9 @@ class OwnModes:
 
     @cached_property
     def _own_roots(self) -> list[Array]:
-        """Root of the covariance of each trial's residual, given its random effects."""
+        """Cholesky root (n, n) of the covariance of each trial's residual given its laws and drive: sensor noise,
+        smooth deviation, zeros of its sensors.
+        """
         size, out = np.exp(self.marginal.sizes.log()), []
         for b, part in zip(self.marginal.blocks, self.marginal.parts[1], strict=True):
             laws = law_columns(b, self.marginal.sizes).shape[1]
@@ -497,8 +516,9 @@ LEAST_DAMPING, MARQUARDT = 0.03, 10.0  # of the curvature's diagonal; factor to 
 
 
 def box_step(marginal: Marginal, here: Sequence[Array], z: Array, box: tuple[Array, Array], damping: float) -> Array:
-    """Step (p,) to the linear model's minimum in a ``box`` of lowest and highest z, from z with residuals ``here``;
-    ``damping`` times the curvature's diagonal is added to it (Marquardt)."""
+    """Step (p,) from z to the linear model's minimum within ``box``, lowest and highest z (p,) each; ``here``:
+    residuals (n,) of each trial at z; ``damping`` times the curvature's diagonal is added to it (Marquardt).
+    """
     low, high = box
     slope, curvature = marginal.slope(here, z), marginal.curvature
     damped = curvature + damping * np.diag(np.diag(curvature))
@@ -542,8 +562,10 @@ class Scores:
 
 
 def scores(marginal: Marginal, residuals: Sequence[Array] | None = None) -> Scores:
-    """Derivatives of the negative log likelihood by the logarithms of the variance components, at those of
-    ``marginal``; residuals at z = 0 of the linear model, without which the slope is 0."""
+    """Slope, expected information and share in each parameter's variance, of the negative log likelihood by the
+    logarithms of the variance components of ``marginal``; ``residuals`` at z = 0 of the linear model, without which the
+    slope is 0.
+    """
     log = marginal.sizes.log()
     variance, p = np.exp(2.0 * log), marginal.p
     slope, information, shares = np.zeros(log.size), np.zeros((log.size, log.size)), np.zeros((p, log.size))
@@ -601,8 +623,10 @@ def _sum_squares(part: RandomEffectColumns, pull: Array, sizes: int) -> Array:
 def _add_scores(
     slope: Array, information: Array, variance: Array, part: RandomEffectColumns, weight: Array, left: Array | None
 ) -> None:
-    """Add to ``slope`` (k,) and ``information`` (k, k), in place, what one independent part says of its variance
-    components; without ``left`` there is no slope."""
+    """Add what one independent part says of its variance components to ``slope`` (k,) and ``information`` (k, k) in
+    place: ``variance`` (k,) by component, ``weight`` (n, n) the projected precision, ``left`` (n,) that times the data;
+    no slope without.
+    """
     for k, (i, rows, columns) in enumerate(part.component_blocks):
         for j, others, more in part.component_blocks[: k + 1]:
             across = columns.T @ weight[rows, others] @ more
@@ -659,7 +683,8 @@ def select_noise_model(
     anew: bool = True,
     floor: float = FLOOR,
 ) -> Marginal:
-    """The likelier model of two, learnt from these sizes and, ``anew``, from next to no discrepancy; none of it below
+    """Marginal model with the likelier variance components of two, learnt from ``sizes`` and, if ``anew``, from next to
+    no discrepancy; with several sessions, discrepancy as large as predicts left-out ones best; none of it below
     ``floor``.
 
     Where there are several kinds of strokes, its discrepancy as a whole is then as large as predicts those of a kind

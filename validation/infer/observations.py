@@ -42,7 +42,8 @@ class FilmSeen:
 
 
 def read_film(m: MeasuredTrial, phase_s: Array) -> FilmSeen:
-    """Film angles of a trial at times (m,), s; all lost (NaN) without a film.
+    """Jack and repetition lever (m, 2) of a trial's film, rad since rest and relative to the whippen, with their u, at
+    phases (m,), s: of each phase its nearest frame; NaN where none is near, and throughout without a film.
 
     Conventions: relative to the whippen and to rest, rad; a phase without a frame of its own is lost (NaN): frames may
     be further apart than phases, and one frame counts once. Noise differs from frame to frame; the reference, an
@@ -70,7 +71,9 @@ def read_film(m: MeasuredTrial, phase_s: Array) -> FilmSeen:
 
 
 def _assign_frames(frame_s: Array, phase_s: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """Index of the frame nearest to each phase (m,), and whether the phase has it for itself."""
+    """For each phase (m,), s, the index of the nearest frame, and whether it may be used: near enough, within the
+    phases, and nearest to no other phase.
+    """
     frame = np.clip(np.round(np.interp(phase_s, frame_s, np.arange(frame_s.size))), 0, frame_s.size - 1).astype(int)
     away = np.abs(frame_s[frame] - phase_s)
     there = away <= NEAR * float(np.median(np.diff(frame_s)))
@@ -170,7 +173,9 @@ _Seen = Callable[[str, int, MeasuredTrial, Span, Array], ObservedTrial]
 def observe(
     name: str, session: int, trials: Sequence[MeasuredTrial], phases: int = PHASES, film: bool = False
 ) -> list[ObservedTrial]:
-    """Thin the trials of one session to common phases.
+    """Trials of one session, each driven by its force, thinned to at most ``phases`` common times; ``session``: its
+    index in the fit; ``film``: with jack and repetition lever. Input error without a common span, or where an encoder
+    stands still.
 
     Parameters
     ----------
@@ -191,7 +196,9 @@ def observe(
 def _thin_trials(
     name: str, session: int, trials: Sequence[MeasuredTrial], ways: tuple[_SpanOf, _Seen], phases: int, film: bool
 ) -> list[ObservedTrial]:
-    """Observed trials of a session at common phases; ``ways`` give the span of a trial and observe it."""
+    """Trials of a session thinned to at most ``phases`` common times; ``ways``: functions that give a trial's span, and
+    its observation at these times. Input error where an encoder stands still, or trials have no span in common.
+    """
     for m in trials:
         still = np.flatnonzero(np.ptp(m.change_rad, axis=0) == 0.0)
         if still.size:
@@ -206,8 +213,9 @@ def _thin_trials(
 
 
 def common_phases(name: str, trials: Sequence[MeasuredTrial], spans: Sequence[Span], phases: int) -> Array:
-    """Times (m,), s, from the moment the hammer is up, at which all trials of a session are compared; raises an input
-    error where they have no span in common."""
+    """Times (m,), s, since the hammer first came 90 % of its way, at which all trials are compared: at most ``phases``,
+    closer where the first trial moves fast; input error where the trials have no span in common.
+    """
     before = min(s.top_s - s.start_s for s in spans)
     after = min(s.end_s - s.top_s for s in spans)
     if before <= 0.0 or after <= 0.0:
@@ -227,7 +235,9 @@ def common_phases(name: str, trials: Sequence[MeasuredTrial], spans: Sequence[Sp
 
 
 def add_film_angles(trial: ObservedTrial, m: MeasuredTrial) -> ObservedTrial:
-    """The trial with jack and repetition lever as its film shows them; lost throughout without one."""
+    """Copy of an observed trial with two more channels, jack and repetition lever, rad, as the film of ``m`` shows them
+    in the frames nearest to its phases; NaN throughout without a film.
+    """
     seen: FilmSeen = read_film(m, trial.time_s)
     white = np.broadcast_to(trial.u_white_rad, trial.change_rad.shape)
     return replace(
@@ -280,7 +290,9 @@ def _interpolate_change(m: MeasuredTrial, time_s: Array) -> Array:
 
 
 def _observe_trial(name: str, session: int, m: MeasuredTrial, span: Span, phases: Array) -> ObservedTrial:
-    """Observation of a force-driven trial at the phases (m,): its angles, force and their uncertainties."""
+    """Observation of a force-driven trial: encoder angles of the samples nearest to ``phases`` (m,), s since the hammer
+    came up, the force from before it acts, and their u; ``session``: its index in the fit.
+    """
     index = nearest_samples(m, span, phases)
     time = m.time_s[index]
     f = m.force
@@ -315,7 +327,8 @@ WITHOUT_KEY = (1, 2)
 def observe_driven(
     name: str, session: int, trials: Sequence[MeasuredTrial], phases: int = PHASES, film: bool = False
 ) -> list[ObservedTrial]:
-    """Thin the trials of one session to common phases, each driven by its own key; as `observations.observe`.
+    """Trials of one session thinned to common times, each driven by the motion fitted to its key's encoder; whippen and
+    hammer are compared. Arguments and input errors as of `observe`, and where a key's angles are no motion.
 
     Conventions: whippen and hammer (and a film's bodies) are compared, at phases as in `observations`, from just before
     the key moves until it goes up again. The key's motion is a differentiable curve fitted to its encoder, since rest;
@@ -339,7 +352,9 @@ def _driven_span(m: MeasuredTrial) -> Span:
 
 
 def _observe_driven_trial(name: str, session: int, m: MeasuredTrial, span: Span, phases: Array) -> ObservedTrial:
-    """Observation of a trial driven by its key encoder: fitted key motion, whippen and hammer angles."""
+    """Observation of a trial driven by its key's encoder: a motion fitted to the key since rest, whippen and hammer
+    angles of the samples nearest to ``phases`` (m,), s since the hammer came up; input error where no motion fits.
+    """
     index = nearest_samples(m, span, phases)
     time = m.time_s[index]
     inside = (m.time_s > span.start_s - LEAD_S) & (m.time_s <= time[-1] + AFTER_S)
@@ -381,7 +396,8 @@ HAMMER_ALONE = (ENCODER_CHANNELS.index("hammer"),)
 def observe_positions(
     name: str, session: int, trials: Sequence[MeasuredTrial], phases: int = PHASES, film: bool = False
 ) -> list[ObservedTrial]:
-    """Thin the trials of position sensors to common phases, each driven by its own key; as `observe`.
+    """Trials of one session of position sensors, thinned to common times until the hammer is back: the key's sensor
+    drives the model, the hammer's is compared. Arguments and input errors as of `observe`.
 
     Conventions: the hammer is compared, from just before the key moves until it is back: a key that is let go moves the
     action on. Errors of the sensors move like parameters.
@@ -398,7 +414,9 @@ def _positions_span(m: MeasuredTrial) -> Span:
 
 
 def _observe_positions_trial(name: str, session: int, m: MeasuredTrial, span: Span, phases: Array) -> ObservedTrial:
-    """Observation of a trial of position sensors: the key's drives, the hammer's is compared."""
+    """Observation of a trial of position sensors: the key's drives the model, the hammer's is compared, rad since rest,
+    at the samples nearest to ``phases`` (m,), s since the hammer came up.
+    """
     index, measured = nearest_samples(m, span, phases), list(HAMMER_ALONE)
     white = (m.resolution_rad * RECTANGULAR)[measured]
     return ObservedTrial(
@@ -433,7 +451,9 @@ def with_calibration(trials: Sequence[ObservedTrial], sensors: SensorCalibration
 
 
 def share_key_errors(trials: Sequence[ObservedTrial]) -> list[ObservedTrial]:
-    """All trials, with errors of the key's encoder free in each where they are free in any of them."""
+    """The trials; where a key's encoder drives any of them, those that a force drives are copied with the errors of
+    their key's encoder to be fitted, too (``key_moves``).
+    """
     if not any(isinstance(t.key, KeyFit) for t in trials):
         return list(trials)
     return [
@@ -445,7 +465,9 @@ def share_key_errors(trials: Sequence[ObservedTrial]) -> list[ObservedTrial]:
 
 
 def add_drive_errors(asked: Unknowns, trials: Sequence[ObservedTrial]) -> Unknowns:
-    """The unknowns with errors of the force, of the key's encoder, or of both, as the trials are driven."""
+    """Copy of the unknowns whose ``force`` holds the errors of what drives the trials: of the force, the key's encoder
+    or the position sensors, each where it drives any trial.
+    """
     errors: tuple[Parameter, ...] = ()
     if any(t.key is None for t in trials):
         errors += FORCE

@@ -85,7 +85,9 @@ class Columns:
             self._last = np.zeros(p), None, blocks
 
     def blocks(self, z: Array, own: Sequence[Own] | None = None, near: bool = True) -> list[Block]:
-        """Linear model of each trial at z and random effects ``own``; not ``near`` the minimum, some are reused.
+        """Linear model of each trial at z (p,) and random effects ``own`` (None: zero); unless ``near`` the minimum,
+        columns of force noise and of fixed laws are reused. The last answer is kept. ModelError where the model cannot
+        run.
 
         All that moves is found afresh: old columns turn the last steps aside. Those of force noise are kept on the way
         and while z moves little: they only say how large it is, until trials have force noise of their own. Those of
@@ -113,7 +115,8 @@ class Columns:
 def make_problem_at_start(
     action: model.Action, unknowns: Unknowns, trials: Sequence[ObservedTrial], response: Response
 ) -> tuple[Problem, Columns]:
-    """The problem, and its linear model at z = 0, in one computation.
+    """The problem, and its `Columns` with the linear model at z = 0 (the action's values), in one computation of
+    derivatives; ModelError where the model cannot run there.
 
     Raises
     ------

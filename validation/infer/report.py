@@ -37,7 +37,9 @@ def z_of(parameter: Parameter, prior: float, value: float) -> float:
 
 
 def forest(found: Identification) -> Forest:
-    """Figure of values before and after, in prior standard uncertainties."""
+    """Table with a drawing of each estimate's value and 95 % interval, and of the prior's, in prior standard
+    uncertainties from the value before.
+    """
     rows = []
     table = _tables(found, "estimates", found)[0]
     for cells, p, e in zip(table.rows, found.details.problem.unknowns.asked, found.estimates, strict=True):
@@ -51,7 +53,9 @@ def forest(found: Identification) -> Forest:
 
 
 def residual_rms(trials: Sequence[ObservedTrial], curves: Sequence[Array]) -> dict[int, tuple[Array, Array]]:
-    """Session -> times of its first trial (m,) and RMS difference of its trials (m, c), rad, 0 where lost."""
+    """Session -> times (m,), s, of its first trial and root mean square over its trials (m, c), rad, of measured less
+    predicted angles, 0 where lost; ``curves``: predicted angles (m, c), rad, of each trial.
+    """
     found = {}
     for session in sorted({t.session for t in trials}):
         own = [(t, c) for t, c in zip(trials, curves, strict=True) if t.session == session]
@@ -78,7 +82,9 @@ RESIDUALS = (
 def residual_figure(
     trials: Sequence[ObservedTrial], before: Sequence[Array], after: Sequence[Array]
 ) -> list[ReportFigure]:
-    """Root mean square difference of each session and channel over the phases of the stroke."""
+    """Figure, in a list of one, of the root mean square residual, degrees, over time, by session and channel;
+    ``before``, ``after``: predicted angles (m, c), rad, of each trial with the values before and after the fit.
+    """
     one, two = residual_rms(trials, before), residual_rms(trials, after)
     shown = sorted({c for t in trials for c in t.channels})
     chart = Chart(WIDTH, ROW * len(one) + 40, [1.0] * len(one), len(shown), top=18, between=40, is_shared=False)
@@ -104,7 +110,9 @@ def _figure(chart: Chart, key: str, caption: str) -> ReportFigure:
 
 
 def profile_figure(found: Identification) -> list[ReportFigure]:
-    """SVG of the likelihood profiles of each parameter; empty where none was computed."""
+    """Figure (SVG), in a list of one, of all likelihood profiles with the level and ends of their 95 % intervals; an
+    empty list where none was made.
+    """
     profiles = found.details.profiles
     if not profiles:
         return []
@@ -134,7 +142,8 @@ def _tables(found: Identification, name: str, of: object) -> list[PageTable]:
 
 
 def render_identification(found: Identification, ranked: Sequence[Prospect] = (), refused: Sequence[str] = ()) -> str:
-    """The page of an identification, without outside addresses.
+    """HTML page of an identification, without outside addresses, as text. ``ranked``: what to record next, the best
+    first, ``refused``: lines ``name: reason`` on strokes not considered, both of `prospects`.
 
     Parameters
     ----------

@@ -56,7 +56,9 @@ class ResidualProblem:
         self._root = cholesky(0.5 * (left + left.T), lower=False)
 
     def residual(self, z: Array) -> Array:
-        """Whitened residuals of all trials, then z itself (the prior), (n + p,).
+        """Whitened residuals (n,) of all trials, measured less predicted, then z itself (the prior), (n + p,): their
+        sum of squares is twice the negative log posterior, but for a constant. Input error where the model cannot run
+        at z (p,).
 
         Raises
         ------
@@ -73,7 +75,7 @@ class ResidualProblem:
         return np.concatenate([self._root @ np.concatenate(parts), z])
 
     def jacobian(self, z: Array) -> Array:
-        """Derivatives (n + p, p) of `residual`."""
+        """Derivatives (n + p, p) of `residual` by z at z (p,), in prior standard uncertainties."""
         found = self._problem.response.jacobian(z, range(z.size))
         parts = [
             -solve_triangular(lower, rows(columns), lower=True)
@@ -95,7 +97,9 @@ def residual_problem(
     action: model.Action | str | Path = "hirschkorn2004",
     **keywords: Unpack[IdentifyKeywords],
 ) -> ResidualProblem:
-    """Residual and Jacobian of an identification, for an optimiser of one's own.
+    """Least-squares problem of an identification for an optimiser of one's own: residual, Jacobian, start and bounds of
+    z, in prior standard uncertainties; arguments as of `validation.identify`, sizes of noise learnt once, at the
+    action's values.
 
     Parameters
     ----------
@@ -138,7 +142,9 @@ def residual_problem(
 
 
 def problem_at_start(problem: Problem) -> ResidualProblem:
-    """The problem with sizes of noise as learnt at z = 0."""
+    """Least-squares problem of a fit, with sizes of noise learnt once, at z = 0; input error where the model cannot run
+    there.
+    """
     zero = np.zeros(len(problem.unknowns.moved))
     curves = problem.response.curves([zero])[0]
     if curves is None:

@@ -120,7 +120,8 @@ BEFORE_S = 2e-3  # before the force acts it is the preload, without noise; over 
 
 
 def noise_knots(trial: ObservedTrial) -> Array:
-    """Times (SEGMENTS + 1,) between which the noise of the force is taken to change linearly.
+    """Times (SEGMENTS + 1,), s, of the knots between which the noise of the force is linear: the first just before the
+    force acts, the others so that the action moves about equally far between them.
 
     They begin where the force first differs from the preload: a soft stroke's first phase is later. Between two of them
     the action moves equally far, but for the share that is spread over time: where a stroke rises twice, noise
@@ -180,7 +181,9 @@ class Case:
     sensors: tuple[float, ...] = ()  # errors of the position sensors, in standard uncertainties
 
     def felt_n(self, trial: ObservedTrial) -> Array:
-        """Force (k,), N, on the key with this case's errors, at ``trial.force_time_s``; held beyond the record."""
+        """Force (k,), N, that drives the model at ``trial.force_time_s``: the recorded one with this case's gain,
+        level, offset and noise added and its delay taken off; held beyond the record.
+        """
         when, force = trial.force_time_s, trial.force_n * (1 + self.gain * trial.u_gain) + self._level_n(trial)
         if self.delay:
             force = np.interp(when, when + self.delay * trial.u_delay_s, force)
@@ -189,7 +192,9 @@ class Case:
         return force
 
     def motion(self, trial: ObservedTrial) -> model.KeyMotion:
-        """Key motion that drives the trial: its fit, plus this case's posterior draws, less its encoder errors."""
+        """Motion of the key since rest, rad, that drives the model: the trial's fitted one plus this case's draws of
+        its posterior, less its errors of the encoder's zero and scale.
+        """
         fit = trial.key
         assert isinstance(fit, KeyFit)
         # control points of knots at every sample stand next to the curve
@@ -210,7 +215,9 @@ class Case:
         return trial.preload_n * (1 + self.gain * trial.u_gain) + self._level_n(trial)
 
     def with_drive(self, trial: ObservedTrial, weights: Array) -> Case:
-        """Copy with the trial's random effects of drive and clock, ``weights`` in standard deviations (`own_units`)."""
+        """Copy with a trial's random effects ``weights`` (k,), in standard deviations: offset and noise at each knot of
+        its force, or draws of its key's motion; then the error of its film's clock. Itself where all are 0.
+        """
         if not weights.any():
             return self
         n = DRAWS if trial.key is not None else 1 + SEGMENTS
@@ -222,7 +229,9 @@ class Case:
         return replace(self, offset_n=float(found[0]), noise_n=(0.0, *map(float, found[1:])), film_late_s=late)
 
     def read(self, trial: ObservedTrial, turn_rad: Array) -> Array:
-        """Sensor readings (m, c), rad, of a trial with this case's errors, from the model's turns (k, 5), rad."""
+        """Readings (m, c), rad since rest, of a trial's channels for the model's turns (k, 5), rad since rest, of all
+        bodies at `model_time_s`, with this case's errors of the key's encoder and of the film's clock.
+        """
         seen = trial.seen(turn_rad, self.film_late_s)
         if trial.key_moves and trial.channels[0] == 0:
             turned = seen[:, 0]
@@ -246,7 +255,9 @@ class Response(Protocol):
     def jacobian(
         self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None, driven: bool = False
     ) -> list[Array]:
-        """Derivatives (m, c, len(which) + k) of every trial with respect to some of z, and of fixed laws after them.
+        """Derivatives (m, c, len(which) + k) of every trial's curves at z, rad per standard uncertainty: by the
+        parameters of index ``which`` (beyond z fixed laws), then, if ``driven``, by the k random effects of its own
+        drive, else k = 0.
 
         ``driven``: followed by those with respect to the k numbers that a trial has of its own drive: force offset,
         parts of force noise, a film's clock. Else k is 0.
@@ -334,7 +345,9 @@ class ModelResponse:
         return [case.with_drive(trial, o.drive) for case, trial, o in zip(shared, self.trials, own, strict=True)]
 
     def case(self, z: Array) -> Case:
-        """Settings of a run at z (n,), amounts of all parameters in prior standard deviations."""
+        """Settings of a run at z (n,), amounts of all parameters in prior standard uncertainties: changed values of the
+        action, and errors of the force and the sensors.
+        """
         changed: dict[str, float] = {}
         bench: dict[str, float] = {}
         for parameter, value in zip(self.parameters, z, strict=True):
@@ -350,7 +363,10 @@ class ModelResponse:
     def jacobian(
         self, z: Array, which: Sequence[int], own: Sequence[Own] | None = None, driven: bool = False
     ) -> list[Array]:
-        """Derivatives as of `Response.jacobian`, by differences of runs where tangents fail a check."""
+        """Derivatives (m, c, len(which) + k) of every trial's curves, rad per standard uncertainty, by parameters
+        ``which``, then, if ``driven``, by the k random effects of its drive: by tangents, or by differences of runs
+        where these fail a check.
+        """
         out: list[Array] = [np.empty(0)] * len(self.trials)
         for places in self._group_by_drive():
             some, those = self.of_trials(places), None if own is None else [own[k] for k in places]
@@ -375,7 +391,8 @@ class ModelResponse:
 
     @property
     def _drive_steps(self) -> Array:
-        """Steps of differences, of what trials of one kind have of their own drive, in standard deviations.
+        """Steps (k,), in standard deviations, of differences by the k random effects of each trial's drive, for trials
+        of one kind of drive; none for position sensors.
 
         Of a force its offset, and noise at each knot but the first, which is the preload; of a key whole motions.
         """
@@ -386,7 +403,9 @@ class ModelResponse:
         return np.append(steps, np.ones(int(self.is_filmed)))
 
     def _jacobian(self, z: Array, which: Sequence[int], own: Sequence[Own] | None, driven: bool) -> list[Array]:
-        """Derivatives (m, c, columns) of each trial at z by parameters ``which``, then its drive if ``driven``."""
+        """Derivatives (m, c, columns) of the curves of trials with one kind of drive, rad per standard uncertainty, at
+        z and random effects ``own``: by parameters ``which``, then by their drive if ``driven``.
+        """
         if self._is_by_position:  # runs take milliseconds, and readings are held at the ruler's ends
             moving = [j for j in which if j in self.acting or self.parameters[j].name in POSITION_ERRORS]
             return self.differences(self.places(z, own), own, list(which), moving)
@@ -420,7 +439,9 @@ class ModelResponse:
     def _differentiate_by_tangents(
         self, at: Array, own: Sequence[Own] | None, laws: Sequence[int], told: Sequence[int]
     ) -> list[Array]:
-        """Derivatives (m, c, n) of every trial by tangents: by ``laws``, then by the others of ``told``."""
+        """Derivatives (m, c, n) of each trial's curves at its row of ``at`` (trials, p), by tangents: by the ``laws``
+        (indices; per SI unit or relative change), then by the others of ``told``, which begins with the laws.
+        """
         names, n = tuple(self.parameters[j].name for j in laws), at.shape[1]
         ends = [
             [self.cases(at + step * (np.arange(n) == j), own) for step in (ERROR_STEP, -ERROR_STEP)]
@@ -445,7 +466,9 @@ class ModelResponse:
     def differences(
         self, at: Array, own: Sequence[Own] | None, columns: Sequence[int], asked: Sequence[int]
     ) -> list[Array]:
-        """Derivatives (m, c, len(columns)) of every trial: ``asked`` ones by differences of runs, others 0.
+        """Derivatives (m, c, len(columns)) of each trial's curves at its row of ``at`` (trials, p), rad per standard
+        uncertainty, by one-sided differences of runs; of ``columns`` not ``asked`` for 0. ModelError where the model
+        cannot run.
 
         Raises
         ------
@@ -475,7 +498,8 @@ class ModelResponse:
     def _find_wrong_tangents(
         self, at: Array, own: Sequence[Own] | None, columns: list[int], jacobian: Sequence[Array]
     ) -> list[int]:
-        """Indices of trials in which a small step in all parameters at once contradicts the derivatives.
+        """Indices of trials whose derivatives ``jacobian`` (m, c, len(columns)) miss the change by a small step in all
+        ``columns`` by over a fifth of it, found by runs; all trials where these fail. ``at`` (trials, p): their points.
 
         A tangent that steps over a layer in which friction turns round may grow without bound; a difference shows it.
         """
@@ -494,7 +518,9 @@ class ModelResponse:
         return missed
 
     def run(self, members: Sequence[Sequence[Case]]) -> list[list[Array] | None]:
-        """Curves of every trial in each of several cases of all trials; None where one of them cannot run."""
+        """Curves (m, c), rad, of every trial for each of ``members``, which has one case a trial; None in place of a
+        member in which any trial cannot run.
+        """
         out: list[list[Array | None]] = [[None] * len(self.trials) for _ in members]
         for places in self._group_by_drive():
             some = self.of_trials(places)
@@ -507,7 +533,9 @@ class ModelResponse:
         return [None if any(c is None for c in row) else [c for c in row if c is not None] for row in out]
 
     def _run_by_key(self, members: Sequence[Sequence[Case]]) -> list[list[Array | None] | None]:
-        """Curves of every trial for each list of cases, run under the key's motion; None where a run fails."""
+        """Curves (m, c), rad, of every trial for each list of cases (one a trial), driven by its key's encoder or
+        position sensor; None in place of each run that fails.
+        """
         jobs = [
             (self.action, case, trial, self._run_tolerance)
             for cases in members
@@ -518,8 +546,9 @@ class ModelResponse:
         return [found[i * n : (i + 1) * n] for i in range(len(members))]
 
     def _run_by_force(self, members: Sequence[Sequence[Case]]) -> list[list[Array | None] | None]:
-        """Curves of every trial for each list of cases, run under its force and kept, so that none is run twice; None
-        where a run fails."""
+        """Curves (m, c), rad, of every trial for each list of cases (one a trial), driven by its force and kept in
+        memory; None in place of each run that fails, and of a list in which an action has no rest.
+        """
         if len(self._known) > KEPT:
             self._known.clear()
         jobs: list[model.batch.Job] = []
@@ -581,8 +610,9 @@ def is_acting(action: model.Action, parameter: Parameter) -> bool:
 def tangents(
     task: tuple[model.Action, tuple[str, ...], Case, ObservedTrial, Sequence[tuple[Case, Case]], Sequence[int]],
 ) -> Array:
-    """Derivatives (m, c, n) of a trial's channels by tangents: by the parameters named, by pairs of cases, and by what
-    the trial has of its own drive.
+    """Derivatives (m, c, n), rad, of the channels of a force-driven trial by tangents; ``task``: action, names of
+    parameters, case, trial, pairs of cases (plus, minus), places in `own_units`. They come by names, pairs and places
+    in this order.
 
     Per SI unit or per relative change; a pair lies `ERROR_STEP` to both sides of the case, in the force or in what
     sensors read, and its derivative is per unit; of the trial's own drive some of `own_units` are told, by their place.
@@ -622,7 +652,9 @@ def tangents(
 
 
 def tangent_options(trial: ObservedTrial, preload_n: float, time_s: Array) -> model.SensitivityOptions:
-    """How the derivatives of a trial's angles are integrated, from rest under a preload, N, and when they are given."""
+    """Options of `model.sensitivities` for a trial's angles: from rest under ``preload_n``, N, with derivatives at the
+    times ``time_s`` (k,), s.
+    """
     return model.SensitivityOptions(
         tolerance=MOTION,
         relative_tolerance=TANGENT,
@@ -636,8 +668,8 @@ def tangent_options(trial: ObservedTrial, preload_n: float, time_s: Array) -> mo
 def driven_tangents(
     task: tuple[model.Action, tuple[str, ...], Case, ObservedTrial, *tuple[Sequence[object], ...]],
 ) -> Array:
-    """Derivatives (m, c, n) of the channels of a trial that its key drives, by the parameters named, per SI unit or per
-    relative change.
+    """Derivatives (m, c, n) of the channels of a trial that its key drives, by the named parameters, rad per SI unit or
+    per relative change; ``task``: action, names, case, trial, the rest ignored. ModelError where it cannot go on.
 
     Raises
     ------
@@ -654,7 +686,9 @@ def driven_tangents(
 
 
 def driven_curve(job: tuple[model.Action, Case, ObservedTrial, float]) -> Array | None:
-    """Channels (m, c) of a trial under its key's motion, to a tolerance in rad; None where the model cannot run."""
+    """Angles since rest (m, c), rad, of a trial's channels under its key's motion; ``job``: action, case, trial,
+    tolerance (rad). None where the model cannot run.
+    """
     action, case, trial, tolerance = job
     when = trial.model_time_s(case.film_late_s)
     try:
@@ -668,7 +702,9 @@ def driven_curve(job: tuple[model.Action, Case, ObservedTrial, float]) -> Array 
 
 
 def positions_curve(job: tuple[model.Action, Case, ObservedTrial, float]) -> Array | None:
-    """Readings (m, 1) of a trial's position sensors under its key's motion; None where the model cannot run."""
+    """Reading (m, 1), as a hammer angle since rest, rad, of a trial's position sensor under its key's motion; ``job``:
+    action, case, trial, tolerance (rad). None where the model cannot run.
+    """
     action, case, trial, tolerance = job
     assert isinstance(trial.key, PositionSensors)
     away = np.array(case.sensors)

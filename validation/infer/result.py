@@ -55,8 +55,8 @@ BY_MOTION = f"{TITLE} is not asked where the key's motion drives the model; stro
 
 
 def explained_lines(action: model.Action, sources: Sources) -> tuple[str, ...]:
-    """Sentences on which causes explain the differences before the fit: one for each session that a force drives, or
-    one where none is.
+    """Sentences on which causes explain the differences of trials and ``action`` (its values before the fit): one for
+    each session that a force drives; a single one that this is not asked where none is.
 
     The question and the rule are those of `validate` (`validation.infer.causes`), so that page and report
     say the same of the same strokes. What the fit held or moved plays no part: everything that may be wrong is a
@@ -75,7 +75,9 @@ Trials = list[tuple[ObservedTrial, MeasuredTrial | None]]
 
 
 def select_driven_by_force(sources: Sources) -> list[Trials]:
-    """By session, the trials that a force drives: as compared, and as measured (None where it was given as tables)."""
+    """For each session that a force drives a list of its fitted trials: as compared, and as measured (None where it was
+    given as tables).
+    """
     observed = [t for t in sources.fitted if t.key is None]
     tables = len(observed) - len(sources.measured)  # their trials come first
     out: dict[int, Trials] = {}
@@ -103,7 +105,9 @@ def _name(trial: ObservedTrial) -> str:
 
 
 def sensor_calibration(problem: Problem, fitted: Fitted, sources: Sources) -> SensorCalibration | None:
-    """Errors of the position sensors where the fit ended; None where no trial has any."""
+    """Errors of the position sensors (amount and u of each of `ERROR_NAMES`) where the fit ended; None where no trial
+    has such sensors or their errors were not fitted.
+    """
     sensors = next((m.sensors for _, m in sources.measured_by_key if m.sensors is not None), None)
     places = {p.name: j for j, p in enumerate(problem.unknowns.moved) if p.name in ERROR_NAMES}
     if sensors is None or not places:
@@ -116,7 +120,9 @@ def sensor_calibration(problem: Problem, fitted: Fitted, sources: Sources) -> Se
 
 
 def apply_calibration(m: MeasuredTrial, sensors: SensorCalibration | None) -> MeasuredTrial:
-    """Copy of a trial of position sensors with other calibration errors; any other trial unchanged."""
+    """Copy of a trial of position sensors with the calibration errors ``sensors``, and its key's turn read with them;
+    any other trial, or without ``sensors``, as it is.
+    """
     if m.sensors is None or sensors is None:
         return m
     new = replace(m.sensors, calibration=sensors)
@@ -132,7 +138,9 @@ def joint_posterior(
     sources: Sources,
     sensors: SensorCalibration | None = None,
 ) -> Posterior:
-    """Posterior of every parameter the fit moved, without the force's errors; the asked ones as wide as stated.
+    """Joint posterior of all parameters of the action that the fit moved, errors of drive and sensors left out, widened
+    to the u stated in ``estimates``; with the values before, what the strokes were like, and black boxes fitted to
+    them.
 
     Correlations stay. With it what a comparison needs to know of the fit: the values before, what the strokes were
     like (with those of an earlier fit that these values started from), and the black boxes fitted to them.

@@ -33,7 +33,8 @@ def jackknife(fitted: Fitted) -> Array:
 
 
 def jackknife_over_strokes(fitted: Fitted) -> Array:
-    """Jackknife u of each parameter, leaving out one session (a kind of stroke) at a time; NaN with one session.
+    """Standard uncertainty (p,) of z by the jackknife on the linear model, leaving out one session (a kind of stroke)
+    at a time; NaN with one session.
 
     It stands beside the interval and does not widen it: a kind of stroke that alone tells of a parameter moves it to
     its prior when it is left out, which is no error.

@@ -28,7 +28,8 @@ from validation.prediction.model_under_test import ModelUnderTest
 def score(
     trials: Sequence[ObservedTrial], actions: Mapping[str, model.Action], tolerance: float
 ) -> dict[str, dict[str, Any]]:
-    """RMSE (rad) by channel of each action and the null model on ``trials``, and the scatter of the trials.
+    """Name of an action, ``null model`` or ``scatter of trials`` -> channel -> root mean square, rad, of measured less
+    predicted angles of ``trials``, of the last about their mean; None in place of channels where a model cannot run.
 
     Parameters
     ----------
@@ -88,7 +89,9 @@ def explain_rising_rmse(
 
 
 def rmse_by_channel(trials: Sequence[ObservedTrial], curves: Sequence[Array]) -> dict[str, float]:
-    """Root mean square difference by channel, of the trials that have it; what a film lost does not count."""
+    """Channel -> root mean square, rad, of measured less predicted angles over the trials that have it, without samples
+    that a film lost; ``curves``: predicted angles (m, c), rad, of each trial.
+    """
     out = {}
     for c, name in enumerate(CHANNEL_NAMES):
         apart = [
@@ -101,7 +104,9 @@ def rmse_by_channel(trials: Sequence[ObservedTrial], curves: Sequence[Array]) ->
 
 
 def _run_null_model(action: model.Action, trial: ObservedTrial, tolerance: float) -> Array | None:
-    """Channels (m, c), rad, that the null model predicts of a force-driven trial; None where it cannot run."""
+    """Channels (m, c), rad since rest, that the null model predicts of a trial driven by its force; None where it
+    cannot run, or the key drives the trial.
+    """
     if trial.key is not None:  # the null model moves as the key does: it has nothing to say under its motion
         return None
     try:
@@ -138,8 +143,8 @@ class EventScore:
 def score_events(
     trials: Sequence[MeasuredTrial], actions: Mapping[str, model.Action], tolerance: float
 ) -> dict[str, dict[str, EventScore]]:
-    """How each action, the null model and the trials' own scatter meet the events of trials: name → event →
-    `EventScore`.
+    """Name of an action, ``null model`` or ``scatter of trials`` → event of `SHOWN` → `EventScore`, model less trial in
+    the event's unit over ``trials``, each run under its force; of the last their standard deviation.
 
     Conventions: difference model minus trial, mean over the trials in which the event happens in both; ``ceiling`` is
     the standard deviation of the trials' own values: each trial's force drives the model, so that one can come closer
@@ -168,7 +173,9 @@ def score_events(
 def _predict_events(
     tested: ModelUnderTest, m: MeasuredTrial, simulate: Callable[..., model.Solution]
 ) -> dict[str, float]:
-    """Event values that ``simulate`` predicts of a trial, by name; NaN where it cannot run."""
+    """Event of `SHOWN` -> value that ``simulate`` (the model's or the null model's) predicts of a trial under its
+    measured force; NaN where it does not happen, all NaN where it cannot run.
+    """
     time = m.time_s[(m.time_s >= m.force.time_s[0]) & (m.time_s <= m.force.time_s[-1])]
     nothing = dict.fromkeys(SHOWN, float("nan"))
     try:
@@ -194,7 +201,9 @@ def _events(tested: ModelUnderTest, m: MeasuredTrial, time: Array, change: Array
 
 
 def _score_event(event: str, predicted: Sequence[dict[str, float]], measured: Sequence[dict[str, float]]) -> EventScore:
-    """Bias and RMS error of one event over trials, each given by name, with the trials that have it."""
+    """Mean and root mean square of predicted less measured values of one event over trials (each name -> value, NaN
+    where it does not happen), with how many have it in both, and in the measurement.
+    """
     trial = np.array([one[event] for one in measured])
     apart = np.array([one[event] for one in predicted]) - trial
     known = apart[np.isfinite(apart)]

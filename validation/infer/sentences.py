@@ -63,7 +63,9 @@ def _describe_held_out(found: Identification) -> list[str]:
 
 
 def _describe_speed_error(by: Mapping[str, Mapping[str, EventScore]]) -> str:
-    """Sentence on the error of the predicted hammer speed."""
+    """Sentence on the root mean square errors of the predicted hammer speed by each model, beside the trials' own
+    scatter; ``by``: model or scatter → event → `EventScore` of one held-out set.
+    """
     title, factor, unit = event_words(SPEED)
     parts = []
     for who, words in WHO:
@@ -106,7 +108,9 @@ def _describe_next(found: Identification, ranked: Sequence[Prospect]) -> list[st
 
 
 def describe_separating_stroke(found: Identification, ranked: Sequence[Prospect]) -> list[str]:
-    """Sentence on the stroke that best separates several changes that explain the strokes; empty for one."""
+    """Sentence, in a list, on the ``ranked`` stroke in which the fits that explain these strokes alike differ most;
+    empty where fewer than two fits do, or no stroke is ranked.
+    """
     known = found.details.supported
     strokes = [(p, p.candidate.trial) for p in ranked if p.candidate is not None]
     if known is None or len(known.let_in) < 2 or not strokes:

@@ -108,7 +108,8 @@ class Sources:
 
 
 def collect(sessions: Sequence[Session | str | Path], action: model.Action, options: IdentifyOptions) -> Sources:
-    """Read, measure and thin the trials of all sessions; raises an input error where they cannot be fitted together.
+    """Trials of ``sessions`` to fit and of those held out by ``options``, read, measured and thinned, with a line on
+    each refused one; input error where they cannot be fitted together, or the action was fitted to one before.
 
     Raises
     ------
@@ -197,7 +198,9 @@ def _observe_session(
 
 
 def _unused_words(trials: Sequence[MeasuredTrial], options: IdentifyOptions) -> tuple[str, ...]:
-    """Lines on channels that were recorded and are not used."""
+    """Lines on films that were recorded and are not used or asked for and missing, and on sessions driven by their key
+    because some trials have no force.
+    """
     filmed, out = sum(m.film is not None for m in trials), []
     if filmed and not options.film:
         out.append(f"{filmed} trials have tracked films, which are not used; `film` uses jack and repetition lever")
@@ -221,7 +224,9 @@ def _names(sessions: Sequence[Session]) -> list[str]:
 
 
 def _no_trials_message(measured: MeasuredSession, name: str, held: int) -> str:
-    """Message that a session has no trial to fit, with the reasons; ``held`` of them are held out."""
+    """Message that the session ``name`` has no trial to fit, with the reasons; ``held``: how many of its usable trials
+    are held out.
+    """
     if held:
         return (
             f"{name}: no usable trial to fit ({held} held out by `hold_out_trials`); leave at least one of them to fit"
@@ -268,8 +273,8 @@ def _refuse_same_stroke(strokes: Sequence[tuple[str, MeasuredTrial]]) -> None:
 
 
 def _refuse_used_before(action: model.Action, seals: Mapping[str, str], samples: Mapping[str, tuple[str, ...]]) -> None:
-    """Raise an input error where the action's values were fitted to a trial before, told by ``seals`` or ``samples`` by
-    trial: as its prior they would count the data twice.
+    """Raise an input error where the action's values were fitted to one of these trials before, as data would count
+    twice; ``seals``, ``samples``: label -> SHA-256 and sample fingerprints of each trial to fit.
     """
     before = posterior_of(action)
     used = [label for label in seals if before is not None and before.was_fitted_to(seals[label], samples[label])]
@@ -282,7 +287,7 @@ def _refuse_used_before(action: model.Action, seals: Mapping[str, str], samples:
 
 
 def _refuse_other_actions(opened: Sequence[Session]) -> None:
-    """Raise an input error where sessions state different actions."""
+    """Raise an input error where sessions state different actions, by name or key; ``unknown`` agrees with any."""
     for what in ("name", "key"):
         known = {getattr(s.info.action, what): s.path.name for s in opened}
         known.pop(UNKNOWN, None)

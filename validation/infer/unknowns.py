@@ -65,7 +65,9 @@ def group_members(action: model.Action, group: str) -> list[str]:
 
 
 def expand(action: model.Action, asked: Sequence[str], option: str = PARAMETERS) -> list[str]:
-    """Single names of the requested parameters and groups, in order, each once.
+    """Single names of the parameters, groups (``friction``), felts (``felt:…``) and patterns ``asked`` for, in order,
+    each once; input error for what is unknown, zero or fixed by the geometry. ``option``: how messages call the
+    argument.
 
     A name is one of those of ``--set`` and ``--scale``, or ``felt:contact02``: stiffness and damping of that felt. A
     group stands for its members, each free by itself:
@@ -199,7 +201,9 @@ class Parameter:
         return "1" if len(self.paths) != 1 else {**action.quantities, **action.effects}[self.paths[0]].unit
 
     def box(self, action: model.Action) -> tuple[float, float]:
-        """Smallest and largest z."""
+        """Lowest and highest z that a fit allows: `BOX` prior standard uncertainties to either side, or less where the
+        allowed range of the value ends before.
+        """
         low, high = -BOX, BOX
         if not self.factor and self.paths:
             least, most, _ = allowed_range(self.paths[0])
@@ -242,7 +246,9 @@ class Unknowns:
 def parameter_of(
     action: model.Action, name: str, paths: tuple[str, ...], given: float | None = None
 ) -> Parameter | None:
-    """Parameter of a single name with paths and prior u (``given``, else stated); None without a prior."""
+    """Parameter of a single name with its ``paths`` and prior u: ``given`` (relative for laws, else SI), or as stated
+    by the action; None where its stated u is 0.
+    """
     lead = lead_of(model.quantities_of(action), paths)
     value = abs(lead.value)
     law = any(belongs(name, paths) for belongs in BELONGS.values())

@@ -13,7 +13,7 @@ from validation.report.files import check_target, write_files
 
 
 def write_identified(found: Identification, path: str | Path) -> None:
-    """Write the action file, whole or not at all.
+    """Write the action file (TOML) of an identification, whole or not at all; a file of that name is replaced.
 
     Parameters
     ----------
@@ -40,7 +40,8 @@ def write_reading(
     ranked: Sequence[Prospect] = (),
     refused: Sequence[str] = (),
 ) -> dict[str, Path]:
-    """Write the action file and, under the same name with the ending ``.html``, its page.
+    """Write the action file and, under the same name with the ending ``.html``, its page, both or neither; older files
+    are replaced. Return ``action`` and ``page`` -> path. ``ranked``, ``refused``: of `prospects`.
 
     Parameters
     ----------

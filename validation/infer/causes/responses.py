@@ -80,8 +80,8 @@ class Responses:
         return self.exact_differences([Point()])[0]
 
     def exact_differences(self, points: Sequence[Point]) -> list[Array | None]:
-        """Measured less predicted (trials, 3 m), rad, at each point, by runs of every trial; None where one cannot
-        be run.
+        """Measured less predicted angles (trials, 3 m), rad, at each point (amounts of candidates), every trial run;
+        None where one cannot be run there.
 
         Those of points near by are found from there (`differences`).
         """
@@ -98,8 +98,8 @@ class Responses:
         return out
 
     def differences(self, points: Sequence[Point]) -> list[Array | None]:
-        """Measured less predicted (trials, 3 m), rad, at each point, good enough for a search; None where a trial
-        cannot be run there.
+        """Measured less predicted angles (trials, 3 m), rad, at each point, approximate: where all trials have the same
+        amounts only two are run, and the others moved as these. None where a run fails.
 
         Where all trials have the same, two are run, and the others move as these do on the average, from the nearest
         point where all have the same and were run. Causes are compared at `exact_differences`.
@@ -140,7 +140,9 @@ class Responses:
         longest: Sequence[float] | Array = (),
         central: bool = False,
     ) -> list[Array]:
-        """Derivative (3 m,) of a trial's prediction by a source for each of ``asked``; ``here``: differences there.
+        """Derivative (3 m,) of a predicted curve, rad per unit amount, for each (point, trial index, source index) in
+        ``asked``, by differences of runs; zeros where the step's run fails. ``here``: measured less predicted angles
+        (trials, 3 m) at each point.
 
         Parameters
         ----------
@@ -168,7 +170,10 @@ class Responses:
         return out
 
     def force_columns(self, at: Point, t: int, here: Array) -> Array:
-        """Changes (m, 3, 1 + n) of trial ``t`` (index) under one u of its force's offset, and parts of its noise."""
+        """Derivatives (m, 3, 1 + SEGMENTS) of the curve of trial ``t`` (index) at a point, rad per standard deviation
+        of its force's offset and of the noise at each knot; 0 where a run fails. ``here``: measured less predicted
+        angles (trials, 3 m) there.
+        """
         trial, place = self.trials[t], self._place(at, t)
         places = [replace(place, offset_n=BUMP_N), *(replace(place, knot=k) for k in range(1, SEGMENTS + 1))]
         steps = np.array([BUMP_N, *SEGMENTS * [BUMP_N]])
@@ -179,7 +184,9 @@ class Responses:
         return np.moveaxis(scaled.reshape(3, -1, scaled.shape[1]), 0, 1)
 
     def curve_changes(self, amounts: Array, here: Array, at: Point) -> Array:
-        """Changes (draws, 3 m) from a point of the curves of the trials in turn; zero where a run fails.
+        """Changes (draws, 3 m), rad, of predicted curves from the point ``at`` by drawn ``amounts`` (draws, p) of the
+        sources, each draw in the next trial in turn; zero where a run fails. ``here``: measured less predicted angles
+        (trials, 3 m) there.
 
         Parameters
         ----------
@@ -216,7 +223,9 @@ class Responses:
         return groups
 
     def _read_all(self, asked: Sequence[tuple[_Place, int]]) -> list[Array | None]:
-        """Encoder readings (3 m,), rad since rest, of each (point, trial index); equal requests run once."""
+        """Encoder readings (3 m,), rad since rest, for each (place, trial index), with all errors of the place; equal
+        requests run once, and runs are kept. None where the model cannot run.
+        """
         runs = [
             (replace(place, amounts=tuple(a for a in place.amounts if a[0] not in self._read)), t) for place, t in asked
         ]
@@ -225,7 +234,9 @@ class Responses:
         return [self._read_encoders(self._turned[run], place, t) for run, (place, t) in zip(runs, asked, strict=True)]
 
     def _read_encoders(self, turned: Array | None, place: _Place, t: int) -> Array | None:
-        """Encoder readings (3 m,), rad, in trial ``t`` (index) for the model's turns, with errors but no delays."""
+        """Encoder readings (3 m,), rad since rest, of the model's angles ``turned``, with the scale and zero errors of
+        a place; delays are in ``turned`` already. None where ``turned`` is.
+        """
         wrong = [(self._read[j], z) for j, z in place.amounts if j in self._read]
         if turned is None or not wrong:
             return turned
@@ -238,7 +249,9 @@ class Responses:
         return read.ravel()
 
     def _reading_times(self, place: _Place, trial: ObservedTrial) -> Array:
-        """Times (3, m), s, of the model that each encoder reads: earlier by its delay, at the true clock rate."""
+        """Model times (3, m), s, whose angles each encoder reads at the trial's phases: earlier by its delay, rescaled
+        for an error of the clock's rate, never before the force's record begins.
+        """
         when = np.tile(trial.time_s, (len(ENCODERS), 1))
         rate = 1.0
         for j, z in place.amounts:
@@ -251,7 +264,9 @@ class Responses:
         return np.maximum(start + (when - start) / rate, start)  # the clock reads more seconds than passed
 
     def _run_all(self, asked: Sequence[tuple[_Place, int]]) -> list[Array | None]:
-        """Encoder angles since rest (3 n,), rad, of each (point, trial index); None where the model cannot run."""
+        """Encoder angles since rest (3 m,), rad, at each encoder's reading times, for each (place, trial index), by new
+        runs; the key's include the lift of its pivot. None where the model cannot run.
+        """
         runs = [self._run(place, self.trials[t]) for place, t in asked]
 
         def turn(i: int, solution: model.Solution) -> Array:
@@ -267,7 +282,9 @@ class Responses:
         return run_many(self.tested, runs, turn)
 
     def _run(self, place: _Place, trial: ObservedTrial) -> Run | None:
-        """Run of a trial with the amounts and force errors of a point; None where the action cannot rest."""
+        """What to simulate for a trial at a place (not simulated here): action, rest, coarse force with its errors,
+        output times. None where the action cannot rest or take an effect.
+        """
         changed: dict[str, float] = {}
         added: list[tuple[Source, float]] = []
         error = {FORCE_GAIN: 1.0, FORCE_LEVEL: 0.0, FORCE_DELAY: 0.0, CLOCK: 1.0}
@@ -297,7 +314,9 @@ class Responses:
         return Run(action, rest, *table, output, drawn_tolerance(self.tested))
 
     def _coarse_force(self, trial: ObservedTrial, delay_s: float, knot: int) -> tuple[Array, Array]:
-        """Coarse force table (s, N) of a trial whose force was read ``delay_s`` late, with a bump at a knot; cached."""
+        """Coarse force table (time, s; force, N) of a trial, corrected for a reading ``delay_s`` late and raised by
+        `BUMP_N` at noise knot ``knot`` (none below 0); cached.
+        """
         key = trial.number, delay_s, knot
         if key not in self._forces:
             force = np.interp(trial.force_time_s + delay_s, trial.force_time_s, trial.force_n)
@@ -310,7 +329,10 @@ class Responses:
     def _find_rest(
         self, changed: dict[str, float], added: Sequence[tuple[Source, float]], preload_n: float, declared_n: float
     ) -> tuple[model.Action, model.RestState] | None:
-        """The action with all changes, and its rest, searched near the rest without them if the preload is declared."""
+        """Action with values ``changed`` (path -> SI) and effects ``added`` (with amounts), and its rest under
+        ``preload_n``; the search starts from the unchanged rest where that is ``declared_n``, N. None where it cannot
+        rest or take an effect.
+        """
         try:
             action = self.tested.action.with_values(changed) if changed else self.tested.action
             for source, z in added:

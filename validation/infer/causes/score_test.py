@@ -30,7 +30,7 @@ CHUNK = 250  # draws at a time, for memory
 
 
 def helmert(n: int) -> Array:
-    """Rows (n, n): the mean, then orthonormal contrasts."""
+    """Matrix (n, n) that turns n values into their mean (first row) and n - 1 orthonormal contrasts."""
     out = np.zeros((n, n))
     out[0] = 1.0 / n
     for k in range(1, n):
@@ -92,7 +92,9 @@ class BalancedNoise:
         self.log_prior = np.array([size.log_prior() for size in sizes]) - np.array(log_det)
 
     def draw(self, k: int, count: int, rng: np.random.Generator) -> Array:
-        """Mean and contrasts (count, trials, n) of sessions drawn under the null hypothesis with `DEVIATIONS[k]`."""
+        """Draw ``count`` sessions of the null hypothesis, in which each trial deviates by the share `DEVIATIONS[k]` of
+        the response: mean and contrasts (count, trials, n) of the residuals, rad.
+        """
         n = len(self._shared)
         each = rng.standard_normal((count, self.trials, n)) @ self._own[k].T
         each += self.runs[rng.integers(len(self.runs), size=(count, self.trials))]
@@ -102,7 +104,9 @@ class BalancedNoise:
         return np.asarray(out)
 
     def whiten(self, k: int, turned: Array) -> Array:
-        """Mean and contrasts (trials, n, …) in standard uncertainties, with `DEVIATIONS[k]`."""
+        """Whitened copy of ``turned`` (trials, n, …), mean and contrasts over trials of residuals or columns, rad: in
+        standard deviations of the noise in which trials deviate by `DEVIATIONS[k]`.
+        """
         if k not in self._inverse:
             roots = self.mean[k], self.between[k]
             self._inverse[k] = [solve_triangular(root, np.eye(len(root)), lower=True) for root in roots]
@@ -167,9 +171,8 @@ class ScoreTest:
         return np.asarray(1.0 / np.maximum(norm, np.finfo(float).tiny))
 
     def group_alike(self, k: int, furthest: Array) -> dict[int, dict[int, float]]:
-        """Candidates (index) detectable at `DEVIATIONS[k]`, each with those indistinguishable from it.
-
-        Of those comes the amount that does as much as amount 1 of the candidate.
+        """Group candidates with noise `DEVIATIONS[k]`: index of each one detectable at its largest amount ``furthest``
+        (P,) -> indices of those that data cannot tell from it, with the amount of each that equals amount 1 of it.
 
         At the largest amounts that are looked at, ``furthest`` (P,), the likelihood ratio of one to none, or to the
         other, is below `ODDS`. Of a group, the one that shows most comes first.
@@ -190,7 +193,9 @@ class ScoreTest:
         return groups
 
     def products(self, k: int, white: Array) -> Array:
-        """Products (draws, P) of candidates with residuals (draws, trials, n) whitened with `DEVIATIONS[k]`."""
+        """Inner products (draws, P) of each candidate's whitened column with residuals ``white`` (draws, trials, n),
+        which are mean and contrasts over trials whitened with `DEVIATIONS[k]`.
+        """
         mean = white[:, 0] @ self._mean[k]
         out = self.weights[0] * mean[:, self.source]
         if self.noise.trials > 1:
@@ -199,10 +204,9 @@ class ScoreTest:
         return np.asarray(out)
 
     def gains(self, turned: Array, held: Sequence[int] = (), z: Array | None = None) -> tuple[Array, int]:
-        """Gain (P,) of each candidate beside those held, and the index in `DEVIATIONS` that is likeliest with the best.
-
-        ``turned`` (trials, n) are mean and contrasts of the residuals with the causes ``held`` (indexes of candidates)
-        at their amounts ``z``.
+        """Score statistic (P,), twice the gain in log posterior, of each candidate beside those ``held`` (indices) at
+        amounts ``z``, and the index in `DEVIATIONS` that is likeliest with the best; ``turned`` (trials, n): mean and
+        contrasts of residuals.
         """
         z = np.zeros(len(held)) if z is None else z
         best, size, found = -np.inf, 0, np.zeros(self.source.size)
@@ -216,8 +220,8 @@ class ScoreTest:
         return found, size
 
     def threshold(self, turned: Array, seed: int = 0) -> Threshold:
-        """Threshold by Monte Carlo: the whole search repeated in `DRAWS` sessions drawn under the fitted null
-        hypothesis; ``turned`` (trials, n): residuals as mean and contrasts.
+        """Thresholds of the score statistic of one cause and of a pair, by Monte Carlo: the search repeated in `DRAWS`
+        sessions of the null hypothesis fitted to ``turned`` (trials, n), mean and contrasts of residuals.
         """
         noise, rng = self.noise, np.random.default_rng(seed)
         posterior = noise.log_likelihoods(turned)
@@ -237,7 +241,9 @@ class ScoreTest:
         )
 
     def _search(self, drawn: Array, sizes: Sequence[int], grams: dict[int, Array]) -> tuple[Array, Array]:
-        """Largest gains (draws,) of one cause and of two, in sessions drawn (draws, trials, n)."""
+        """Largest gains (draws,), twice the log posterior, of one cause and of two in sessions ``drawn`` (draws,
+        trials, n), mean and contrasts; ``sizes``: indices in `DEVIATIONS` to choose among, ``grams``: `gram` of each.
+        """
         noise, ends = self.noise, []
         for k in sizes:
             again = np.moveaxis(noise.whiten(k, np.moveaxis(drawn, 0, -1)), -1, 0)
@@ -252,7 +258,9 @@ class ScoreTest:
 
 
 def pair_gains(gram: Array, b: Array) -> Array:
-    """Largest gain (draws,) of two causes, one of them among the `PAIRED` best, with products b (draws, P)."""
+    """Largest gain (draws,), twice the log posterior, of two causes, one of them among the `PAIRED` best: ``gram`` (P,
+    P) are inner products of the candidates' whitened columns, ``b`` (draws, P) those with the residuals.
+    """
     own = 1.0 + np.diag(gram)
     gain = b**2 / own
     first = np.argsort(-gain, axis=1)[:, :PAIRED]
@@ -268,8 +276,9 @@ def _chunks(count: int) -> list[int]:
 
 
 def _condition_on(gram: Array, b: Array, held: Sequence[int], z: Array) -> tuple[Array, Array, float]:
-    """Gram matrix (P, P) and products (P,) of the candidates without what the ``held`` ones at amounts z explain, and
-    twice the log posterior that an update of z gains."""
+    """Copies of ``gram`` (P, P) and products ``b`` (P,) without what the candidates ``held`` (indices) at amounts ``z``
+    explain, and twice the log posterior that an update of z gains; unchanged, and 0, where none is held.
+    """
     if not held:
         return gram, b, 0.0
     inner = gram[np.ix_(held, held)] + np.eye(len(held))

@@ -136,7 +136,9 @@ class Search:
         return self.test.threshold(self.turned(self.at.each))
 
     def _conditions(self) -> list[tuple[int, float]]:
-        """(trial index, share of trials it represents) of the trials with least and most of the fit's causes."""
+        """Trials to linearise, (index, share of all trials that it represents): those with least and most of the causes
+        of the fit; the first alone where all trials have them alike.
+        """
         weights = [self.responses.candidates[i].weights for i in self.at.members]
         weights = [w for w in weights if np.ptp(w)]
         if not weights:
@@ -146,7 +148,9 @@ class Search:
         return [(int(np.argmin(most)), 1.0 - share), (int(np.argmax(most)), share)]
 
     def _group_alike(self, shown: Sequence[int]) -> dict[int, dict[int, float]]:
-        """Detectable candidates (index), each with those that are indistinguishable from it, by central differences."""
+        """Detectable candidates (index) of those ``shown``, each -> indices of those indistinguishable from it, with
+        the amount that equals amount 1 of it; derivatives are central differences of runs of the first trial.
+        """
         wanted = sorted({self.responses.candidates[i].source for i in shown})
         columns = np.zeros_like(self.columns)
         asked = [(self.at.point, 0, j) for j in wanted]
@@ -157,7 +161,9 @@ class Search:
         return {shown[i]: {shown[j]: amount for j, amount in group.items()} for i, group in groups.items()}
 
     def with_effects(self) -> Search:
-        """The search with effects that the model lacks among its causes."""
+        """New search around the same fit with effects that the model lacks among its causes; hereditary laws only of
+        the `FELTS` felts whose damping changes the curves most.
+        """
         listed = self.responses.listed
         size = np.sum(self.columns**2, axis=0)
         damping = {s.name.removesuffix(DAMPING): size[j] for j, s in enumerate(listed) if s.name.endswith(DAMPING)}
@@ -180,7 +186,9 @@ class Search:
         return float(found[k] - 0.5 * z @ z), k
 
     def start_fit(self, members: tuple[int, ...], at: Fit | None = None) -> Fit:
-        """Start of a fit of causes ``members``: amounts as in the fit ``at`` or 0, its others removed linearly."""
+        """Starting fit of the candidates ``members`` (indices), not run: amounts as in the fit ``at`` (the search's own
+        by default), 0 of new ones; the effect of its other causes is removed linearly.
+        """
         base = self.at if at is None else at
         z = np.array([base.z[base.members.index(i)] if i in base.members else 0.0 for i in members])
         sources = [self.responses.candidates[i].source for i in members]
@@ -223,7 +231,9 @@ class Search:
     def refit(
         self, started: Sequence[Fit], rounds: int = ROUNDS, exact: bool = False, kept: int | None = None
     ) -> list[Fit]:
-        """The best fits after Gauss–Newton, runs of a round side by side, the best first.
+        """Refit each of ``started`` by at most ``rounds`` Gauss–Newton steps of runs (of every trial if ``exact``): the
+        fits that ran, sorted by log posterior, the ``kept`` best (default all), without those whose added effect
+        vanished.
 
         Parameters
         ----------
@@ -265,7 +275,8 @@ class Search:
         return sorted(shown, key=lambda f: -f.log_posterior)[:kept]
 
     def columns_at(self, fits: Sequence[Fit]) -> list[Array]:
-        """Derivatives (trials, n, k) of each fit: of a trend in every trial, else in one that has the cause.
+        """Derivatives (trials, n, k) of each fit's predicted curves by its k causes, rad per unit amount, by runs: of a
+        trend in every trial that has it, else in the trial that has most of it, taken for all.
 
         Differences are taken over one standard uncertainty, as in `difference_steps`.
         """
@@ -306,7 +317,9 @@ class Search:
         return [fits[int(i)] for i in order[before < 1.0 - MISSED]]
 
     def exchange_causes(self, fits: Sequence[Fit]) -> tuple[Search, list[Fit]]:
-        """Search linearised at the best fit, and the fits refitted there, exchanges of one cause among them."""
+        """Linearise anew at the first, best fit, start fits with one of its causes exchanged, and refit all by runs:
+        the search there, and its at most `PAIRED` best fits, refitted by runs of every trial, the best first.
+        """
         best = fits[0]
         around = Search(self.responses, best, self.effects, self)
         known = {frozenset(f.members) for f in fits}
@@ -335,7 +348,9 @@ class Search:
         return self.refit(run, exact=True)
 
     def pairs(self, singles: Sequence[Fit]) -> list[Fit]:
-        """Fits of pairs to start from: the best single causes with those that gain most given them."""
+        """Starting fits of two causes, not refitted: each of the `SECOND` best of ``singles`` (fits of one cause, the
+        best first) with the candidates that gain most beside it.
+        """
         started: dict[frozenset[int], Fit] = {}
         for one in singles[:SECOND]:
             for i in [
@@ -352,10 +367,9 @@ class Search:
         return [self.named[int(i)] for i in np.argsort(-gains, kind="stable")]
 
     def gains(self, fit: Fit | None = None, held: Sequence[int] = ()) -> tuple[Array, int]:
-        """Score statistics (P,) of the candidates beside the ``held`` ones of a fit, and an index in `DEVIATIONS`.
-
-        ``held`` are indexes of candidates; the fit's other causes are taken off linearly. Without a fit none is
-        held, at the point of the search. The index is that of the likeliest deviation of the trials.
+        """Score statistic (P,) of the candidates `named` beside the causes ``held`` (candidate indices) of a fit, its
+        others removed linearly, and the index in `DEVIATIONS` of the likeliest deviation; without a fit at the search's
+        own point.
         """
         if fit is None:
             return self.test.gains(self.turned(self.at.each))
@@ -373,8 +387,9 @@ class Search:
         return float(pair_gains(gram, b)[0]) > times * threshold.pair
 
     def first_round(self) -> list[Fit]:
-        """Fits of one cause each after one step of Gauss–Newton, the best first: every source in all trials, and the
-        best ones as only some trials may have them."""
+        """Fits of one cause each after one Gauss–Newton step, the `REFITTED` best, best first: every source in all
+        trials, those that gain most as only some trials may have them, and every added effect.
+        """
         gains, _ = self.gains()
         best: dict[tuple[int, bool], int] = {}
         for n in np.argsort(-gains, kind="stable"):
@@ -388,7 +403,9 @@ class Search:
         return self.refit(self.start_effects(started), rounds=1, kept=REFITTED)
 
     def refit_alike(self, fits: Sequence[Fit]) -> list[Fit]:
-        """The fits, and refits with each cause exchanged for an indistinguishable one, the best first."""
+        """The fits, and refits by runs of every trial with one cause exchanged for an indistinguishable one, together
+        sorted by log posterior, the best first.
+        """
         started = []
         for fit in fits:
             for i in fit.members:
@@ -399,7 +416,9 @@ class Search:
         return sorted([*fits, *self.refit_exactly(started)], key=lambda f: -f.log_posterior)
 
     def start_effects(self, fits: Sequence[Fit]) -> list[Fit]:
-        """The fits, an effect without an amount at the best of `AMOUNTS`: the response bends where it comes in."""
+        """The fits, those with an added effect of amount 0 run with it at each of `AMOUNTS` and replaced by the
+        likeliest (its derivative at 0 says little). The order changes; a fit that cannot be run so is dropped.
+        """
         tried: list[tuple[int, Fit]] = []
         for n, fit in enumerate(fits):
             absent = [self.source(i).added and z == 0.0 for i, z in zip(fit.members, fit.z, strict=True)]
@@ -427,7 +446,9 @@ class Found:
 
 
 def find_causes(responses: Responses, effects: bool = True) -> Found:
-    """Causes that explain what the trials and the model differ by.
+    """Search for one or two causes of measured less predicted angles, tested by a Monte Carlo threshold and refitted by
+    runs; ``effects``: try those that the model lacks, too. `Found` is empty where the model cannot run or a trial
+    stands still.
 
     Parameters
     ----------
