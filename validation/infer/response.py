@@ -182,7 +182,7 @@ class Case:
 
     def felt_n(self, trial: ObservedTrial) -> Array:
         """Force (k,), N, that drives the model at ``trial.force_time_s``: the recorded one with this case's gain,
-        level, offset and noise added and its delay taken off; held beyond the record.
+        level, offset and noise added, acting later by its delay; held beyond the record.
         """
         when, force = trial.force_time_s, trial.force_n * (1 + self.gain * trial.u_gain) + self._level_n(trial)
         if self.delay:

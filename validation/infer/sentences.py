@@ -80,7 +80,9 @@ def _describe_speed_error(by: Mapping[str, Mapping[str, EventScore]]) -> str:
 
 
 def _curve_words(scores: Mapping[str, Mapping[str, float] | None]) -> str:
-    """Text on the RMSE of the hammer's angle, and whether the identified values are better than those before."""
+    """Text on the root mean square errors, degrees, of the hammer's angle, and whether the identified values are better
+    than those before; ``scores``: model or scatter → channel → rad, None where it cannot run.
+    """
     parts = [
         f"{number(math.degrees(by['hammer']), 2)}° {words}"
         for who, words in (*WHO, (CEILING, "is the scatter of the trials"))
@@ -96,7 +98,9 @@ def _curve_words(scores: Mapping[str, Mapping[str, float] | None]) -> str:
 
 
 def _describe_next(found: Identification, ranked: Sequence[Prospect]) -> list[str]:
-    """Sentences on the best stroke to record next, and on the one that best separates explaining changes."""
+    """Sentences on what to record next, the first of ``ranked`` (at least one, the best first), and on the stroke that
+    best separates the changes that explain these strokes, where there are several.
+    """
     best = ranked[0]
     doubt = "" if found.details.fitted.converged else "; but the fit it is predicted from ran out of its budget"
     most = min(best.shrink, key=lambda name: best.shrink[name])

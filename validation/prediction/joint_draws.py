@@ -74,8 +74,8 @@ class JointDraw:
 def chosen_trials(
     trials: Sequence[MeasuredTrial], without: Collection[tuple[int, str]] = (), max_trials: int = MOST_TRIALS
 ) -> list[MeasuredTrial]:
-    """At most ``max_trials`` trials, by lot, one of them filmed if any is; those with a channel left out come last
-    (``without``: trial number, channel).
+    """At most ``max_trials`` trials, in order of number, by lots drawn from their own data, one of them filmed if any
+    is; those that ``without`` names (trial number, channel left out) come last.
 
     Each trial draws its lot from its own recorded data, and the lowest are taken: a trial that is added or rejected
     changes at most one of the others (docs/explanation/uncertainty.md).
@@ -97,7 +97,9 @@ def session_seed(trials: Sequence[MeasuredTrial]) -> int:
 
 
 def joint_draws(action: model.Action, seed: int, n: int, *, parameters: bool) -> list[JointDraw]:
-    """Draw ``n`` possible truths; normal errors, parameters as `parameter_draws` says."""
+    """Draw ``n`` possible truths of a session: errors of force, sensors and levels, in standard uncertainties, and,
+    with ``parameters``, values of the action within their u (else its own); the same draws for the same ``seed``.
+    """
     rng = np.random.default_rng([SEED, seed, int(parameters)])
     changes = parameter_draws(action, n, rng) if parameters else [{} for _ in range(n)]
     out = []
@@ -134,7 +136,9 @@ class DrawnAction:
 
 
 def drawn_action(tested: ModelUnderTest, m: MeasuredTrial, draw: JointDraw) -> DrawnAction | None:
-    """The draw's action at rest under the drawn preload of trial ``m``; None when it has no rest or no geometry."""
+    """Action with the values of a draw, and its rest under the declared preload of trial ``m`` with the drawn errors of
+    gain and preload; None where it cannot rest.
+    """
     channel = m.force.channel
     preload = channel.preload_n * (1 + channel.gain_relative_u * draw.z_gain) + channel.u_preload_n * draw.z_preload
     try:
@@ -152,7 +156,9 @@ def run_draws(
     draws: Sequence[JointDraw],
     use: Callable[[int, Array], T],
 ) -> list[list[T | None]]:
-    """``use(index, readings)`` of every trial in every draw, as [trial][draw]; None where a draw cannot be run.
+    """Simulate every trial in every draw, all driven by force or all by the key: what ``use(trial index, readings (n,
+    5), rad)`` returns, as [trial][draw], None where it cannot be run; ``trials``: each with the times (n,), s, of its
+    readings.
 
     Parameters
     ----------
@@ -186,7 +192,9 @@ def run_draws(
 def _run_draws_by_key(
     tested: ModelUnderTest, m: MeasuredTrial, time_s: Array, draws: Sequence[JointDraw], use: Callable[[Array], T]
 ) -> list[T | None]:
-    """``use(readings)`` of one key-driven trial at ``time_s`` in each draw; None where the draw cannot be run."""
+    """Simulate one key-driven trial in each draw: what ``use(readings)`` returns of the readings (n, 5), rad, at the
+    times ``time_s`` (n,), s, in the order of the draws; None where the draw cannot be run.
+    """
 
     def some(part: Sequence[JointDraw]) -> list[T | None]:
         drawn = [drawn_action(tested, m, draw) for draw in part]
@@ -244,7 +252,9 @@ def drawn_readings(m: MeasuredTrial, drawn: DrawnAction, time_s: Array, solution
 
 
 def _readings(m: MeasuredTrial, draw: JointDraw, time_s: Array, turn: Array) -> Array:
-    """Readings of the channels (n, 5) of turns (n, 5) of the bodies; position sensors have read theirs already."""
+    """Readings (n, 5), rad since rest, of `CHANNELS` at ``time_s`` (n,), s, for turns (n, 5), rad, of `BODIES`, with
+    the draw's errors of encoders and film; of position sensors ``turn`` holds curve and scale already.
+    """
     rng = draw.rng(m.number, "readings")
     out = np.full((time_s.size, len(CHANNELS)), np.nan)
     for i, name in enumerate(CHANNELS):
@@ -269,7 +279,8 @@ def _readings(m: MeasuredTrial, draw: JointDraw, time_s: Array, turn: Array) -> 
 
 
 def film_errors(film: FilmAngles, name: str, time_s: Array) -> tuple[Array, float]:
-    """Standard uncertainties of a filmed angle: what all frames share, at times (n,), and what each has for itself.
+    """Standard uncertainties, rad, of one filmed angle: of what all frames share, at the times ``time_s``, (n,), and of
+    what each frame has for itself, one number; ``name``: of the body.
 
     All frames share the reference, which is as noisy as one frame at most, at rest too, and camera, shutter and codec.
     """

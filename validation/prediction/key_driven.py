@@ -56,8 +56,9 @@ def key_motion(m: MeasuredTrial, rest_rad: float, errors: KeyErrors = EXACT) -> 
 def run_key_driven(
     action: model.Action, m: MeasuredTrial, rest_rad: Array, tolerance: float, errors: KeyErrors = EXACT
 ) -> tuple[Array, Array, dict[str, float]]:
-    """Changes of angle (n, 5), rad, speeds (n, 5), rad/s, and counters of the model under a trial's key, as
-    its sensors with these ``errors`` read them; ``rest_rad`` (5,): the model's rest, ``tolerance``: rad.
+    """Changes since rest (n, 5), rad, of `BODIES` as the trial's sensors read them, speeds (n, 5), rad/s, and counters
+    of a run under its measured key, at its samples; ``rest_rad`` (5,): the action's rest; ``errors``: of the sensors,
+    in u.
     """
     motion, at = _motion_and_times(m, rest_rad, errors)
     run = run_prescribed(action, motion, at, tolerance=min(tolerance, TOLERANCE_RAD))
@@ -69,7 +70,8 @@ def run_key_driven(
 def run_many_key_driven(
     runs: Sequence[tuple[model.Action, Array, KeyErrors]], m: MeasuredTrial, tolerance: float
 ) -> list[Array | None]:
-    """Changes of angle (n, 5), rad, under a trial's key of each action from its rest, with errors of the sensors.
+    """Changes since rest (n, 5), rad, of `BODIES` as the sensors read them, at the samples of a trial whose key drives,
+    for each run: action, its rest (5,), rad, errors of the sensors; None where a run cannot be carried out.
 
     None of a run that cannot be carried out. Side by side in lanes: no run's numbers depend on the other runs.
     """
@@ -134,7 +136,8 @@ class NullAction:
 
 
 def run_null_key_driven(action: model.Action, m: MeasuredTrial) -> Array:
-    """Changes of angle (n, 5), rad, by the null model under a trial's key; jack and repetition lever NaN.
+    """Changes since rest (n, 5), rad, of `BODIES` that the null model predicts at the samples of a trial under its
+    measured key, as its sensors read them; jack and repetition lever NaN.
 
     The rules are those of `model.null_model` with the key's motion given instead of the force: the hammer rides with
     the joined path up to let-off or until it would have to be pulled, flies under gravity alone, rebounds from the
@@ -155,7 +158,9 @@ def run_null_key_driven(action: model.Action, m: MeasuredTrial) -> Array:
 
 
 def _integrate_hammer(null: NullAction, s: Array, w: Array) -> Array:
-    """Hammer angle above rest (m,), rad, for the key's turn s (rad) and rate w (rad/s), (m,), at steps of `STEP_S`."""
+    """Hammer angle from rest towards the string (m,), rad, of the null model, for the key's turn ``s`` (m,), rad,
+    positive when pressed, and its rate ``w`` (m,), rad/s, at steps of `STEP_S`.
+    """
     r = null.reduced
     joined = r.up * (np.interp(s, r.sigma, r.joined.angle_rad[:, HAMMER]) - float(r.rest_rad[HAMMER]))
     speed = r.up * np.interp(s, r.sigma, r.joined.ratio[:, HAMMER]) * w

@@ -31,7 +31,8 @@ SPACING_S = 6e-4  # an action does not follow what happens within a millisecond
 
 
 def coarse_force(time_s: Array, force_n: Array) -> tuple[Array, Array]:
-    """Least-squares piecewise linear force on every k-th sample time, at most `SPACING_S` apart, and on the last.
+    """Piecewise linear force (times (m,), s, and values (m,), N) on every k-th sample time, at most `SPACING_S` apart,
+    and the last, closest to the samples by least squares; the table itself where its samples are too far apart.
 
     Conventions: straight lines between points, s and N. A sampled force bends at each of its samples, and no step of an
     integrator may cross a bend; an action does not follow what happens within a millisecond. The coarse force is the
@@ -113,7 +114,9 @@ def run_many(
 
 
 def _solutions(tested: ModelUnderTest, runs: Sequence[Run], pool: Executor) -> list[model.Solution | None]:
-    """Solution of each run, computed on ``pool``; None where the model refuses a run."""
+    """Solution of each run, in their order, computed on ``pool``; None where the model refuses a run. Another error is
+    raised.
+    """
     if tested.own_model:
         members = run_jobs(_choose_jobs(tested.action, runs), executor=pool, workers=WORKERS)
         defects = [m.error for m in members if m.error is not None and not isinstance(m.error, ModelError)]
@@ -132,7 +135,9 @@ def _solutions(tested: ModelUnderTest, runs: Sequence[Run], pool: Executor) -> l
 
 
 def _choose_jobs(action: model.Action, runs: Sequence[Run]) -> list[Job]:
-    """Jobs of the runs, in lanes; of another scene than the action's only where they are many."""
+    """Job of each run, in their order: in vector lanes always for the scene of ``action``, for another scene only where
+    the runs are many enough to compile them.
+    """
     jobs, own = [_job(run) for run in runs], model.choice_of(action)
     mine = [model.choice_of(run.action) == own for run in runs]
     return [

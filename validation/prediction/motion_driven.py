@@ -38,7 +38,9 @@ COLUMNS = [
 
 
 def motion_driven(tested: ModelUnderTest, m: MeasuredTrial, at: Array, lifted: NDArray[np.bool_]) -> pd.DataFrame:
-    """Measured and predicted force (N) of one trial at the times ``at`` (s).
+    """Force at the key front, N, down positive, measured and predicted from the key's motion, at the times ``at`` (n,),
+    s, a row each, with u and whether it is left out: near ``lifted`` (n,) samples and the model's lifts. The store
+    keeps the prediction.
 
     Parameters
     ----------
@@ -99,8 +101,9 @@ def _widen_mask(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
 
 
 def motion_row(trial: int, frame: pd.DataFrame, gain_relative_u: float) -> dict[str, Any]:
-    """Row of table *motion_driven*: scores of the predicted force of one trial, of which ``frame`` has a row a
-    sample; ``gain_relative_u`` is common to all of them.
+    """Row of table *motion_driven* (`COLUMNS`) of one trial: scores of predicted less measured force, N, in ``frame``,
+    of `motion_driven`; only number and shares where no sample is left. ``gain_relative_u``: of the force, common to all
+    samples.
     """
     use = ~frame["left_out"].to_numpy(dtype=bool)
     measured, predicted = frame["force_n"].to_numpy(), frame["predicted_force_n"].to_numpy()

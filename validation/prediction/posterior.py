@@ -102,7 +102,9 @@ class Posterior:
         return out
 
     def table(self) -> dict[str, Any]:
-        """Plain values for a table of an action file."""
+        """Plain values for the table ``[identification.posterior]`` of an action file: all fields but the trials, which
+        its provenance has; directions to seven digits, empty fields left out.
+        """
         return {
             "names": list(self.names),
             "paths": [list(paths) for paths in self.paths],
@@ -117,8 +119,9 @@ class Posterior:
 def make_posterior(
     parameters: Sequence[tuple[str, tuple[str, ...], float, bool]], covariance: Array, trials: Mapping[str, str]
 ) -> Posterior:
-    """Joint uncertainty of the fitted parameters, from the covariance (p, p) of z: of it the directions in which the
-    strokes said something.
+    """Joint uncertainty of fitted parameters, each (name, paths, prior u, whether it moves by a factor), from the
+    covariance (p, p) of z: only directions along which it differs from the prior's are kept. ``trials``: label ->
+    SHA-256.
 
     Parameters
     ----------
@@ -133,7 +136,9 @@ def make_posterior(
 
 
 def posterior_of(action: model.Action) -> Posterior | None:
-    """The joint uncertainty that an action's file holds; None where it was not identified."""
+    """Joint uncertainty that the file of an identified action holds; None where the action was not identified, an input
+    error where the table is damaged.
+    """
     table = action.identification.get(TABLE)
     if table is None:
         return None
@@ -169,7 +174,8 @@ VALUES_SHA256, ORIGIN_SHA256 = "values_sha256", "origin_sha256"
 
 
 def digests(action: model.Action, provenance: Mapping[str, Any], posterior: Mapping[str, Any]) -> dict[str, str]:
-    """Hashes, by name, of an identified action's values, and of its trials and posterior.
+    """SHA-256 by key: ``values_sha256`` of an identified action's values, ``origin_sha256`` of its trials and
+    posterior; ``provenance``, ``posterior``: these tables of its file.
 
     Parameters
     ----------

@@ -86,7 +86,8 @@ def _turn(angle_rad: Array, rest_rad: Array) -> Array:
 
 
 def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "model") -> PredictedAngles:
-    """Predict one trial and store the model's prediction, or read it when nothing it depends on has changed.
+    """Predict the angles of one trial at its samples, by the ``variant`` ``model``, ``raw_force`` (the model under the
+    uncorrected force) or ``null``; the model's prediction is read from the store, or computed and kept there.
 
     Conventions: angles on the DAQ's sample times (and, by the same cubic, on film times); changes since the model's own
     rest under the declared preload, rad; NaN where the force is not known yet, that is for the last group delay of the
@@ -157,7 +158,9 @@ def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "mode
 
 
 def _predict_by_key(m: MeasuredTrial, tested: ModelUnderTest, variant: str) -> PredictedAngles:
-    """Angles of a trial from its measured key motion, read from the store or computed and stored there."""
+    """Predict the angles of a trial from its measured key motion, by the ``variant`` ``model`` (read from the store, or
+    computed and kept there) or ``null`` (neither); refuses any other, and stand-ins.
+    """
     if variant not in KEY_DRIVEN or not tested.stand_ins.are_absent:
         raise PredictionError("is not driven by the key")
     rest = np.asarray(tested.load(m.force.preload_n).rest.angle_rad, dtype=float)[: len(BODIES)]
@@ -234,8 +237,9 @@ class PredictedSession:
 def predict_session(
     measured: MeasuredSession, tested: ModelUnderTest, progress: Callable[[str], None] | None = None
 ) -> PredictedSession:
-    """Predict every measured trial; unchanged ones are read, not simulated. Raises an input error where no trial can be
-    predicted.
+    """Predict every measured trial by the model and its rivals; stored predictions are read, not simulated. Trials that
+    the model cannot predict are refused with the reason; input error where none is left. ``progress`` gets a line a
+    trial.
     """
     refused, predictions = dict(measured.refused), {}
     # a user's function need not bear threads, nor be called in another order
@@ -280,7 +284,8 @@ def _predict_with_rivals(m: MeasuredTrial, tested: ModelUnderTest) -> PredictedT
 
 
 def _select_rival_curves(found: PredictedAngles, m: MeasuredTrial) -> RivalCurves:
-    """A rival's changes of angle since rest, rad, at the samples of encoders and film.
+    """Changes of angle since rest, rad, that a rival predicts: by encoder at the trial's samples, by filmed body at the
+    frames' times, none without a film.
 
     In single precision, a thousandth of an encoder's count.
     """
