@@ -94,7 +94,9 @@ def build_device(
     clock: VirtualClock | None = None,
     wiring: Wiring | None = None,
 ) -> DeviceState:
-    """Assemble a virtual device for a rig file.
+    """Assemble the virtual device of a rig file: product and names from ``config``, the moving ``plant`` and its
+    ``sensors`` wired to the terminals (by ``wiring`` or as usual), time from ``clock`` (by default it costs no real
+    time). It has no task.
 
     Parameters
     ----------
@@ -131,7 +133,9 @@ def build_device(
 
 
 def _make_inventory(config: RigConfig, rtsi: bool) -> Inventory:
-    """Inventory of the main device with the further ones, each on its own timebase; ``rtsi``: cards share a cable."""
+    """Channels and terminals of the rig file's main device with its further devices, each with a timebase error of its
+    own; ``rtsi``: the cards that can are joined by one RTSI cable.
+    """
     named = [(config.device.product, config.device.name), *((one.product, one.name) for one in config.devices)]
     on_cable = [name for product, name in named if PRODUCTS[product].rtsi and rtsi]
     first, *others = (

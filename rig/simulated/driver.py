@@ -41,7 +41,9 @@ def create_watchdog_task(device: DeviceState, name: str, timeout_s: float, of: s
 
 
 def clear_task(device: DeviceState, name: str) -> None:
-    """Stop a task, release its resources and forget it."""
+    """Stop a task, release its resources and forget it, with the signals it exports and its watchdog timer; refuse a
+    name that no task has.
+    """
     task = find_task(device, name)
     stop_task(device, task)
     release(device, task)
@@ -106,7 +108,10 @@ def reset_device(device: DeviceState, which: Inventory | None = None) -> None:
 def add_channels(
     device: DeviceState, task: SimulatedTask, type_: TaskType, kind: Kind, physical: str, name: str, **settings: Any
 ) -> None:
-    """Add comma-separated physical channels to a task; digital ones come from :func:`add_lines`."""
+    """Add the physical channels that a list such as ``Dev1/ai0:2`` names, all of ``kind``, to a task as type ``type_``;
+    ``name``: of the virtual channel, numbered for several, "" for the physical name; ``settings``: kept with each
+    channel.
+    """
     names = channel_names(physical)
     for index, part in enumerate(names):
         channel = device.inventory.channel(part, kind)
@@ -115,7 +120,9 @@ def add_channels(
 
 
 def add_lines(device: DeviceState, task: SimulatedTask, lines: str, name: str, *, one_channel: bool) -> None:
-    """Add digital outputs, lines or whole ports, to a task: as one channel or one per line."""
+    """Add digital outputs to a task, a list of lines such as ``Dev1/port0/line0:7`` or of whole ports: as one channel
+    or as one per line, called ``name`` (numbered from 0 for several), or after the lines where that is empty.
+    """
     found = device.inventory.lines(lines)
     groups = [found] if one_channel else [[line] for line in found]
     for index, group in enumerate(groups):
@@ -127,7 +134,9 @@ def add_lines(device: DeviceState, task: SimulatedTask, lines: str, name: str, *
 
 
 def configure_clock(device: DeviceState, task: SimulatedTask, clock: SampleClock) -> None:
-    """Set a task's sample clock after coercing its rate and checking its route."""
+    """Give a task a copy of ``clock`` with its rate coerced to one that the product has; refuse a running task or one
+    without channels, a counter or digital output, a counter input without a source, and an unknown terminal.
+    """
     rate_hz, source = clock.rate_hz, clock.source
     if not task.channels:
         raise DaqStatusError(Code.CAN_NOT_PERFORM_OP_WHEN_NO_CHANS_IN_TASK, f"Task: {task.name}")
@@ -148,10 +157,10 @@ MAX_ON_DEMAND = 100_000  # readings on demand in one call: a minute and a half o
 
 
 def read_samples(device: DeviceState, task: SimulatedTask, n: int, timeout_s: float) -> NDArray[np.float64]:
-    """Return up to n samples per channel, shape (m, channels), letting time pass until they have been acquired.
+    """Return n samples per channel (all available for a negative n), shape (m, channels), in the task's units, letting
+    time pass until they have come; fewer where ``timeout_s`` ends first. An idle task is started.
 
-    A negative n reads all available. Fewer come when the timeout ends first. Raises DaqStatusError when samples were
-    overwritten or will never come.
+    Raises DaqStatusError when samples were overwritten or will never come.
     """
     if task.clock is None and task.state != "running":  # started for this read alone
         start_task(device, task)
@@ -195,7 +204,9 @@ def _read_on_demand(device: DeviceState, task: SimulatedTask, n: int) -> NDArray
 
 
 def write_volts(device: DeviceState, task: SimulatedTask, values: NDArray[np.float64], auto_start: bool) -> None:
-    """Take samples for an analog output, V, shape (n, channels), within the channels' limits."""
+    """Write ``values`` (n, channels), V, to an analog output task: into its buffer, or the last row at once where it
+    has no sample clock; refuse values outside a channel's limits. ``auto_start`` lets an idle task start.
+    """
     for column, channel in enumerate(task.channels):
         low, high = channel.settings["min_val"], channel.settings["max_val"]
         inside = (values[:, column] >= low) & (values[:, column] <= high)  # NaN is not inside
@@ -206,7 +217,9 @@ def write_volts(device: DeviceState, task: SimulatedTask, values: NDArray[np.flo
 
 
 def write_levels(device: DeviceState, task: SimulatedTask, values: NDArray[np.float64], auto_start: bool) -> None:
-    """Take samples for an output, shape (n, channels or lines): buffered, or put out at once without a clock."""
+    """Write ``values`` (n, channels), V, or (n, lines), levels, to an output task: into its buffer, or the last row at
+    once where it has no sample clock. ``auto_start`` lets an idle task start. Refuse outputs that a watchdog holds.
+    """
     refuse_expired(device, task)
     if task.clock is None:
         _write_on_demand(device, task, values[-1], auto_start)
@@ -224,7 +237,9 @@ def write_levels(device: DeviceState, task: SimulatedTask, values: NDArray[np.fl
 
 
 def _write_on_demand(device: DeviceState, task: SimulatedTask, row: NDArray[np.float64], auto_start: bool) -> None:
-    """Put out one row, V, at once; an idle task starts if it may."""
+    """Put out ``row`` (channels or lines,), V or levels, at once; refuse an idle task without ``auto_start``, and
+    reserve its hardware for the write only, unless the task is committed.
+    """
     if task.state != "running":
         if not auto_start:
             raise DaqStatusError(Code.CANNOT_WRITE_WHEN_AUTO_START_FALSE_AND_TASK_NOT_RUNNING, f"Task: {task.name}")

@@ -286,7 +286,8 @@ class Inventory:
         """Terminals looked up so far: every read needs those of its encoder."""
 
     def full_name(self, relative: str) -> str:
-        """Name of a channel or terminal in the system: a module's name follows its chassis's, no slash.
+        """Name in the system of a channel or terminal, from that within the device: ``ai0`` of card ``Dev1`` is
+        ``Dev1/ai0``, ``Mod1/ai0`` of chassis ``cDAQ1`` is ``cDAQ1Mod1/ai0``.
 
         What begins with a slash is named in full already, an SCXI module by its own chassis.
         """
@@ -354,7 +355,9 @@ class Inventory:
         return found
 
     def counter_terminal(self, channel: PhysicalChannel, pin: Pin) -> str:
-        """Return a counter's default terminal, by the name it has here; "" where it has none."""
+        """Return the default terminal of a counter's ``pin``, source, auxiliary or out: relative to this device, in
+        full with a slash where another device has the counter, "" where there is none.
+        """
         if (owner := self.owner_of(channel.name)) is not self:
             found = owner.counter_terminal(channel, pin)
             return self.known_as(owner, found) if found else ""
@@ -367,7 +370,8 @@ class Inventory:
         return self._channels[name.lower()]
 
     def terminal(self, name: str, *, output: bool = False) -> str:
-        """Check a terminal name such as ``/cDAQ1/ai/SampleClock``; return it relative to the device.
+        """Check a terminal's name such as ``/cDAQ1/ai/SampleClock`` and return it relative to this device, in full
+        where another device has it; ``output``: refuse one that cannot put a signal out.
 
         A name that does not begin with a slash, such as ``ai/SampleClock``, is one of this device.
         """
@@ -411,7 +415,10 @@ class Inventory:
         return relative
 
     def coerced_rate(self, rate_hz: float, kind: Kind, channels: int) -> float:
-        """Return a sample clock's real rate, coerced up: 50 kHz/n (n to 31) for bridges, else the timebase over n."""
+        """Return the real rate of a sample clock, Hz, coerced up from ``rate_hz``: 50 kHz/n (n to 31) for bridge
+        modules, else the timebase over n, a counter's as it is; refuse more than ``channels`` channels of this kind can
+        do.
+        """
         product = self.product
         if not rate_hz > 0 or (kind != "counter" and rate_hz < product.timebase_hz / 2**32):
             raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Sample clock rate: {rate_hz:g}")

@@ -142,7 +142,9 @@ GREY = (120.0, 135.0, 150.0)  # mean of each part, so that they can be told apar
 
 
 def film_scene(settings: CameraSettings, seed: int) -> Scene:
-    """Build the three textured bodies before a background, whippen, repetition lever, jack from back to front."""
+    """Scene to be drawn: whippen, repetition lever and jack, from back to front, textured as ``settings`` say, before a
+    background; ``seed`` draws the textures. Poses are given when it is drawn.
+    """
     grain = {"whippen": 0.0, "jack": np.pi / 2.0, "repetition": -0.05}  # along the longest side of each part
     bodies = []
     for number, name in enumerate(_DRAW_ORDER):
@@ -160,7 +162,8 @@ def film_scene(settings: CameraSettings, seed: int) -> Scene:
 
 
 def film_bodies(geometry: ActionGeometry | None = None, settings: CameraSettings | None = None) -> list[Body]:
-    """Outlines of the three bodies at rest, as a user would draw them on the first frame.
+    """Outlines, px, of whippen, jack and repetition lever at the rest angles of ``geometry``, as a user would draw them
+    on the first frame; the whippen is the parent of the other two.
 
     Parameters
     ----------
@@ -196,7 +199,9 @@ def film_bodies(geometry: ActionGeometry | None = None, settings: CameraSettings
 def film_bounds(
     scene: Scene, geometry: ActionGeometry, settings: CameraSettings, noise_grey: float
 ) -> NDArray[np.float64]:
-    """Cramer-Rao bound of each body's angle in one still frame, rad, shape (3,), in the order of `NAMES`."""
+    """Cramer-Rao bound (3,), rad, on the standard deviation of the absolute angles of whippen, jack and repetition
+    lever in one still frame at rest; ``noise_grey``: standard deviation of a pixel, grey of 8 bit.
+    """
     rest = np.asarray(geometry.rest_angle_rad, dtype=float)[None, :]
     picture = scene.light(poses(geometry, settings, rest))
     masks = build_masks(film_bodies(geometry, settings), settings.height, settings.width)
@@ -227,7 +232,9 @@ _OUTLINES_M: dict[str, NDArray[np.float64]] = {
 
 
 def poses(geometry: ActionGeometry, settings: CameraSettings, angle_rad: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Poses (rad, px, px) for `Scene.light` in drawing order, (k, 3, 3), from angles (k, 3) in the order of `NAMES`."""
+    """Poses (k, 3, 3) of whippen, repetition lever, jack, in the order drawn: absolute angle, rad, x and y of the
+    pivot, px, from angles (k, 3), rad: whippen from ground, jack from whippen, repetition lever from whippen.
+    """
     whippen = angle_rad[:, 0]
     cosine, sine = np.cos(whippen), np.sin(whippen)
     pivot = np.asarray(geometry.whippen_pivot_m)
@@ -295,7 +302,9 @@ def film_trial(
     progress: Callable[[int, int], None] | None = None,
     start_frame: int = 0,
 ) -> FilmTruth:
-    """Film a trial to an MRAW file and its header; return what the film truly shows.
+    """Write a synthetic film to ``path`` (``.mraw``) and its header beside it, exposed about ``frame_time_s`` (n,), s;
+    ``angle_rad_of_time`` gives (k, 3): whippen from ground, jack, repetition lever from whippen. Return the true
+    angles, bounds and noise.
 
     Parameters
     ----------
@@ -421,7 +430,9 @@ class _Exposures:
                 yield drawn.popleft().result()
 
     def _angles_during(self, i: int) -> NDArray[np.float64]:
-        """Angles (k, m) at instants of exposure ``i``; sets its mean and counts the instants."""
+        """Angles (k, 3), rad, at the k instants by which exposure ``i`` is drawn: whippen from ground, jack and
+        repetition lever from the whippen; adds k to `n_instants` and sets row ``i`` of `mean` where k is above 1.
+        """
         count = int(self._instants[i])
         self.n_instants += count
         if count == 1:

@@ -68,7 +68,9 @@ class FeltTruth:
 
 
 def felt_law(action: model.Action, contact: str) -> FeltLaw:
-    """Felt law of a contact, or of the steel block, as pressed without the action."""
+    """Felt law of a ``contact`` of the specimen (``contact01`` to ``contact13``) pressed alone, or of the steel
+    ``block``; refuse another name, and a contact whose force law is not the usual one of eqs 2.4 and 2.5.
+    """
     if contact == BLOCK:
         return FeltLaw(0.0, 0.0, BLOCK_N_PER_M, 0.0)
     if f"{contact}.normal.a" not in action.quantities:
@@ -109,7 +111,9 @@ class FeltPlant:
         self.start_trial(1)
 
     def start_trial(self, trial: int) -> None:
-        """Put the arm at rest on the felt, under its preload, and draw the motor's scatter."""
+        """Put the arm at rest on the felt, under its preload, draw the motor's scatter from the seed and the trial's
+        number, and forget the record of the trial before.
+        """
         random = np.random.default_rng([self._seed, trial])
         self._per_volt = self._n_per_volt * (1.0 + self._scatter * float(np.clip(random.standard_normal(), -3.0, 3.0)))
         preload = self._preload
@@ -120,7 +124,9 @@ class FeltPlant:
         self._record: list[tuple[Array, ...]] = []
 
     def advance(self, command_v: Array) -> PlantBlock:
-        """Apply each of the (n,) volts for one sample period; return the state at the n edges before them."""
+        """Hold each motor voltage of ``command_v`` (n,) for one sample period; return the state at the n edges at which
+        they begin, before they have acted.
+        """
         period = 1.0 / self.sample_rate_hz
         steps = max(int(math.ceil(period / STEP_S - 1e-9)), 1)
         rows = np.empty((len(command_v), 3))
@@ -155,7 +161,9 @@ class FeltPlant:
         return pushed_n + self._preload - spring - friction - self._force
 
     def _balance(self, before: float, h: float) -> float:
-        """Compression, m, at which felt and cell press alike ``h`` s later; ``before`` is the cell's now."""
+        """Compression of the felt, m, at which it and the load cell in series press with the same force at the end of a
+        step of ``h`` s, the arm's way being known; ``before``: compression of the cell at the step's beginning, m.
+        """
         low, high = min(0.0, self._moved), max(self._moved, 0.0)
         if self._excess(high, before, h)[0] <= 0.0:
             return high  # apart, or just touching
@@ -179,7 +187,9 @@ class FeltPlant:
 
 
 def make_felt_plant(bench: ActionPlant, contact: str, config: RigConfig) -> FeltPlant:
-    """Return the arm of a bench on the felt of its specimen's ``contact`` in place of the key."""
+    """Plant of the bench's motor arm on the felt of ``contact`` of its specimen, or on the steel ``block``, in place of
+    the key; refuse a rig file without ``[felt]``, which names the encoder on the motor's shaft.
+    """
     if config.felt is None:
         raise RigInputError(f"rig {config.name}: has no table [felt], which says which encoder is on the motor's shaft")
     arm = {name: bench.action[f"motor_arm.{name}"] for name in ARM}

@@ -55,7 +55,9 @@ class PlantTruth(ArrayRecord):
         return self.angle_rad[:, self.coordinates.index(coordinate)]
 
     def angles_at(self, time_s: ArrayLike) -> NDArray[np.float64]:
-        """Coordinates at any times (k,) within the trial, by cubic Hermite interpolation of angles and speeds."""
+        """Coordinates (k, c), rad, a length in m, with the columns `coordinates`, at times (k,), s, by cubic Hermite
+        interpolation of angles and speeds; times outside the trial get the values at its ends.
+        """
         t = np.clip(as_numbers(time_s, "times of the trial", 1), self.time_s[0], self.time_s[-1])
         i = np.clip(np.searchsorted(self.time_s, t, side="right") - 1, 0, len(self.time_s) - 2)
         h = (self.time_s[i + 1] - self.time_s[i])[:, None]
@@ -95,7 +97,9 @@ class ActionPlant:
         self.start_trial(1)
 
     def draw_specimen(self, trial: int) -> tuple[model.Action, float]:
-        """Specimen and torque per volt, N m/V, of one trial, with the scatter that its number draws."""
+        """Return the specimen of trial number ``trial`` and its torque per volt, N m/V, with the scatter that seed and
+        number draw; the plant itself stays as it is.
+        """
         random = np.random.default_rng([self.seed, trial])
         gain = self.torque_per_volt_nm
         changed = {}
@@ -125,7 +129,9 @@ class ActionPlant:
         return pin_motion(self._run.scene, self._run.remembered)[0][:, pins.index(("key", "y"))]
 
     def advance(self, command_v: ArrayLike) -> PlantBlock:
-        """Apply each of the (n,) volts for one sample period; return the state at the n edges before them."""
+        """Hold each motor voltage of ``command_v`` (n,) for one sample period; return the state at the n edges at which
+        they begin, before they have acted.
+        """
         volts = as_numbers(command_v, "command", 1)
         count = len(volts)
         edges = np.arange(self._edge, self._edge + count + 1) / self.sample_rate_hz
@@ -156,7 +162,9 @@ class ActionPlant:
         )
 
     def truth(self) -> PlantTruth:
-        """Everything that happened since the trial started; RigInputError where that is more than is kept."""
+        """True motion and force at every edge since the trial started, with its specimen; RigInputError where the trial
+        was longer than the 60 s that are kept, or has not moved on yet.
+        """
         if not self._record:
             raise RigInputError(
                 f"the virtual bench keeps {KEPT_S:g} s of a trial's truth, e.g. for its film; this was longer"
@@ -180,7 +188,9 @@ def load_plant(
     effects: Collection[str] = (),
     scene: str | model.SceneChoice | None = None,
 ) -> ActionPlant:
-    """Build the plant a bench file describes.
+    """Build the specimen action with its motor arm, at rest, as a bench file (TOML) describes it; ``seed`` None takes
+    the file's. ``effects``: further ones by name; ``scene``: the specimen's, None for its action's own. Refuse bad
+    values.
 
     Parameters
     ----------

@@ -30,7 +30,9 @@ class PosePlant:
         self._edge = 0
 
     def advance(self, command_v: NDArray[np.float64]) -> PlantBlock:
-        """Return the state at the next n edges, at a pose or on the way to the next; the volts (n,) have no effect."""
+        """Return the state at the next n edges, n being the number of volts, which have no effect: the body at a
+        reference angle or on the way to the next, the others at rest, no force.
+        """
         n = len(command_v)
         time_s = np.arange(self._edge, self._edge + n, dtype=np.float64) / self.sample_rate_hz
         self._edge += n
@@ -43,7 +45,9 @@ class PosePlant:
 
 
 def make_pose_plant(bench: ActionPlant, text: str, where: str) -> PosePlant:
-    """Plant that holds a body at the angles, rad, that ``BODY:A,B,…`` lists."""
+    """Plant that holds one encoded body at the angles from its rest, rad, that ``text`` lists as ``BODY:A,B,…``, each
+    for 1.2 s, the others at rest; refuse another text, naming the address ``where``.
+    """
     body, _, listed = text.partition(":")
     try:
         angles = [float(one) for one in listed.split(",")]

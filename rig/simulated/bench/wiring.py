@@ -96,7 +96,9 @@ def usual_wiring(config: RigConfig) -> Wiring:
 
 
 def plant_wiring_faults(table: Mapping[str, Any], wiring: Wiring, where: str) -> Wiring:
-    """Return the wiring with the faults that a table plants; refuse entries that plant none."""
+    """Copy of ``wiring`` with the faults of ``table`` (``[wiring]`` of the bench file): other terminals of force,
+    motor, drive enable or an encoder (A, B), no RTSI cable, no wires; refuse other entries, naming the file ``where``.
+    """
     encoders = dict(zip(ENCODED_BODIES, wiring.encoders, strict=True))
     changed: dict[str, Any] = {}
     for name, value in table.items():

@@ -38,7 +38,9 @@ class FaultPlan:
         self._held: dict[Fault, float] = {}
 
     def raise_due(self, call: str, device: DeviceState, timeout_s: float = 0.0) -> None:
-        """Count a call and raise what a fault due now makes of it; one of silence lets ``timeout_s`` pass first."""
+        """Count a driver call by its name and raise the error of a planted fault that is due now or lasts; do nothing
+        without one. Sensor faults by call begin here; a fault ``timeout`` first lets ``timeout_s`` pass on the bench.
+        """
         self._calls[call] += 1
         for index, fault in enumerate(self.faults):
             if fault in self._struck:
@@ -71,7 +73,9 @@ class FaultPlan:
         raise DaqStatusError(STATUS[fault.kind], "planted", samples_read=0 if call.startswith("Read") else None)
 
     def drop_exposures(self, trial: int, time_s: NDArray[np.float64], count: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the exposures of the camera by each time, (n,), without those that it dropped."""
+        """Number of exposures (n,) by each time (n,), s, of trial number ``trial``, less what planted faults drop: from
+        a fault's time on ``count`` (n,) stands still for five exposures and stays five lower.
+        """
         for fault in self.faults:
             if fault.kind in CAMERA and trial == fault.trial:
                 at = self._held.get(fault)
@@ -85,7 +89,9 @@ class FaultPlan:
     def apply_sensor_faults(
         self, trial: int, time_s: NDArray[np.float64], cell: NDArray[np.float64], counts: NDArray[np.int64]
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Return cell output (n,) and counts (n, 3) as the faulty sensors give them."""
+        """Return cell output (n,), mV/V, and X4 counts (n, 4) of key, whippen, hammer, second head at times (n,), s, of
+        trial number ``trial`` as faulty sensors give them from the fault's time on; the arrays given are not changed.
+        """
         for fault in self.faults:
             after = time_s >= fault.at_s
             if trial != fault.trial or fault.kind not in (*CELL, *SCALE) or not after.any():
@@ -163,7 +169,9 @@ class DeviceState:
         self.reservations = Reservations(self.inventory)
 
     def source_terminal(self, terminal: str) -> str:
-        """Return the terminal whose signal a terminal carries, over a wire between devices or an export."""
+        """Return the terminal whose signal a terminal carries, over a wire between devices or an export; the terminal
+        itself where neither ends on it.
+        """
         for _ in range(4):
             on_wire = self.wiring.wires.get(terminal, terminal)
             origin = self.exports.get(on_wire, on_wire)

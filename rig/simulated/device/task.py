@@ -54,7 +54,9 @@ class InputBuffer:
             self.overwritten = True
 
     def take(self, n: int) -> NDArray[np.float64]:
-        """Remove and return the oldest n samples, shape (n, columns)."""
+        """Remove and return the oldest n unread samples, shape (n, columns), one column per channel; raise the driver's
+        status where unread ones were overwritten.
+        """
         if self.overwritten:
             raise DaqStatusError(Code.SAMPLES_NO_LONGER_AVAILABLE, samples_read=0)
         stored = np.concatenate(self._blocks) if self._blocks else np.empty((0, self._columns))
@@ -154,7 +156,9 @@ class SimulatedTask:
     pulses: PulseGeneration = field(default_factory=PulseGeneration)
 
     def add_channel(self, kind: TaskType, channel: Channel) -> None:
-        """Add a channel; refuses a mixture of types and a second counter."""
+        """Add a channel, which makes the task one of type ``kind``; refuse it in a running task, beside channels of
+        another type, a second counter input, and a name or physical channel that the task has already.
+        """
         self.refuse_while_running()
         refuse_any(
             (self.type not in (None, kind), Code.MULTI_CHAN_TYPES_IN_TASK, f"Task: {self.name}"),
@@ -221,7 +225,8 @@ class SimulatedTask:
         return self.clock.samples - self.total_samples
 
     def generate(self, n: int) -> NDArray[np.float64]:
-        """Return the next samples of a generation, at most n, shape (m, channels); fewer when it ends.
+        """Return the next samples that an output task generates, shape (m, channels), V, and count them as generated; m
+        is n, or less where a finite generation ends, and 0 where nothing was written.
 
         A generation longer than the buffer repeats the buffer, as the driver's regeneration does.
         """

@@ -45,6 +45,9 @@ def watchdog_timer(device: DeviceState, name: str) -> WatchdogTimer:
 def set_expiration_volts(
     device: DeviceState, timer: WatchdogTimer, channel: str, volts: float, output_type: int
 ) -> None:
+    """Set the volts to which an analog output goes when the watchdog expires; refuse an output that the product's
+    watchdog does not reach or of another device, volts out of range, and an output type other than voltage.
+    """
     product = device.inventory.owner_of(timer.device).product
     if "voltage_out" not in product.watchdog_reach:
         raise DaqStatusError(Code.WATCHDOG_TIMER_NOT_SUPPORTED, f"Physical Channel: {channel} is analog")
@@ -86,7 +89,9 @@ def start_watchdog(device: DeviceState, task: SimulatedTask) -> None:
 
 
 def control_watchdog(device: DeviceState, timer: WatchdogTimer, action: int) -> None:
-    """Reset the timer or clear its expiration, as ``action`` says; refuse to reset one that has expired."""
+    """Reset the timer (``action`` 0), or clear its expiration and stop it (1); refuse another action, and to reset a
+    timer that has expired.
+    """
     if action == CLEAR_EXPIRATION:
         timer.expired, timer.running = False, False
     elif action != RESET_TIMER:
@@ -98,7 +103,9 @@ def control_watchdog(device: DeviceState, timer: WatchdogTimer, action: int) -> 
 
 
 def check_watchdogs(device: DeviceState) -> None:
-    """Let timers that have run out expire: outputs go to their expiration states and generations end."""
+    """Let timers that have run out on the bench's clock expire: outputs go to their expiration states. A chassis ends
+    every running task and is locked until it is reset; on other products the tasks of those outputs end.
+    """
     for timer in device.watchdogs.values():
         if not timer.running or timer.expired or device.bench.clock.elapsed_s - timer.reset_at_s <= timer.timeout_s:
             continue
