@@ -28,6 +28,7 @@ from validation.prediction.many_runs import Run, coarse_force, run_many
 from validation.prediction.model_under_test import ModelUnderTest
 
 BUMP_N = 0.1  # for differences, of the whole force or at one knot
+LEAST_NOISE_N = 1e-6  # of a force, so that one without noise divides
 
 
 @dataclass(frozen=True)
@@ -180,7 +181,7 @@ class Responses:
         base = self.measured[t] - here[t]
         found = self._read_all([(p, t) for p in places])
         moved = np.column_stack([np.zeros(base.size) if turn is None else turn - base for turn in found]) / steps
-        scaled = moved * np.concatenate([[trial.u_offset_n], slow_noise_n(trial)])
+        scaled = moved * np.concatenate([[trial.u_offset_n], knot_noise_n(trial)])
         return np.moveaxis(scaled.reshape(3, -1, scaled.shape[1]), 0, 1)
 
     def curve_changes(self, amounts: Array, here: Array, at: Point) -> Array:
@@ -195,12 +196,11 @@ class Responses:
         at : the point
         """
         moved, trials = np.flatnonzero(np.any(amounts != 0.0, axis=0)), range(len(self.trials))
-        there = [self._place(at, t) for t in trials]
+        there = [dict(self._place(at, t).amounts) for t in trials]
         places = []
         for k, z in enumerate(amounts):
             t = k % len(trials)
-            total = dict(there[t].amounts)
-            total |= {int(j): total.get(int(j), 0.0) + float(z[j]) for j in moved}
+            total = there[t] | {int(j): there[t].get(int(j), 0.0) + float(z[j]) for j in moved}
             places.append((_Place(tuple(sorted(total.items()))), t))
         base = self.measured - here
         found = zip(places, self._read_all(places), strict=True)
@@ -344,6 +344,21 @@ class Responses:
             return action, self.tested.rest_of(action, preload_n, near)
         except ModelError:
             return None
+
+
+def knot_noise_n(trial: ObservedTrial) -> Array:
+    """Standard deviation of the force around each knot but the first, N: sensor noise, and what falls between samples.
+
+    A straight line between two samples misses the mean of a bent force by a twelfth of its second difference: where an
+    arm hits the key again, by far more than the noise.
+    """
+    when, knots = trial.force_time_s, noise_knots(trial)
+    missed = np.zeros(when.size)
+    missed[1:-1] = np.diff(trial.force_n, 2) / 12.0
+    edges = np.searchsorted(when, np.append(0.5 * (knots[:-1] + knots[1:]), when[-1]))
+    power = np.append(0.0, np.cumsum(missed**2))
+    mean = (power[edges[1:]] - power[edges[:-1]]) / np.maximum(np.diff(edges), 1)
+    return np.asarray(slow_noise_n(trial) * np.hypot(1.0, np.sqrt(mean) / max(trial.noise_n, LEAST_NOISE_N)))
 
 
 def _can_lift(action: model.Action) -> bool:

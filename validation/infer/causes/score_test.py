@@ -24,7 +24,7 @@ DEVIATIONS = tuple(1e-3 * 10.0 ** (0.5 * k) for k in range(5))
 """Grid of each trial's deviation, relative to the response."""
 DRAWS = 1999  # sessions under the null: ten lie beyond its 99.5 % point
 LEVEL = 0.01  # probability that any cause is named where the null hypothesis holds
-ODDS = 100.0  # posterior odds from which one cause is preferred to another
+ODDS = 1.0 / LEVEL  # likelihood ratio from which a session tells one cause from another
 PAIRED = 8  # causes, the best alone, that are paired with all others, or tried in place of one
 CHUNK = 250  # draws at a time, for memory
 
@@ -48,10 +48,9 @@ class BalancedNoise:
     families : (p,) of its columns, see `noise.Sizes`
     scatter : (p,) declared standard deviations of the amounts of columns that are no laws between trials
     known : (p, k) root of the declared covariance of its columns' amounts
-    shared : (draws, trials, n) changes of the curves at drawn errors of the force that all trials share
-    shared_drawn : the same at other draws, for sessions of the null hypothesis
-    runs : (draws, n) changes of the predicted curve at drawn amounts
-    linear : (draws, n) the same by the linear model
+    trials : how many
+    curved : (draws, n) changes of the predicted curve at drawn amounts, less those of the linear model
+    runs : (draws, n) such changes at other draws, for sessions of the null hypothesis
     """
 
     def __init__(
@@ -60,33 +59,26 @@ class BalancedNoise:
         families: NDArray[np.intp],
         scatter: Array,
         known: Array,
-        shared: Array,
-        shared_drawn: Array,
+        trials: int,
+        curved: Array,
         runs: Array,
-        linear: Array,
     ) -> None:
-        # what estimates a covariance is drawn no more: in it, noise looks smaller than it is
-        half = len(runs) // 2
-        self.trials, self.runs, self.shared = shared.shape[1], runs[half:], shared_drawn
-        curved, common_error = (runs - linear)[:half], shared.mean(axis=1)
-        answers = (shared - common_error[:, None]).reshape(-1, shared.shape[2])
+        self.trials, self.runs = trials, runs
         sizes = [Sizes.null(families, own) for own in DEVIATIONS]
         found = [(share, _covariances(block, sizes, scatter, known)) for share, block in blocks]
-        own, laws, known_covariance = (np.sum([share * parts[k] for share, parts in found], axis=0) for k in range(3))
+        own, laws, shared = (np.sum([share * parts[k] for share, parts in found], axis=0) for k in range(3))
         common = [_shared_columns(block, known) for _, block in blocks]
         middle = np.sum([share * columns for (share, _), columns in zip(blocks, common, strict=True)], axis=0)
         for (share, _), columns in zip(blocks, common, strict=True):  # what all share reads otherwise where a cause is
             laws = laws + share * (columns - middle) @ (columns - middle).T
-        laws = laws + answers.T @ answers / max(len(answers) - len(shared), 1)
         total = [each + laws + curved.T @ curved / len(curved) for each in own]
         self._inverse: dict[int, list[Array]] = {}
         self._own = [cholesky(c, lower=True) for c in own]
-        self._shared = cholesky(known_covariance, lower=True)
-        common_covariance = known_covariance + common_error.T @ common_error / len(shared)
+        self._shared = cholesky(shared, lower=True)
         self.between = [cholesky(b, lower=True) for b in total]
-        self.mean = [cholesky(b / self.trials + common_covariance, lower=True) for b in total]
+        self.mean = [cholesky(b / trials + shared, lower=True) for b in total]
         log_det = [
-            (self.trials - 1) * np.log(np.diag(b)).sum() + np.log(np.diag(m)).sum()
+            (trials - 1) * np.log(np.diag(b)).sum() + np.log(np.diag(m)).sum()
             for b, m in zip(self.between, self.mean, strict=True)
         ]
         self.log_prior = np.array([size.log_prior() for size in sizes]) - np.array(log_det)
@@ -98,7 +90,6 @@ class BalancedNoise:
         n = len(self._shared)
         each = rng.standard_normal((count, self.trials, n)) @ self._own[k].T
         each += self.runs[rng.integers(len(self.runs), size=(count, self.trials))]
-        each += self.shared[rng.integers(len(self.shared), size=count)]
         out = np.einsum("jt,dtn->djn", helmert(self.trials), each)
         out[:, 0] += rng.standard_normal((count, n)) @ self._shared.T
         return np.asarray(out)

@@ -16,7 +16,7 @@ import numpy as np
 from validation.conventions import Array
 from validation.infer.blocks import make_blocks
 from validation.infer.causes.responses import Point, Responses
-from validation.infer.causes.score_test import PAIRED, BalancedNoise, ScoreTest, Threshold, helmert, pair_gains
+from validation.infer.causes.score_test import LEVEL, PAIRED, BalancedNoise, ScoreTest, Threshold, helmert, pair_gains
 from validation.infer.fit import BACKTRACK, CLOSE
 from validation.infer.hypotheses import ALL, LEAST_ADDED, SMALL_STEP, TREND, Source, known_root
 from validation.infer.noise import law_family
@@ -24,13 +24,14 @@ from validation.infer.observations import ENCODERS
 
 REFITTED = 12  # causes of each size that are refitted, the best of the linear model first
 SECOND = 2  # best single causes beside which a second one is looked for
-RUNS = 192  # draws that are run, of scatter and of shared errors: half for a covariance, half for the threshold
-MORE_RUNS, CLEAR = 448, 10.0  # further draws for the threshold, but where it is exceeded so many times
+RUNS = 128  # draws of the scatter between trials that are run: for the curvature around each fit, and the threshold
+MORE_RUNS, CLEAR = 896, 10.0  # further draws for the threshold, but where it is exceeded so many times
 ROUNDS = 12  # of Gauss–Newton, at most
 FELTS = 4  # whose hereditary laws are tried, those whose damping shows most: each compiles a scene of its own
 AMOUNTS = (0.5, 1.0, 2.0)  # of what their files state, at which effects are first run
-MISSED = 0.005  # posterior probability of the causes and pairs beyond those named: half of the stated rate
+MISSED = 0.5 * LEVEL  # posterior probability of the causes and pairs beyond those named
 LEAST_STEP = 0.02  # amount: derivatives are differences over one standard uncertainty, which runs resolve from here on
+NEAR, CLIMBED = 50.0, 2  # of the log posterior: fits so near the best that they climb on; steps of each
 MOVED = 3  # times, at most, that the noise is linearised around another best fit
 DAMPING = ".normal.D"
 
@@ -55,9 +56,7 @@ class Search:
     """The linear model around one fit."""
 
     columns: Array  # (n, p) derivatives of the predicted curve with respect to each source
-    drawn: tuple[Array, Array]  # (draws, n) changes of the curves of trials that scatter: as run, and linear
-    # (draws, trials, n) changes of the curves at errors of the force that all share: for their covariance, and as drawn
-    shared: tuple[Array, Array]
+    curved: Array  # (draws, n) changes of the curves of trials that scatter, less those of the linear model
 
     def __init__(
         self, responses: Responses, at: Fit, effects: Sequence[int] = (), before: Search | None = None
@@ -82,17 +81,14 @@ class Search:
             blocks.append((share, block))
             tangents.append(columns)
         columns = tangents[0]
-        self.force_errors = np.array([s.error is not None and s.known > 0.0 for s in listed])
-        self.drawn = self._draw(RUNS, columns) if before is None else before.drawn
-        if before is None or at.point != before.at.point:
-            half = -(-RUNS // (2 * len(trials)))
-            estimated = self._draw_shared(half)
-            self.shared = estimated, estimated if at.members else self._draw_shared(half, seed=1)
+        if before is None or at.point != before.at.point:  # what estimates the curvature draws no sessions: there,
+            runs, linear = self._draw(RUNS, columns)  # noise looks smaller than it is
+            self.curved = runs - linear
         else:
-            self.shared = before.shared
-        known = np.where(self.force_errors[:, None], 0.0, known_root(responses.tested.action, listed))
+            self.curved = before.curved
+        known = known_root(responses.tested.action, listed)
         between = np.where(laws, 0.0, scatter)
-        self.noise = BalancedNoise(blocks, families, between, known, *self.shared, *self.drawn)
+        self.noise = BalancedNoise(blocks, families, between, known, len(trials), self.curved, self.curved)
         self.columns, self._turn = columns, helmert(len(trials))
         shown = [i for i, c in enumerate(responses.candidates) if np.any(columns[:, c.source])]
         if before is None:
@@ -102,14 +98,6 @@ class Search:
             self.alike = {i: {} for i in self.at.members} | new | before.alike
         self.named = sorted(self.alike)
         self.test = ScoreTest(self.noise, columns, [responses.candidates[i] for i in self.named])
-
-    def _draw_shared(self, count: int, seed: int = 0) -> Array:
-        """Changes (count, trials, n) of the trials' curves at drawn errors of the force that all share."""
-        trials = len(self.at.each)
-        amounts = np.where(self.force_errors, [s.known for s in self.responses.listed], 0.0)
-        amounts = amounts * np.random.default_rng(seed).standard_normal((count, amounts.size))
-        drawn = self.responses.curve_changes(np.repeat(amounts, trials, axis=0), self.at.each, self.at.point)
-        return drawn.reshape(count, trials, -1)
 
     def difference_steps(self) -> Array:
         """Standard uncertainty (p,) of each source's amount if all else is known: its longest step for a derivative.
@@ -127,12 +115,10 @@ class Search:
         amounts[:, moved] = scatter[moved] * np.random.default_rng(seed).standard_normal((count, moved.size))
         return self.responses.curve_changes(amounts, self.at.each, self.at.point), amounts @ columns.T
 
-    def refine_threshold(self) -> Threshold:
-        """Threshold from `MORE_RUNS` further strokes: a rare one of `RUNS` alone would set it, or miss."""
-        more, _ = self._draw(MORE_RUNS, self.columns, seed=1)
-        shared = self._draw_shared(MORE_RUNS // self.noise.trials, seed=2)
-        self.noise.runs = np.concatenate([self.noise.runs, more])
-        self.noise.shared = np.concatenate([self.noise.shared, shared])
+    def find_threshold(self, count: int, seed: int) -> Threshold:
+        """Threshold of the null hypothesis by ``count`` further strokes: a rare one of few would set it, or miss."""
+        more, _ = self._draw(count, self.columns, seed)
+        self.noise.runs = np.concatenate([self.noise.runs, more]) if seed > 1 else more
         return self.test.threshold(self.turned(self.at.each))
 
     def _conditions(self) -> list[tuple[int, float]]:
@@ -343,9 +329,46 @@ class Search:
 
     def refit_exactly(self, fits: Sequence[Fit]) -> list[Fit]:
         """The fits with every trial run, refitted with this search's noise, the best first."""
-        found = zip(fits, self.responses.exact_differences([f.point for f in fits]), strict=True)
-        run = [replace(f, each=e, log_posterior=self.log_posterior(e, f.z)[0]) for f, e in found if e is not None]
-        return self.refit(run, exact=True)
+        fits = self.refit([f for f in self._run_exactly(fits) if math.isfinite(f.log_posterior)], exact=True)
+        near = [f for f in fits if f.log_posterior > fits[0].log_posterior - NEAR]
+        return sorted([*self.climb(near), *fits[len(near) :]], key=lambda f: -f.log_posterior)
+
+    def climb(self, fits: Sequence[Fit]) -> list[Fit]:
+        """The fits climbed by parabolas through the log posterior, as far as `CLIMBED` steps in each amount go.
+
+        Impacts bend the response within one standard uncertainty, where derivatives of Gauss–Newton mislead.
+        """
+        out = list(fits)
+        for _ in range(CLIMBED):
+            steps = [np.diag(np.sqrt(np.diag(self.covariance(f)))) for f in out]
+            beside = [
+                replace(f, z=f.z + sign * h) for f, s in zip(out, steps, strict=True) for h in s for sign in (-1, 1)
+            ]
+            found = iter(self._run_exactly(beside))
+            tried: list[list[Fit]] = []
+            for fit, step in zip(out, steps, strict=True):
+                pairs = [(next(found), next(found)) for _ in step]
+                rise = np.array([[b.log_posterior, a.log_posterior] for b, a in pairs]) - fit.log_posterior
+                bend = -np.sum(rise, axis=1)
+                move = np.where(bend > 0.0, 0.5 * (rise[:, 1] - rise[:, 0]) / np.where(bend > 0.0, bend, 1.0), 0.0)
+                at = np.clip(fit.z + np.clip(move, -2.0, 2.0) * np.diag(step), *self.bounds(fit.members))
+                tried.append([fit, replace(fit, z=at), *(f for pair in pairs for f in pair)])
+            tops = self._run_exactly([group[1] for group in tried])
+            out = [
+                max([group[0], top, *group[2:]], key=lambda f: f.log_posterior)
+                for group, top in zip(tried, tops, strict=True)
+            ]
+        return [replace(f, columns=c) for f, c in zip(out, self.columns_at(out), strict=True)]
+
+    def _run_exactly(self, fits: Sequence[Fit]) -> list[Fit]:
+        """The fits with every trial run at their amounts; -inf is the log posterior of one that cannot be run."""
+        out = []
+        for fit, each in zip(fits, self.responses.exact_differences([f.point for f in fits]), strict=True):
+            if each is None:
+                out.append(replace(fit, log_posterior=-math.inf))
+            else:
+                out.append(replace(fit, each=each, log_posterior=self.log_posterior(each, fit.z)[0]))
+        return out
 
     def pairs(self, singles: Sequence[Fit]) -> list[Fit]:
         """Starting fits of two causes, not refitted: each of the `SECOND` best of ``singles`` (fits of one cause, the
@@ -459,9 +482,9 @@ def find_causes(responses: Responses, effects: bool = True) -> Found:
     if base is None or not np.all(np.ptp(responses.measured, axis=1)):
         return Found()
     search = Search(responses, Fit((), np.zeros(0), base, np.zeros((*base.shape, 0))))
-    threshold = search.test.threshold(search.turned(base))
+    threshold = search.find_threshold(RUNS, seed=1)
     if search.is_exceeded(threshold) and not search.is_exceeded(threshold, CLEAR):
-        threshold = search.refine_threshold()
+        threshold = search.find_threshold(MORE_RUNS, seed=2)
     if not search.is_exceeded(threshold):
         return Found(search=search)
     if effects:

@@ -11,7 +11,7 @@ import model
 from tests.validation.infer import toy
 from validation.events.key_lift import SCALE_RADIUS_M
 from validation.infer.causes import explain
-from validation.infer.causes.responses import Point, Responses
+from validation.infer.causes.responses import Point, Responses, knot_noise_n
 from validation.infer.channels import FORCE_GAIN
 from validation.infer.hypotheses import ADDED, ALL, JOINTS, STEP, list_addable_effects, sources
 from validation.prediction.model_under_test import ModelUnderTest
@@ -111,3 +111,12 @@ def test_central_differences_of_one_gap_moved_by_two_lengths_are_equal() -> None
     assert moved.base is not None
     radius, gap = moved.columns([(Point(), 0, 0), (Point(), 0, 1)], 2 * [moved.base], central=True)
     assert np.abs(radius).max() > 1e-3 and radius == pytest.approx(-gap, rel=1e-3, abs=1e-6)
+
+
+def test_force_that_bends_between_samples_is_as_uncertain_as_a_twelfth_of_its_second_difference() -> None:
+    trial = replace(toy.short_forte(PRELOAD_N), noise_n=0.02)
+    time_s = trial.force_time_s
+    straight = knot_noise_n(replace(trial, force_n=3.0 * (time_s - time_s[0])))
+    step_s = float(np.median(np.diff(time_s)))
+    bent = knot_noise_n(replace(trial, force_n=0.6 * ((time_s - time_s[0]) / step_s) ** 2))
+    assert bent[1:-1] / straight[1:-1] == pytest.approx(np.hypot(1.0, 1.2 / 12.0 / 0.02), rel=0.02)

@@ -232,9 +232,7 @@ def noise() -> BalancedNoise:
     block = Block(0, TIME, columns, nil, nil, nil, np.full(3 * M, NOISE_RAD**2), size, np.zeros(M))
     scatter, families = np.where(np.arange(SHAPES) == 1, 0.05, 0.0), np.full(SHAPES, -1)
     runs = np.random.default_rng(1).standard_normal((200, SHAPES)) * scatter @ columns.T
-    return BalancedNoise(
-        [(1.0, block)], families, scatter, 1e-3 * np.eye(SHAPES), *2 * [np.zeros((4, 6, 3 * M))], runs, runs
-    )
+    return BalancedNoise([(1.0, block)], families, scatter, 1e-3 * np.eye(SHAPES), 6, 0.0 * runs[:4], runs)
 
 
 def test_score_statistic_is_that_of_the_whole_covariance(noise: BalancedNoise) -> None:
