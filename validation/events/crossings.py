@@ -27,7 +27,8 @@ def find_equal_runs(values: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def up_crossings(time_s: Array, signal: Array, level: float, hysteresis: float = 0.0) -> list[float]:
-    """Times at which a signal rises through a level, s.
+    """Times, s, increasing, by linear interpolation, at which a ``signal`` (n,) at times ``time_s`` (n,) rises through
+    ``level``; the next one counts only after it has fallen below ``level - hysteresis``. NaN samples have no crossing.
 
     Parameters
     ----------
@@ -59,7 +60,8 @@ def down_crossings(time_s: Array, signal: Array, level: float, hysteresis: float
 
 
 def bend_uncertainty_s(time_s: Array, signal: Array, at_s: float) -> float:
-    """Standard uncertainty (s) of a crossing by linear interpolation, from the signal's curvature there.
+    """Standard uncertainty, s, that the curvature of a ``signal`` (n,) at times ``time_s`` (n,) adds to a level
+    crossing interpolated linearly at ``at_s``, s; 0 where the signal does not change there.
 
     The line is off by up to a·dt²/8 for a second derivative a, in root mean square by √(8/15) of that.
     """
@@ -71,7 +73,9 @@ def bend_uncertainty_s(time_s: Array, signal: Array, at_s: float) -> float:
 
 
 def find_last_fall(time_s: Array, signal: Array, level: float) -> float | None:
-    """Time at which a signal falls through a level for good; None when it was never above, still is, or is lost."""
+    """Last time, s, at which a ``signal`` (n,) falls through ``level``, by linear interpolation; None when it was never
+    above, is above in the last sample, or its next sample is NaN.
+    """
     above = np.flatnonzero(signal > level)
     if above.size == 0 or above[-1] + 1 >= signal.size or not np.isfinite(signal[above[-1] + 1]):
         return None
@@ -87,11 +91,11 @@ def select_first_after(times: list[float], after_s: float) -> float | None:
 def read_level_with_uncertainty(
     find: Callable[[float], float | None], level: float, u_level: float
 ) -> tuple[float | None, float]:
-    """Value of ``find(level)`` and its standard uncertainty, from the levels ``u_level`` above and below; NaN where
-    nothing is found at one of them.
+    """Result of ``find(level)``, and its standard uncertainty from finding again at levels ``u_level`` (and thrice
+    that) above and below; (None, NaN) where nothing is found, an uncertainty of NaN where nothing is at one of the
+    nearer two.
 
-    A finder that jumps to another oscillation when the level moves gets the large uncertainty it deserves;
-    one that finds nothing at a moved level falls back on the other side.
+    A finder that jumps to another oscillation when the level moves gets the large uncertainty it deserves.
     """
     value = find(level)
     if value is None:

@@ -64,7 +64,9 @@ TURN_S = 0.6e-3  # to either side of a landing: choice, felt turns the hammer ro
 
 
 def key_bottom(motion: Motion, read: LevelReading = read_level_with_uncertainty) -> Event:
-    """Event at which the key dip first rises through the dip at which the key front touches its felt."""
+    """Event: time, s, at which the key dip first rises through the dip at which the key front touches its felt; absent,
+    with the reason, where it never does. ``read``: how a level is read, with or without its uncertainty.
+    """
 
     def find(level: float) -> float | None:
         return select_first_after(up_crossings(motion.time_s, motion.key_dip_m, level, FELT_M), -np.inf)
@@ -98,7 +100,9 @@ class Hold:
 def find_hold(
     motion: Motion, after_s: float, until_s: float = np.inf, read: LevelReading = read_level_with_uncertainty
 ) -> Hold | None:
-    """First stretch after an impact and before a time in which the hammer is held; None when there is none.
+    """First stretch of 20 ms or more (else of 10 ms or more, noted as doubtful) between ``after_s`` and ``until_s``, s,
+    in which the hammer stays within 0.5 mm clear of string and rest; None when there is none. ``read_level`` as
+    ``read`` saves time.
 
     The height of a hammer that creeps while it is held depends on where noise lets the hold begin and end: the hold is
     found again in ranges narrower and wider by three standard uncertainties of a sample, and the change of the height
@@ -121,9 +125,10 @@ def find_hold(
 def _find_held(
     motion: Motion, after_s: float, until_s: float, length_s: float, ranges_m: tuple[float, ...]
 ) -> list[tuple[float, int, int, float] | None]:
-    """For each range (m), the first hold of at least ``length_s``: its median height (m), first sample and end of its
-    first ``length_s``, and the change of the height (m) when it begins a sample later; None where the hammer is not
-    held."""
+    """For each range (m) of height, the first hold of at least ``length_s`` between ``after_s`` and ``until_s``, s:
+    median height (m), first sample, end of its first ``length_s`` as a sample, change of the height (m) if begun a
+    sample later; or None.
+    """
     time, height = motion.time_s, motion.hammer_height_m
     step = float(np.median(np.diff(time)))
     n = int(round(length_s / step)) + 1
@@ -154,8 +159,9 @@ def _find_held(
 def check(
     motion: Motion, hold: Hold | None, *, struck: bool = True, read: LevelReading = read_level_with_uncertainty
 ) -> tuple[Event, Event]:
-    """Events of the back check: time at which the hammer enters the band around its held height, and that height; both
-    absent, with the reason, where ``hold`` is None."""
+    """Two events of the back check: time, s, at which the hammer enters 0.25 mm around its held height, and that
+    height, m below the string; both absent, with the reason (``struck``: whether it struck), where ``hold`` is None.
+    """
     if hold is None:
         why = "hammer is never held" if struck else "no string impact"
         return make_absent_event("check_time", why), make_absent_event("check_height", why)
@@ -184,8 +190,9 @@ def check(
 
 
 def key_release(motion: Motion, read: LevelReading = read_level_with_uncertainty) -> Event:
-    """Event: the last fall of the key dip through half the touching dip, when the key stays up to the end of the
-    record."""
+    """Event: time, s, of the last fall of the key dip through half of the dip at which the key touches its felt; absent
+    where the key never went that far down or is down at the end of the record.
+    """
     time, dip = motion.time_s, motion.key_dip_m
 
     def find(level: float) -> float | None:
@@ -200,7 +207,9 @@ def key_release(motion: Motion, read: LevelReading = read_level_with_uncertainty
 
 
 def rest(motion: Motion, quiet_stop: int, read: LevelReading = read_level_with_uncertainty) -> Event:
-    """Event from which height and dip stay within 0.1 mm of their mean over the first ``quiet_stop`` samples."""
+    """Event: time, s, from which hammer height and key dip stay within 0.1 mm of their means over the first
+    ``quiet_stop`` samples, to the end of the record and for 50 ms at least; else absent.
+    """
     time = motion.time_s
     height = np.abs(motion.hammer_height_m - float(np.mean(motion.hammer_height_m[:quiet_stop])))
     dip = np.abs(motion.key_dip_m - float(np.mean(motion.key_dip_m[:quiet_stop])))
@@ -228,7 +237,9 @@ def _make_time_event(name: str, value: float, u: float) -> Event:
 
 
 def onset(motion: Motion, quiet_stop: int, read: LevelReading = read_level_with_uncertainty) -> Event:
-    """Event at which the key dip first rises through 0.1 mm above its mean over the first ``quiet_stop`` samples."""
+    """Event: time, s, at which the key dip first rises 0.1 mm above its mean over the first ``quiet_stop`` samples;
+    absent where it never does.
+    """
     dip = motion.key_dip_m - float(np.mean(motion.key_dip_m[:quiet_stop]))
 
     def find(level: float) -> float | None:
@@ -241,7 +252,9 @@ def onset(motion: Motion, quiet_stop: int, read: LevelReading = read_level_with_
 
 
 def let_off(motion: Motion, strike: Strike | None, read: LevelReading = read_level_with_uncertainty) -> Event:
-    """Event: the last time before the impact at which the hammer is 0.1 mm off the path of its free flight."""
+    """Event: last time, s, before the impact at which the hammer is 0.1 mm off the path of its free flight; absent
+    without strike or flight, ambiguous where the hammer vibrates about that path by more than 0.1 mm.
+    """
     if strike is None or not math.isfinite(strike.arrival.speed):
         return make_absent_event("let_off", "no string impact")
     contact = strike.arrival.contact_s
@@ -273,8 +286,9 @@ def let_off(motion: Motion, strike: Strike | None, read: LevelReading = read_lev
 
 
 def count_bounces(motion: Motion, strike: Strike | None, caught: Event) -> Event:
-    """Event whose value is how often the hammer turns round by 0.3 mm or more between the impact and ``caught``, the
-    event at which the check begins."""
+    """Event whose value is the number of times the hammer turns round by 0.3 mm or more between the impact and the
+    begin of the check, ``caught``; absent without either, ambiguous where the noise of a sample changes the number.
+    """
     if strike is None:
         return make_absent_event("check_bounces", "no string impact")
     if not math.isfinite(caught.value):
@@ -289,7 +303,9 @@ def count_bounces(motion: Motion, strike: Strike | None, caught: Event) -> Event
 
 
 def _count_turns(height: Array, least: float) -> int:
-    """How often a curve (n,) turns from rising to falling by ``least`` or more each; NaN are skipped."""
+    """Number of turns, from rising to falling or back, of a curve (n,), m, each followed by a change of ``least``, m,
+    or more; NaN are skipped.
+    """
     count, direction = 0, 0
     low = high = None
     for h in height[np.isfinite(height)]:
@@ -308,8 +324,10 @@ def drop(
     release_s: float,
     read: LevelReading = read_level_with_uncertainty,
 ) -> Event:
-    """Event at which the hammer, after ``check_s``, first is 0.5 mm further from the string than it was held; ambiguous
-    where that is long before the key's release at ``release_s``."""
+    """Event: first time, s, after the check at ``check_s`` at which the hammer is 0.5 mm further from the string than
+    it was held; absent where it is not, ambiguous where that is more than 50 ms before the key's release at
+    ``release_s``, s.
+    """
     if hold is None or not math.isfinite(check_s):
         return make_absent_event("drop", "hammer is never held")
     height = motion.hammer_height_m
@@ -328,7 +346,9 @@ def drop(
 
 
 def landing(motion: Motion, hold: Hold | None, drop_s: float) -> Event:
-    """Event at which, after ``drop_s``, the hammer is furthest from the string before it first comes back by 0.3 mm."""
+    """Event: time, s, at which, after the drop at ``drop_s``, s, the hammer is furthest from the string before it first
+    comes back by 0.3 mm; absent without a drop or such a bounce.
+    """
     if hold is None or not math.isfinite(drop_s):
         return make_absent_event("landing", "no drop")
     time, height = motion.time_s, motion.hammer_height_m
@@ -352,8 +372,10 @@ def landing(motion: Motion, hold: Hold | None, drop_s: float) -> Event:
 
 
 def _fit_vertex(time: Array, height: Array, turn_index: int, half_width: int, u_height_m: float) -> tuple[float, float]:
-    """Time (s) of the top of a parabola fitted to the heights within ``half_width`` samples of sample ``turn_index``,
-    and its standard uncertainty (s); NaN where it has no top."""
+    """Time (s) of the largest value of a parabola fitted to the heights (n,), m, within ``half_width`` samples of the
+    sample ``turn_index``, and its standard uncertainty (s), both NaN where the parabola has no maximum; ``u_height_m``:
+    least noise.
+    """
     part = slice(turn_index - half_width, turn_index + half_width + 1)
     t = time[part] - time[turn_index]
     (level, slope, bend), covariance = fit_parabola(t, height[part], 1.0)
@@ -432,7 +454,9 @@ def _make_impact_event(name: str, strike: Strike | None, why_absent: str) -> Eve
 
 
 def _make_speed_event(name: str, motion: Motion, strike: Strike | None, flight: Flight | None) -> Event:
-    """Event of a speed before or after the strike (m/s); absent, with the reason, where there is none."""
+    """Event ``name`` with the speed at contact of ``flight``, m/s, positive, and its uncertainty with that of scale and
+    string height; absent, with the reason, without strike or speed, ambiguous where the strike is.
+    """
     if strike is None or flight is None:
         return make_absent_event(name, "no string impact")
     if math.isnan(flight.speed):

@@ -54,7 +54,10 @@ class ReadingFault:
 def measure_step_excess(
     change_rad: Array, time_s: Array, resolution_rad: float, quiet_stop: int
 ) -> tuple[Array, float]:
-    """Signed excess (n − 1,), rad, of each step over its neighbours', and the limit above which it is a leap."""
+    """Amount (n − 1,), rad, signed, by which each step between samples of ``change_rad`` (n,) exceeds its four
+    neighbours, 0 within them, and the limit, rad, above which it is a leap; ``quiet_stop``: samples at rest, which tell
+    the noise.
+    """
     steps = np.diff(change_rad)
     out = np.zeros(steps.size)
     if steps.size < 5:  # one step and its four neighbours
@@ -98,7 +101,9 @@ def _find_standstills(change: Array, time_s: Array) -> list[tuple[int, int]]:
 
 
 def find_reading_faults(m: MeasuredTrial, p: PredictedAngles) -> list[ReadingFault]:
-    """First jump or standstill of each encoder of a trial that has one, found beside the predicted angles."""
+    """First fault, a jump between two samples or a standstill while its body moves, of each encoder of a trial that has
+    one, in the order of the encoders; ``p``: the prediction, which tells where a body moves. At most one an encoder.
+    """
     leaps = [_find_leaps(m, p.change_rad(name), i) for i, name in enumerate(ENCODER_CHANNELS)]
     found: list[ReadingFault] = []
     for i, name in enumerate(ENCODER_CHANNELS):
@@ -132,8 +137,8 @@ def _find_leaps(m: MeasuredTrial, expected: Array, i: int) -> tuple[Array, Array
 
 
 def _describe_leap(m: MeasuredTrial, expected: Array, i: int, leaps_rad: Array, limit: float) -> ReadingFault:
-    """The first leap of the i-th encoder, or the standstill that it begins or ends; ``leaps_rad`` (n − 1,) is 0 where
-    there is none, ``expected`` the model's change of angle (n,).
+    """First leap of the ``i``-th encoder, or the standstill that it begins or ends; ``leaps_rad`` (n − 1,): steps that
+    are leaps, 0 elsewhere, ``limit``: from which one is, ``expected`` (n,): the model's change of the angle; all rad.
 
     It begins one where the encoder moves as fast before it, and ends one where the body moved by so much meanwhile.
     """
@@ -163,8 +168,9 @@ def _is_continued(steps: Array, at: int, side: int) -> bool:
 
 
 def _find_standstill(m: MeasuredTrial, p: PredictedAngles, i: int) -> ReadingFault | None:
-    """First standstill of the i-th encoder, without a leap, while the model moves and so does the other of key and
-    whippen, or the hammer stops or starts abruptly; None if there is none."""
+    """First standstill of the ``i``-th encoder without a leap: its reading stays while the model moves and the other of
+    key and whippen does (for the hammer: while it stops or starts abruptly); None if there is none.
+    """
     change, time_s = m.change_rad[:, i], m.time_s
     name, expected = ENCODER_CHANNELS[i], p.change_rad(ENCODER_CHANNELS[i])
     reach = max(round(EDGE_S / float(np.median(np.diff(time_s)))), 1)

@@ -77,8 +77,9 @@ class _Path:
 
 
 def fit_parabola(age: Array, position: Array, sigma: float, slowing: float | None = None) -> tuple[Array, Array]:
-    """Way (m), speed and second derivative at age 0, (3,), and their covariance, (3, 3), from ways ``position`` (n,),
-    m, of u ``sigma``, m, at ages (n,), s, by weighted least squares; ``slowing`` (m/s²) is a prior of the last one.
+    """Way (m), speed (m/s) and second derivative (m/s²) at age 0, (3,), and their covariance, (3, 3), by least squares
+    on ``position`` (n,), m, of u ``sigma``, at ``age`` (n,), s; ``slowing``, m/s²: prior of the last one, none without
+    it.
     """
     design = np.stack([np.ones(age.size), age, 0.5 * age**2])
     normal, target = design @ design.T / sigma**2, design @ position / sigma**2
@@ -91,8 +92,9 @@ def fit_parabola(age: Array, position: Array, sigma: float, slowing: float | Non
 
 
 def _fit_path(age: Array, position: Array, sigma: float, slowing: float | None = None) -> _Path:
-    """Parabola through ways ``position`` (n,), m, of u ``sigma``, m, at ages (n,), s, its covariance, and whether a
-    chi-square test accepts it; the expected deceleration ``slowing``, m/s², is a prior.
+    """Parabola through ``position`` (n,), m, of u ``sigma``, at ``age`` (n,), s: way, speed and second derivative at
+    age 0, covariance, and whether a chi-square test accepts it; ``slowing``, m/s²: prior of the last one, none without
+    it.
     """
     value, covariance = fit_parabola(age, position, sigma, slowing)
     left = (position - value[0] - value[1] * age - 0.5 * value[2] * age**2) / sigma
@@ -107,8 +109,9 @@ def _is_pushed(path: _Path) -> bool:
 
 
 def fit_flight(time_s: Array, way_m: Array, contact_s: float, side: int, sigma_m: float) -> Flight:
-    """Speed and time of contact with their u, from samples (n,) before it (``side`` −1) or after it (+1); ``contact_s``
-    is a first estimate, ``sigma_m`` the u of a sample.
+    """Head speed (m/s) and time of contact (s) with their u, from the distance to the string ``way_m`` (n,) on one side
+    of the contact (``side`` −1 before, +1 after its estimate ``contact_s``); ``sigma_m``: u of a sample. NaN, with a
+    note, on failure.
 
     Parameters
     ----------
@@ -173,7 +176,7 @@ def _measure_swing(age: Array, position: Array) -> float:
 
 def _find_undisturbed(stretch: Stretch, sigma: float, slowing: float) -> tuple[float, bool]:
     """Length (s) of free flight to fit, and whether at least 3 ms are undisturbed; ``stretch`` returns ages (s) and
-    ways (m) between two ages, ``sigma`` is the u of a way, m, ``slowing`` the expected deceleration, m/s².
+    ways (m) between two ages, ``slowing`` is the expected deceleration, m/s².
 
     The last millisecond of the longest stretch that passes is left out: a disturbance may have begun in it unseen.
     """
@@ -242,9 +245,7 @@ def _fit_vibration(
     age: Array, position: Array, sigma: float, slowing: float, side: int
 ) -> tuple[float, float, float, float, float, str] | None:
     """Speed (m/s), its u, way (m), its u, deceleration (m/s²) at age 0, and a note, of rigid flight with a damped
-    vibration fitted to ways ``position`` (n,), m, at ages (n,), s; None where a chi-square test rejects it. Other
-    arguments as of `_fit_shaken_flight`.
-    """
+    vibration fitted to samples (n,); None where a chi-square test rejects it."""
     rigid = np.column_stack([np.ones(age.size), age, age**2 / 2])
     weight = np.zeros(len(PARAMETERS))  # of what is known beforehand, and what that is
     weight[[2, 6]] = U_DECELERATION_M_PER_S2**-2, U_DAMPING**-2

@@ -82,7 +82,8 @@ class Capstan:
 
 
 def make_capstan(action: model.Action) -> Capstan:
-    """Capstan of an action of the `model` package.
+    """Capstan of an action: its gap, m, as a function of absolute angles (n, 5), the whippen's angular acceleration in
+    free fall, rad/s², and the apparent gap per lift of the key.
 
     The free fall is that of whippen, jack and repetition lever together about the whippen's pivot; a hammer resting on
     them only makes it faster.
@@ -115,7 +116,8 @@ def find_lifts(
     release_s: float,
     rail: Callable[[], list[RailPull]] | None = None,
 ) -> list[KeyLift]:
-    """Intervals in which the key encoder disagrees with the whippen's while the capstan is loaded.
+    """Intervals in which the capstan gap by the encoders of key and whippen exceeds the model's by more than 0.2 mm
+    though the capstan is loaded: the key lifts off its rail; joined, in order of time, empty if none.
 
     Parameters
     ----------
@@ -185,8 +187,9 @@ def _find_edges(excess: Array, samples: NDArray[np.intp], longest: int) -> tuple
 def _make_lift(
     capstan: Capstan, time: Array, excess: Array, first: int, last: int, pulls: list[RailPull] | None
 ) -> KeyLift:
-    """Lift of the key in samples ``first`` to ``last`` of ``excess``, m, by which the measured capstan gap exceeds the
-    model's, with its reason; ``pulls``: of the model's rail, None where unknown.
+    """Lift of the key over samples ``first`` to ``last``, with its largest ``excess`` (n,), m: measured capstan gap
+    less the model's; ``pulls``: when the model's rail would have to pull the key down, which the reason names, None
+    where unknown.
     """
     part = excess[first : last + 1]
     worst = first + int(np.nanargmax(part))
@@ -220,7 +223,8 @@ def _join_lifts(lifts: list[KeyLift]) -> list[KeyLift]:
 def find_key_lifts(
     predicted: PredictedSession, tested: ModelUnderTest, events: dict[int, dict[str, Event]]
 ) -> dict[int, list[KeyLift]]:
-    """Lifts of the key by trial number; none in trials whose encoders are wired wrong, leap or stand still.
+    """Lifts of the key by trial number, empty in trials whose encoders are wired wrong or whose key or whippen leaps or
+    stands still; ``events``: the trials', trial number → name → event.
 
     The rail's pull is computed for the trial of median peak force, and moved to each trial's own impact.
     """
@@ -262,7 +266,8 @@ def find_key_lifts(
 
 
 def find_rail_pulls(tested: ModelUnderTest, m: MeasuredTrial) -> list[RailPull]:
-    """Intervals in which the model's balance rail would have to pull the key down, under this trial's force.
+    """Intervals, s, with the largest pull, N, in which the model's balance rail would have to pull the key down under
+    this trial's force; empty for a stand-in. Simulates with inner forces, which is slow, unless the store has it.
 
     A run that records the inner forces costs some eighty times a prediction: it is made for one trial, and only when
     there is a doubt. A stand-in for the model has no inner forces. Felt that remembers gives way to the thesis's law

@@ -44,7 +44,9 @@ class Window:
 
 
 def choose_window(measurements: Sequence[MeasuredTrial], events: dict[int, dict[str, Event]]) -> Window:
-    """From 20 ms before the earliest onset to 50 ms after the last trial is at rest, within every record.
+    """Evaluation window of a session: from 20 ms before the earliest onset to 50 ms after the last trial comes to rest,
+    or to the end of the shortest record where that is sooner or a trial does not rest. Raises an input error where
+    nothing is left.
 
     Parameters
     ----------
@@ -84,8 +86,8 @@ class SessionEvents:
 
 
 def find_session_events(predicted: PredictedSession, tested: ModelUnderTest) -> SessionEvents:
-    """Find events in every trial and its prediction, lifts of the key, and the evaluation window; events found are kept
-    in the model's store.
+    """Events of every trial and of its prediction, lifts of the key and the evaluation window; a trial's key events
+    inside a lift are marked ambiguous. Events found are kept in the model's store and read from it.
     """
     model, trial = {}, {}
     for m in predicted.trials:
@@ -116,7 +118,9 @@ def make_predicted_motion(p: PredictedAngles, geometry: ActionGeometry, toleranc
 def mark_doubtful_events(
     events: dict[int, dict[str, Event]], lifts: dict[int, list[KeyLift]]
 ) -> dict[int, dict[str, Event]]:
-    """Copy of the events in which those of the key during a lift are ambiguous."""
+    """Copy of the trials' events (trial number → name → event) in which key bottom and key release are ambiguous where
+    they lie inside a lift of the key of that trial.
+    """
     out = {}
     for number, found in events.items():
         out[number] = dict(found)

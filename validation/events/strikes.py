@@ -21,8 +21,8 @@ AGAIN = 0.15
 
 
 def find_key_phases(key_dip: Array, step_s: float) -> NDArray[np.int64]:
-    """Phase of each sample (n,), an index of `PHASES`, from the dip of a key (n,) in any unit, sampled every ``step_s``
-    s.
+    """Phase of each sample, (n,): 0 rest, 1 strike, 2 hold, 3 release, from the dip of a key (n,), any unit, 0 at rest
+    and positive down, sampled every ``step_s`` s. Each note of a repetition begins a new strike.
 
     A strike begins when the key leaves its rest. It becomes a hold when the key has stayed down for a while, a release
     when the key has turned back by `AGAIN`, held or not; a key that turns round again by as much before it is up begins

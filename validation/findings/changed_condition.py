@@ -13,7 +13,10 @@ from validation.verdict.error_draws import TrialErrors
     {CHANGED_CONDITION: "Look for what changed between the two parts of the session, and validate them apart."}
 )
 def find_changed_condition(found: Mapping[int, TrialErrors], limits: Mapping[str, float]) -> list[SessionFinding]:
-    """Finding of the trial from which on a primary quantity's error (``found``, by trial) differs; empty if none."""
+    """One finding of the first trial from which on the error (model − trial) of a primary quantity has stepped beyond
+    the trials' scatter, or an empty list; ``found``: errors by trial number, ``limits``: limits of relevance in SI by
+    name.
+    """
     change = find_change(found, limits) if found else None
     if change is None:
         return []

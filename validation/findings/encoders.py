@@ -47,7 +47,10 @@ MOVES_AS_PREDICTED = 0.5  # of the predicted range, at least: choice, half is ne
     spoils=CHANNEL,
 )
 def find_miswired_encoders(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
-    """Findings of encoders with a wrong sign, or recorded under each other's name."""
+    """One finding for each encoder of trial ``m`` whose motion fits the prediction ``p`` only with the opposite sign
+    (sign flip) or as another encoder's (swapped channels); its value is the error as wired, a share of the predicted
+    motion.
+    """
     out = []
     for found in find_miswired_channels(m, p):
         name, recorded_as = ENCODER_CHANNELS[found.place], ENCODER_CHANNELS[found.source]
@@ -68,7 +71,9 @@ def find_miswired_encoders(m: MeasuredTrial, p: PredictedAngles) -> list[Session
 
 @register_kinds({"no motion": "Check scale, cable and counter of the encoder that stands still."}, spoils=CHANNEL)
 def find_motionless_encoders(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
-    """Findings of encoders that stand still while another one moves as predicted and theirs should."""
+    """One finding for each encoder that moves by less than a hundredth of its predicted range while another one moves
+    by more than half of its own; the value is its range, rad.
+    """
     known = np.isfinite(p.angle_rad[:, 0])
     moved = np.ptp(m.change_rad, axis=0)
     expected = np.array([np.ptp(p.change_rad(name)[known]) for name in ENCODER_CHANNELS])
@@ -111,8 +116,10 @@ class Travel:
 def measure_travel(
     m: MeasuredTrial, p: PredictedAngles, model: Mapping[str, Event], geometry: ActionGeometry
 ) -> Travel:
-    """Largest turns of key, whippen and hammer over the predicted ones, and lever ratios, of one trial; ``model``: the
-    prediction's events by name. The sign belongs to the wiring."""
+    """Travel of one trial over its prediction: largest magnitudes of key, whippen and hammer angle, and lever ratios,
+    as the fields of `Travel`; NaN where the stops were not reached. ``model``: the prediction's events by name. Signs
+    do not enter.
+    """
     out = np.full(3, np.nan)
     expected = np.column_stack([p.change_rad(name) for name in ENCODER_CHANNELS])
     known = np.isfinite(expected).all(axis=1)
@@ -154,8 +161,8 @@ def _fit_lever_before_flight(change_rad: Array) -> float:
 
 
 def _has_sharp_turn(time: Array, height: Array, step: float) -> bool:
-    """Whether the hammer's ``height`` (n,), m, turns at its largest value as sharply as at a string, not as under
-    gravity; ``step``: between samples, s.
+    """Whether a path ``height`` (n,), m, sampled every ``step`` s, turns round at its largest value with speeds of more
+    than 0.15 m/s on both sides, as at a string; gravity turns it more slowly.
     """
     top = int(np.argmax(height))
     near, far = (max(round(x / step), 1) for x in SHARP_S)
@@ -172,7 +179,8 @@ def _has_sharp_turn(time: Array, height: Array, step: float) -> bool:
 def find_travel_differences(
     travels: Mapping[int, Travel], excluded: Collection[tuple[int, str]] = ()
 ) -> list[SessionFinding]:
-    """Findings of encoders whose travel is not the model's, with their trials; ``travels`` by trial number.
+    """Findings of encoders whose travel over the prediction's is more than 5 % from 1; beyond 20 %, where a wrong scale
+    explains it, gross ones. ``travels`` by trial number; pairs (trial, channel) of ``excluded`` do not count.
 
     Conventions: ratios of largest angles, trial over prediction, which share stops and levers and not their timing.
     *Lever*: whippen over key, in every stroke. *Stops*: key and whippen where the predicted key meets its felt; hammer
@@ -231,8 +239,10 @@ def _name_wrong_encoder(t: Travel) -> str:
 def _describe_travel(
     name: str, ratios: Mapping[int, float], trials: Collection[int], scale_trials: Collection[int]
 ) -> list[SessionFinding]:
-    """Findings on one channel's travel over the model's (``ratios``, by trial number): at most one gross, only of
-    ``scale_trials``, which a wrong scale explains, and one small."""
+    """Findings for the channel ``name`` from its travel over the model's (``ratios``, by trial number) among all
+    ``trials``: one gross (beyond 20 %; only of ``scale_trials``, where a wrong scale explains it) and one small (beyond
+    5 %), if any.
+    """
     both = " and " in name
     head, verb = (f"encoders {name}", "they travel") if both else (f"encoder {name}", "it travels")
     away = {n: r for n, r in ratios.items() if abs(r - 1) > SCALES_MAY}
@@ -280,13 +290,11 @@ def is_at_rest_again(m: MeasuredTrial) -> NDArray[np.bool_]:
     spoils=CURVES,
 )
 def find_encoder_returns(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
-    """Findings of encoders that do not read at the end of the record what they read before the stroke, though the
-    stroke is over.
+    """One finding for each encoder whose mean over the last 50 ms is off its reading before the stroke by more than 3
+    (key), 5 (whippen) or 1.5 mrad (hammer), though the stroke is over; the value is that difference, rad.
 
-    Conventions: rad, changes since rest; the last 50 ms of the record. Named is an encoder that reads something else
-    and stands still, or goes on at the rate that led there, while the body that moves it is back at rest, and so is the
-    model or the third one.
-    Stated from 3, 5 and 1.5 mrad.
+    Conventions: rad, changes since rest. Named is an encoder that reads something else and stands still, or goes on at
+    the rate that led there, while the body that moves it is back at rest, and so is the model or the third one.
     """
     end = m.change_rad[select_last_samples(m)].mean(axis=0)
     still, back = is_standing_still(m), is_at_rest_again(m)
@@ -327,7 +335,8 @@ PASSES = 4  # of the bit, so that one that stands still by chance is none
 
 @register_kinds({"stuck bit": "Check cable and counter of the encoder, then record again."}, spoils=CURVES)
 def find_stuck_bits(m: MeasuredTrial) -> list[SessionFinding]:
-    """Findings of a bit of an encoder's counter that never changes, the lowest of each encoder.
+    """One finding for each encoder with a counter bit that never changes, told by counts that never occur; the value is
+    the lowest such bit, 0 being the least significant. Bits below 6 are not tested.
 
     Conventions: counts since rest modulo twice the bit's weight, in sixteen sectors. A turning encoder fills all of
     them; with a stuck bit, and whatever the first count, half stay empty. Looked for are bits whose weight the travel
@@ -359,7 +368,8 @@ LIFT_LATE_M = 0.15e-3  # as stated, which is some 70 % of the true lift
 def find_capstan_gaps(
     by_trial: Mapping[int, Sequence[KeyLift]], release_s: Mapping[int, float]
 ) -> list[SessionFinding]:
-    """Finding of the largest disagreement of key and whippen in each trial that has one; arguments by trial number.
+    """One finding for each trial with a disagreement of key and whippen encoder: its largest gap at the capstan, m.
+    ``by_trial``: lifts of the key, ``release_s``: times of the key's release, both by trial number.
 
     After the release the model's timing tells large ones only.
     """

@@ -35,8 +35,9 @@ def check_camera_clock(m: MeasuredTrial) -> list[SessionFinding]:
 
 
 def find_clock_offset(m: MeasuredTrial, film: FilmAngles, whippen_rad: Array) -> list[SessionFinding]:
-    """Finding that frame times are early or late all along; ``whippen_rad``: (frames,) as the film shows it. Empty
-    within the limit."""
+    """One finding where the film shows the whippen more than 0.1 ms, and three standard uncertainties, later (value >
+    0, s) or earlier than its encoder, else none; ``whippen_rad`` (frames,): the film's whippen angle, NaN where lost.
+    """
     offset, u = estimate_clock_offset(film.time_s, whippen_rad, m.time_s, m.change_rad[:, WHIPPEN])
     limit = max(CLOCK_S, 3 * float(np.hypot(u, film.u_time_s)))
     if not abs(offset) > limit:
@@ -50,10 +51,10 @@ def find_clock_offset(m: MeasuredTrial, film: FilmAngles, whippen_rad: Array) ->
 
 
 def find_clock_drift(m: MeasuredTrial, film: FilmAngles, whippen_rad: Array) -> list[SessionFinding]:
-    """Finding that frame times lose or gain against the DAQ clock while the whippen moves; ``whippen_rad``: (frames,)
-    as the film shows it. Empty within the limit.
+    """One finding where frame times gain (value > 0, s) or lose against the DAQ clock, by more than 0.3 ms and five u,
+    between first and second half of the motion, else none; ``whippen_rad`` (frames,): the film's whippen angle, rad.
 
-    Between two motions nothing tells a wrong rate from lost frames: both are named. Detectable from 0.3 ms.
+    Between two motions nothing tells a wrong rate from lost frames: both are named.
     """
     encoder = m.change_rad[:, WHIPPEN]
     speed = np.abs(np.interp(film.time_s, m.time_s, np.gradient(encoder, m.time_s)))
@@ -88,7 +89,9 @@ def find_clock_drift(m: MeasuredTrial, film: FilmAngles, whippen_rad: Array) -> 
 
 
 def estimate_clock_offset(film_s: Array, film_rad: Array, time_s: Array, angle_rad: Array) -> tuple[float, float]:
-    """Delay of a film's clock against the encoder's, s, positive when frame times are late, and its uncertainty.
+    """Delay of a film's clock against the encoder's, s, positive when frame times are late, and its standard
+    uncertainty (NaN below 10 frames), from one body's angles: ``film_rad`` at frame times ``film_s``, ``angle_rad`` at
+    encoder times ``time_s``.
 
     Least squares of delay, zero and scale by Gauss–Newton; the uncertainty takes neighbouring residuals for dependent.
     """
@@ -124,9 +127,8 @@ MIRRORED = -0.5  # regression of the film's whippen on the encoder's, −1 in a 
     }
 )
 def find_miswired_film(m: MeasuredTrial, p: PredictedAngles, *, whippen_sound: bool) -> list[SessionFinding]:
-    """Findings of bodies of a film with a wrong sign or scale, or recorded under each other's name.
-
-    The whippen is compared where its encoder is sound.
+    """Findings of a mirrored film, of jack and repetition lever swapped or reversed, or of a whippen more than 5 % off
+    its encoder in scale; empty without film. ``whippen_sound``: whether the whippen's encoder may be compared.
 
     Conventions: angles relative to the whippen and to rest. Jack and repetition lever are compared, in both places and
     senses, with their prediction, the whippen with its encoder. A mirrored film turns every angle round; that is named
@@ -166,7 +168,9 @@ def find_miswired_film(m: MeasuredTrial, p: PredictedAngles, *, whippen_sound: b
 
 
 def _fit_whippen_slope(m: MeasuredTrial) -> float:
-    """Slope of the film's whippen on the encoder's; NaN where the film does not show it."""
+    """Regression slope of the film's whippen angle on the encoder's, 1 where both agree; NaN without film, where it
+    does not show the whippen, or where fewer than 10 frames do.
+    """
     film = m.film
     if film is None or film.whippen_rad is None:
         return float("nan")

@@ -117,11 +117,12 @@ def find_faults(
     errors: Mapping[int, TrialErrors],
     limits: Mapping[str, float],
 ) -> SessionFindings:
-    """Findings of all checks, wiring first, kinds of stroke and conditions of a session; ``errors`` by trial number,
-    ``limits`` of relevance by name.
+    """Findings of all checks, wiring first, with the kinds of stroke and the conditions of a session. ``errors``: model
+    − trial by trial number, ``limits``: limits of relevance in SI by name. Trials in which the key drives the model are
+    not checked.
 
-    Of trials that the key drives none is looked for: the checks compare with a prediction by the force. ``errors`` of
-    every trial, ``limits`` of relevance, as of `validation.verdict.quantities.relevance_limits`.
+    Trials in which the key drives the model are skipped because the checks compare with a prediction by the force;
+    ``limits`` are those of `validation.verdict.quantities.relevance_limits`.
     """
     aside = frozenset((m.number, c) for m in predicted.trials for c in ENCODER_CHANNELS if c not in m.channels)
     by_force = tuple(m.number for m in predicted.trials if not m.driven_by_key)
@@ -169,8 +170,10 @@ def _select_several(groups: Sequence[tuple[int, ...]]) -> tuple[tuple[int, ...],
 def _check_single_trials(
     predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest
 ) -> list[SessionFinding]:
-    """Findings of the checks that need one trial and its prediction, and of the lag of the force; a force of a wrong
-    factor makes the prediction useless for the others."""
+    """Findings of the checks of one trial against its prediction, for every trial, and of the lag of the force. An
+    encoder with faulty readings is not judged further; a wrong force factor skips the checks of wiring, motion and
+    return.
+    """
     found: list[SessionFinding] = []
     lags = {}
     bottom_s = {number: named["key_bottom"].value for number, named in events.trial.items()}
@@ -203,7 +206,9 @@ def _check_single_trials(
 def _check_travel(
     predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest, found: Sequence[SessionFinding]
 ) -> list[SessionFinding]:
-    """Findings on encoder travel between the stops, but for trials whose prediction a fault in ``found`` spoils."""
+    """Findings on how far encoders travel compared with the prediction; trials whose prediction a finding in ``found``
+    makes wrong are skipped, and so are the encoders that ``found`` already names.
+    """
     travels = {
         m.number: measure_travel(
             m,
@@ -220,7 +225,9 @@ def _check_travel(
 def _check_let_off_and_check(
     predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest, found: Sequence[SessionFinding]
 ) -> list[SessionFinding]:
-    """Findings on let-off and check, of trials without a fault of encoders or force in ``found``."""
+    """Findings on let-off and check height, over the trials that no finding in ``found`` makes unfit for a comparison;
+    none where ``found`` has a travel difference of the hammer.
+    """
     if any(f.kind == "travel difference" and f.channel == "hammer" for f in found):
         return []
     let_off, check = {}, {}
@@ -240,7 +247,8 @@ def _list_explained(found: Sequence[SessionFinding]) -> set[tuple[int, str]]:
 def _split_conditions(
     stage: _Stage, found: Sequence[SessionFinding]
 ) -> tuple[list[SessionFinding], list[tuple[int, ...]]]:
-    """Outlying trials of each condition, first trials of new conditions, and all conditions.
+    """Findings of outlying trials and of changed conditions, and the trial numbers of each condition, in order; trials
+    are cut, recursively, where the error of the model steps. ``found``: findings so far, which explain trials.
 
     A change is looked for before single trials are, which would else be those of the shorter part, and again without
     the trials that stand out.
@@ -261,7 +269,9 @@ def _split_conditions(
 
 
 def _find_outlying(stage: _Stage, found: Sequence[SessionFinding]) -> list[SessionFinding]:
-    """Findings of outlying trials: in channels without another fault, or in their difference from the model."""
+    """Findings of outlying trials: first by their curves, in channels that ``found`` does not name, then by their
+    difference from the model, of the trials still sound; a gap at the capstan explains the latter.
+    """
     predicted, events, tested, traces = stage.predicted, stage.events, stage.tested, stage.scored.traces
     by_number = {m.number: m for m in predicted.trials}
     release = [e["key_release"].value for e in events.trial.values() if e["key_release"].status != "absent"]
@@ -285,7 +295,9 @@ def _find_change(stage: _Stage, found: Sequence[SessionFinding]) -> list[Session
 
 
 def _check_capstan(events: SessionEvents, found: Sequence[SessionFinding]) -> list[SessionFinding]:
-    """Findings on disagreements of key and whippen, but for trials with a fault of these or the force in ``found``."""
+    """Findings on gaps between key and whippen at the capstan, but for trials with a fault of an encoder or of the
+    force in ``found``; none at all where ``found`` has a travel difference of key or whippen, a let-off or a force lag.
+    """
     travel = any(f.kind == "travel difference" and f.channel != "hammer" for f in found)
     if travel or any(f.kind in ("let-off", "force lag") for f in found):
         return []

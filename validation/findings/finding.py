@@ -79,8 +79,9 @@ OF_TRIALS: list[Callable[[Sequence[MeasuredTrial]], list[SessionFinding]]] = []
 def register_kinds(
     kinds: Mapping[str, str], spoils: str = "", among: list[Callable[[Any], list[SessionFinding]]] | None = None
 ) -> Callable[[Check], Check]:
-    """Decorator that enters the kinds of finding of a check in `KINDS`, with what to do about each and what all of them
-    spoil, and appends the check to the list ``among``, if given.
+    """Decorator of a check: enters its kinds of finding in `KINDS` (``kinds``: name → what to do, ``spoils``: what each
+    of them invalidates, `CHANNEL`, `CURVES`, `BLOW`, `PREDICTION` or nothing) and appends the check to ``among``, if
+    given.
 
     What is to be done names no trial and no channel: `validation.findings.unusable` names them all.
     """

@@ -34,7 +34,9 @@ MATTERS_N = 0.1  # choice: half of an up weight
 
 @register_kinds({"hum": "Check shield and ground of the load cell."}, among=OF_TRIAL)
 def find_mains_hum(m: MeasuredTrial) -> list[SessionFinding]:
-    """Finding of mains hum that was subtracted and is large enough to look for its cause; empty if there is none."""
+    """One finding where mains hum of more than 0.1 N amplitude was subtracted from the force, else an empty list; the
+    value is the largest amplitude, N.
+    """
     fit = m.force.hum
     amplitude = max(fit.amplitude_n)
     if not fit.accepted or amplitude <= MATTERS_N:
@@ -56,7 +58,8 @@ FEWEST_FLAT, FEWEST_EQUAL = 5, 3  # readings in a row: choice
     among=OF_TRIAL,
 )
 def find_force_saturation(m: MeasuredTrial) -> list[SessionFinding]:
-    """Finding of a plateau at the largest or the smallest force reading; empty if there is none.
+    """One finding of a plateau at the largest or the smallest raw force reading, else an empty list; the value is the
+    number of readings in a row: three equal ones, or five within a fifth of the noise, at least.
 
     Conventions: raw readings, N. A plateau is three equal readings in a row at the largest or smallest value, or five
     within a fifth of the channel's noise. Not judged are a channel without noise and, for equal readings, one whose
@@ -121,7 +124,9 @@ FACTORS = {
 def find_force_factor(
     tested: ModelUnderTest, m: MeasuredTrial, p: PredictedAngles, until_s: float
 ) -> list[SessionFinding]:
-    """Finding of the factor on the force that explains the difference, from the store or computed; empty if none.
+    """One finding of a factor on the force (reversed sign, wrong unit, twice, half) with which the model predicts the
+    trial much better, until ``until_s``, s; else an empty list. The value is the factor. Simulates, unless the model's
+    store has the result.
 
     Conventions: errors are root mean squares of model − trial over the trial's own motion, of key, whippen and hammer
     each, until the release. A trial is looked at only when the model misses at least 30 % of the motion of a body; a
@@ -160,8 +165,10 @@ def _find_furthest(change: Array) -> Array:
 def _search_factors(
     tested: ModelUnderTest, m: MeasuredTrial, expected: Array, inside: NDArray[np.bool_]
 ) -> list[SessionFinding]:
-    """Finding where the force, multiplied by one of `FACTORS`, predicts the trial much better, else an empty list;
-    ``expected`` (k, 3): the model's changes in the k samples ``inside``."""
+    """One finding of the factor, of those in `FACTORS`, with which the force predicts the trial much better, else an
+    empty list; ``inside`` (n,): mask of the samples compared, ``expected`` (k, 3): the model's key, whippen and hammer
+    there, rad since rest.
+    """
     force, trial = m.force, m.change_rad[inside]
     size = np.sqrt(np.mean(trial**2, axis=0))
     errors = _compute_errors(expected, trial, size)
@@ -217,7 +224,10 @@ VISIBLE, VISIBLE_S = 0.5, 1.2e-3  # and where the stroke is softer
 
 
 def estimate_force_lag(m: MeasuredTrial, p: PredictedAngles) -> tuple[float, float]:
-    """Lag of the force behind the key's acceleration beyond the prediction's, s, and its limit; NaN if unclear."""
+    """Lag of the force behind the key's acceleration that the prediction ``p`` does not have, s, positive when the
+    force is late, and the limit from which it is stated, s; both NaN where the correlation is below 0.5 or the record
+    too short or slow.
+    """
     step = float(np.median(np.diff(m.time_s)))
     force = np.interp(m.time_s, m.force.time_s, m.force.force_n)
     expected = p.change_rad("key")
@@ -236,7 +246,9 @@ def estimate_force_lag(m: MeasuredTrial, p: PredictedAngles) -> tuple[float, flo
 
 
 def _correlate_lag(force: Array, key_rad: Array, step: float) -> tuple[float, float]:
-    """Lag (s, positive: force late) of force behind key acceleration, and their correlation there; ``step`` in s."""
+    """Lag, s, of best correlation between force (n,) and the key's acceleration, positive when the force is late, and
+    that correlation; both filtered to 30 to 400 Hz. ``key_rad`` (n,): key angle, ``step``: sample period, s.
+    """
     a, f = filter_band(second_derivative(key_rad, step), step), filter_band(force, step)
     reach = round(LONGEST_S / step)
     inner = slice(2 * reach, a.size - 2 * reach)
@@ -263,7 +275,8 @@ def second_derivative(values: Array, step: float) -> Array:
 
 
 def filter_band(values: Array, step: float) -> Array:
-    """Values within `BAND_HZ`: Butterworth's second order there and back, so that nothing is delayed.
+    """Values (n,), sampled every ``step`` s, filtered to 30 to 400 Hz by a second-order Butterworth band-pass applied
+    forwards and backwards, so that nothing is delayed.
 
     By the transform: ``scipy.signal`` takes half a second to import.
     """
@@ -285,7 +298,8 @@ def _extend(values: Array, by: int) -> Array:
     {"force lag": "Measure the delay of the force channel against the encoders and state it in the {settings}."}
 )
 def find_force_lags(lags: Mapping[int, tuple[float, float]]) -> list[SessionFinding]:
-    """Findings of a lag of the force behind the key's acceleration; ``lags``: trial number → lag and its limit, s, by
+    """One finding for all trials whose force lags by more than its limit, s, positive when late; empty where none does
+    or fewer than half have a lag. ``lags``: trial number → lag and limit, s, NaN where unclear, by
     `estimate_force_lag`.
 
     Conventions: s, positive when the force comes late after the declared delay was taken off. The motor's own inertia
@@ -323,8 +337,8 @@ def _format_ms(lag: float) -> str:
     spoils=PREDICTION,
 )
 def find_force_drift(m: MeasuredTrial) -> list[SessionFinding]:
-    """Finding that the force at rest after the stroke is not that at rest before it; empty if it is, or the action does
-    not rest.
+    """One finding where the mean force of the last 50 ms is off the one before the stroke by more than 0.1 N and five u
+    (the value, N: after less before); empty else, and where fewer than two encoders are back at rest.
 
     Conventions: N; the reading after is the mean over the last 50 ms, in which two encoders must stand where they
     began. Detectable from 0.1 N, or five standard uncertainties of the two means. The force is not corrected.

@@ -73,8 +73,8 @@ class Spike:
 
 
 def find_candidate_spikes(m: MeasuredTrial) -> list[Spike]:
-    """Spikes of the force: stretches, no longer than `LONGEST_S`, that leave the running median, or that two opposite
-    jumps enclose.
+    """Spikes of the corrected force: stretches of at most 3 ms that leave the running median, or that two opposite
+    jumps enclose, by more than 0.3 N and eight times the noise; nothing is said of whether they are true.
 
     A jump is a step outside of the two steps before and the two after it, as of an encoder. What a spike changes is
     taken against the median, and between two jumps against the straight line over them.
@@ -123,8 +123,10 @@ def subtract_model(m: MeasuredTrial, p: PredictedAngles) -> Array:
 def align_like_trials(
     m: MeasuredTrial, others: Sequence[tuple[MeasuredTrial, PredictedAngles]], bottom_s: Mapping[int, float]
 ) -> LikeTrials | None:
-    """Up to 15 other trials of the stroke, shifted so that the keys reach their beds at one time (``bottom_s``, by
-    trial number); None where fewer than 3 are left or this key reaches no bed."""
+    """Up to 15 of ``others`` (trial and prediction; ``m`` itself is skipped), nearest by number, shifted in time so
+    that all keys reach their beds at once; ``bottom_s``: that time by trial number. None with fewer than 3, or where
+    this key reaches no bed.
+    """
     there = [one for one in others if one[0].number != m.number and np.isfinite(bottom_s[one[0].number])]
     if len(there) < FEWEST_LIKE or not np.isfinite(bottom_s[m.number]):
         return None
@@ -181,7 +183,8 @@ def _list_suspects(m: MeasuredTrial, miss_counts: Array, like: LikeTrials | None
 def find_unanswered_spikes(
     tested: ModelUnderTest, m: MeasuredTrial, p: PredictedAngles, until_s: float, like: LikeTrials | None = None
 ) -> list[SessionFinding]:
-    """Finding of the worst force spike without effect on key or whippen, until the release; empty if none.
+    """One finding of the force spike before ``until_s``, s, that key and whippen most clearly do not answer, though the
+    model does; empty if none. The value is its size, N. ``like``: trials of the same stroke. Simulates, unless stored.
 
     Conventions: counts of key and whippen, from 4 ms before a spike to 8 ms after it, about a straight line. The answer
     is what the model's motion with the spike and without it differ by; its share that is lacking is that of the
@@ -248,8 +251,9 @@ def _measure_isolation(force_n: Array, spike: Spike) -> float:
 def _simulate_without_spike(
     tested: ModelUnderTest, m: MeasuredTrial, spike: Spike, part: NDArray[np.intp]
 ) -> Array | None:
-    """The model's change of key and whippen since rest at the samples ``part``, counts, (n, 2), with the spike taken
-    out of the force; None where the model cannot run."""
+    """Key and whippen, (n, 2), in encoder counts since rest, at the encoder samples ``part``, that the model predicts
+    with the spike taken out of the force; None where the model cannot run. The result is kept in the model's store.
+    """
     until = int(np.searchsorted(m.force.time_s, m.time_s[part[-1]])) + 2
     time_s, force_n = m.force.time_s[:until], m.force.force_n[:until].copy()
     force_n[spike.first : spike.last + 1] -= spike.change_n

@@ -38,8 +38,8 @@ def compare_let_off(
     model: Mapping[str, Event],
     geometry: ActionGeometry,
 ) -> tuple[float, float]:
-    """Way from let-off to the string of the trial less that of its prediction, m, and u, from their events by name; NaN
-    where either has none.
+    """Distance from let-off to the string in the trial less that in its prediction, m, and its standard uncertainty;
+    ``events``: the trial's, ``model``: the prediction's, by name. NaN where either lacks an event or is below 1 m/s.
 
     The way ends where the hammer turns, which a string that yields moves, or where it meets the string, which another
     scale or blow distance moves: stated is what both have, the smaller one of the two.
@@ -90,8 +90,9 @@ def _has_fast_event(events: Mapping[str, Event], model: Mapping[str, Event], spe
 def find_let_off_and_check(
     let_off_m: Mapping[int, tuple[float, float]], check_m: Mapping[int, tuple[float, float]]
 ) -> list[SessionFinding]:
-    """Findings on let-off and check that are not the model's; either argument: trial number → trial less model, m, and
-    its standard uncertainty."""
+    """Findings on a let-off more than 0.6 mm, or a check height more than 2 mm, from the model's, and beyond twice its
+    uncertainty, one for each side; either argument: trial number → trial less model, m, and its standard uncertainty.
+    """
     out = []
     for kind, channel, differences, limit, what in (
         ("let-off", "let_off", let_off_m, LET_OFF_M, "let-off: the hammer's free flight begins"),

@@ -42,8 +42,8 @@ class Residuals:
 
 
 def make_residuals(predicted: PredictedSession, events: SessionEvents, trials: Sequence[MeasuredTrial]) -> Residuals:
-    """Model less trial over the channel's range, of key, whippen and hammer, from the window's start to the first
-    release, for the given trials.
+    """Residuals, model − trial over the channel's range, of key, whippen and hammer, (n_samples, n_trials) each, from
+    the window's start to the first key release of the given trials.
 
     After the release differences grow of themselves; before it a trial's residual is its own force and the model's
     error, and the latter is common to all trials.
@@ -73,8 +73,9 @@ BETWEEN = 2.0  # a stroke that may go either way goes further than two predictio
 
 
 def estimate_force_effect(tested: ModelUnderTest, m: MeasuredTrial, start_s: float, end_s: float) -> float:
-    """How far what is not known of its force moves a trial's prediction: largest root mean square change of any encoder
-    over its range, from ``start_s`` to ``end_s``.
+    """Twice the largest root mean square change of any encoder's predicted angle, over its range, from ``start_s`` to
+    ``end_s``, when gain and level of the force are off by thrice their scatter; infinite where the model fails.
+    Simulates, unless stored.
 
     One number for all bodies, which move each other: where one may go either way, none is told apart.
 
@@ -128,7 +129,9 @@ def find_outlying_trials(
     force_effect: Callable[[int], float],
     until_s: float,
 ) -> list[SessionFinding]:
-    """One finding per trial that is an outlier in channels without another fault.
+    """One finding for each trial whose curve on the times ``base`` (n,), s, is far from the others' (value: distance
+    over the usual one), but for pairs (trial, channel) ``explained``; ``force_effect``: how far its force alone may
+    move a trial, over the range.
 
     Conventions: distances of curves as in `validation.statistics.repeatability.compute_distance_ratios`. With fewer
     than four trials one cannot be told from the others, and none is flagged. Source: with few trials no test of
@@ -201,7 +204,9 @@ def _fit_scale(curves: Array, j: int) -> float:
 
 
 def _find_unusual_events(number: int, events: dict[int, dict[str, Event]]) -> list[str]:
-    """Sentences on events that happen, or are missing, in trial ``number`` alone; events by trial."""
+    """Sentences on events that happen in trial ``number`` only, or are absent in it only; ``events``: of all trials,
+    trial number → event name → event. Empty with two trials or fewer.
+    """
     reasons = []
     for name, kind in EVENTS.items():
         there = {n: e[name].status != "absent" for n, e in events.items()}
@@ -214,8 +219,9 @@ def _find_unusual_events(number: int, events: dict[int, dict[str, Event]]) -> li
 
 
 def _find_reasons(number: int, measured: Sequence[MeasuredTrial], scale: float) -> list[str]:
-    """Texts on what is unusual about a trial's readings or its blow; ``scale``: its readings over the others', NaN
-    where no factor explains them."""
+    """Sentences on what sets trial ``number`` apart from those ``measured``: a common factor ``scale`` of its readings
+    over the others' (NaN where none fits), its peak force, N, or its onset; empty if nothing is unusual.
+    """
     reasons = []
     if np.isfinite(scale):
         reasons.append(f"its readings are {scale:.3f} times the usual ones all the way")
@@ -250,7 +256,9 @@ LARGER = 5.0  # times the others' usual residual: choice
 def find_outlying_residuals(
     tested: ModelUnderTest, trials: dict[int, MeasuredTrial], residuals: Residuals
 ) -> list[SessionFinding]:
-    """One finding per trial whose residual is an outlier in any channel.
+    """One finding for each trial that the model misses five times as far as it usually misses the others, in any
+    channel; the value is that ratio. ``trials`` by number. None with fewer than four trials. Simulates the trials in
+    doubt, unless stored.
 
     Conventions: residuals as in `residuals`, over the channel's range. A trial is named when its residual is five times
     as large as the others' usually are, lies four times as far from them as is usual and a hundredth of the range, and

@@ -27,7 +27,9 @@ from validation.prediction.predict_session import PredictedAngles
     spoils=CURVES,
 )
 def find_encoder_faults(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
-    """Findings of leaps and standstills of the encoders, or of one gap where several leap at one sample."""
+    """One finding for each encoder whose reading leaps between two samples (value: the leap, rad) or stands still while
+    its body moves (value: how long, s); instead one gap for the whole trial where several leap at the same sample.
+    """
     faults = find_reading_faults(m, p)
     if are_simultaneous(faults, m.time_s):
         names = " and ".join(fault.channel for fault in faults)
@@ -69,7 +71,8 @@ def is_followed_by_jump(m: MeasuredTrial, last: int) -> bool:
 
 
 def find_force_standstill(m: MeasuredTrial) -> list[SessionFinding]:
-    """Finding of equal readings of a force with noise, where it does not saturate; empty if there are none.
+    """One finding of five or more equal raw force readings in a row, inside the range and the record; empty if none, or
+    where the channel has no noise. The value is the length of the longest such run, samples.
 
     Conventions: raw readings. Five equal readings in a row have no chance where fewer than one in twenty pairs of
     neighbours at rest are equal. Readings at either end of the range are a saturation's, unless the force jumps from
@@ -105,8 +108,8 @@ RISES_M, FALLS_N = 1e-3, 0.5  # of key front and force: choice, a tenth of the d
 @register_kinds({NO_REST: "Start the record before the stroke, with the key at rest, and record again."},
        spoils=BLOW)  # fmt: skip
 def find_missing_rest(m: MeasuredTrial, geometry: ActionGeometry) -> list[SessionFinding]:
-    """Finding that a record did not begin at rest: it ends with the key higher and the force lower than it began. Empty
-    if it did.
+    """One finding where a record does not begin at rest: it ends with the key front 1 mm or more higher and the force
+    0.5 N or more lower than it began; else an empty list. The value is that rise of the key front, m.
 
     Conventions: the last 50 ms against the first samples; from 1 mm of key dip and 0.5 N, both.
     """

@@ -44,7 +44,8 @@ OVER_ALIKE = 3.0  # times the longest join of one kind: choice
 
 
 def group_strokes(trials: Sequence[MeasuredTrial]) -> tuple[tuple[int, ...], ...]:
-    """Trial numbers of each kind of stroke, kinds in the order of their first trials; one kind where all are alike.
+    """Trial numbers of each kind of stroke, told apart by their force curves, kinds in the order of their first trials;
+    one kind where all are alike.
 
     Conventions: distance of two strokes is the root mean square difference of their forces, since their onsets and
     averaged over 20 ms, over the root mean square of the larger one, as far as both were recorded. Strokes are joined
@@ -85,7 +86,9 @@ def _force_distance(one: Array, other: Array) -> float:
 
 @register_kinds({"mixed strokes": "Validate the kinds of stroke apart (conditions of the plan, or pianorig annotate)."})
 def find_mixed_strokes(trials: Sequence[MeasuredTrial], kinds: Sequence[Sequence[int]]) -> list[SessionFinding]:
-    """Finding that a session holds several kinds of stroke, each a list of trial numbers; empty for one kind."""
+    """One finding where several ``kinds`` (lists of trial numbers, as of `group_strokes`) have more than one trial, or
+    where each of several has one only; else an empty list. The value is the number of such kinds.
+    """
     named = [kind for kind in kinds if len(kind) > 1] or list(kinds)
     if len(named) < 2:
         return []
@@ -107,7 +110,9 @@ def find_mixed_strokes(trials: Sequence[MeasuredTrial], kinds: Sequence[Sequence
     {"stroke of its own": "Validate the stroke unlike the others apart, or reject it (pianorig annotate)."}, spoils=BLOW
 )
 def find_single_strokes(trials: Sequence[MeasuredTrial], kinds: Sequence[Sequence[int]]) -> list[SessionFinding]:
-    """Findings of trials alone in their kind, where others have several; ``kinds`` are lists of trial numbers."""
+    """One finding for each trial that is alone in its kind, where another kind has several; ``kinds``: lists of trial
+    numbers, as of `group_strokes`. The value is its force held for 20 ms, N.
+    """
     if not any(len(kind) > 1 for kind in kinds):
         return []
     held = {m.number: sustained_force_n(m) for m in trials}

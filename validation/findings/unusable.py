@@ -31,7 +31,9 @@ class UnusableData:
 
 
 def list_unusable_data(findings: Iterable[SessionFinding]) -> tuple[UnusableData, ...]:
-    """Every unusable trial and channel once, by trial; a channel is not named beside its whole trial."""
+    """Every trial, or channel of one, that the findings make unusable, once, sorted by trial number; a channel is not
+    listed where its whole trial is. A trial that only the model misses stays usable.
+    """
     rows: dict[tuple[int, str], UnusableData] = {}
     for f in findings:
         spoils = KINDS[f.kind].spoils

@@ -7,9 +7,8 @@ from rig.session import Trial
 
 
 def clock_offsets(trial: Trial, tracked: vision.TrackResult) -> dict[str, tuple[float, float]]:
-    """Offset (s) to add to the film's times and its u, by each body that film and encoder both see.
-
-    Bodies that hardly move are left out; the times themselves are not changed.
+    """Offset, s, to add to the film's times so that they fit the encoder's, and its standard uncertainty, by name of
+    each body that film and encoder both see; bodies that hardly move are left out. Nothing is changed.
     """
     data = trial.read()
     angles = data.angle_rad

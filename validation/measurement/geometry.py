@@ -45,7 +45,9 @@ class ActionGeometry:
 
     @cached_property
     def string_angle_rad(self) -> float:
-        """Hammer angle at which the head touches the string, the first one on the way up from rest."""
+        """Absolute hammer angle, rad, at which the head first touches the string on the way up from rest, the other
+        bodies staying at rest; raises an input error where it touches at rest or not within 0.8 rad.
+        """
         turn = np.linspace(0.0, -TURNS_RAD[1], round(TURNS_RAD[1] / STEP_RAD) + 1)
         height = self.hammer_height_m(self.absolute({HAMMER: turn}))
         above = np.flatnonzero(height <= 0)
@@ -84,7 +86,9 @@ class ActionGeometry:
         return angle
 
     def sensitivity(self, function: Callable[[Array], Array], body: int, angle_rad: Array | None = None) -> float:
-        """Magnitude of d(function)/d(angle of one body), m/rad, at absolute angles (rest by default)."""
+        """Magnitude of the derivative of a ``function`` (from absolute angles (n, 5) to metres (n,)) by the angle of
+        the body with index ``body``, m/rad, at the angles ``angle_rad`` (5,), rest if None.
+        """
         centre = self.rest_angle_rad if angle_rad is None else np.asarray(angle_rad, dtype=float)
         step = 1e-5  # rad, of a central difference: exact to 1e-10, far above rounding
         pair = np.tile(centre, (2, 1))
@@ -113,8 +117,10 @@ def geometry_of(action: model.Action, rest_angle_rad: Array) -> ActionGeometry:
 
 
 def touch_dip(rest_rad: Array, dip: Callable[[Array], Array], key_gap: Callable[[Array], Array]) -> float:
-    """Key dip (m) at which the gap under the key front closes when the key alone turns from rest (5,), rad; ``dip`` and
-    ``key_gap`` return metres (n,) for absolute angles (n, 5)."""
+    """Key dip, m, at which the gap under the key front closes when the key alone turns from rest (5,), rad; ``dip`` and
+    ``key_gap`` return metres (n,) for absolute angles (n, 5). Raises an input error where it does not close within 0.2
+    rad.
+    """
     turn = np.linspace(0.0, -TURNS_RAD[0], round(TURNS_RAD[0] / STEP_RAD) + 1)
     angle = np.tile(rest_rad, (turn.size, 1))
     angle[:, KEY] += turn

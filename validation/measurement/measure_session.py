@@ -147,9 +147,8 @@ def _share_times(m: MeasuredTrial, other: MeasuredTrial) -> MeasuredTrial:
 
 
 def select_representative(trials: tuple[MeasuredTrial, ...] | list[MeasuredTrial]) -> MeasuredTrial:
-    """The trial of median peak force, which stands for all where many runs of the model are needed.
-
-    Of median speed of the key where one has no force.
+    """The trial of median peak force (of an even number the lower middle one), which stands for all where many runs of
+    the model are needed; of median key speed where a trial has no force. ``trials``: one at least.
     """
     by_force = all(m.has_force for m in trials)
     order = sorted(

@@ -80,7 +80,9 @@ class SensorCalibration:
 
 
 def calibration_of(action: model.Action) -> SensorCalibration:
-    """Sensor errors identified with an action, from its file; else those of the calibration curves."""
+    """Sensor errors identified with an action, from its file; without them zero errors of the prior's uncertainty,
+    which is what the calibration curves say. Raises an input error where the file's table is damaged.
+    """
     table = action.identification.get(TABLE)
     if table is None:
         return SensorCalibration()
@@ -152,8 +154,9 @@ class PositionSensors:
         return np.asarray(reference_turns()[0] / self.key_travel_m * np.exp(scale) * (bowed - zero))
 
     def key_motion(self, rest_rad: float, away: Array | None = None) -> model.KeyMotion:
-        """The key's angle (rad) as a cubic spline through averages, closer together the faster the stroke; ``away``
-        (10,) shifts the calibration errors by so many standard uncertainties."""
+        """The key's absolute angle, rad, as a cubic spline through averages, closer together the faster the stroke;
+        ``rest_rad``: its angle at rest, ``away`` (10,): shifts of the calibration errors, in standard uncertainties.
+        """
         turn, interval = self.key_turn_rad(away), float(self.time_s[1] - self.time_s[0])
         reach = max(round(SPEED_OVER_S / interval), 1)
         fastest = float(np.abs(self.key_m[reach:] - self.key_m[:-reach]).max()) / (reach * interval)

@@ -51,8 +51,8 @@ class KeyHeads:
 
 
 def join_key_heads(data: TrialData, key_rad: Array) -> KeyHeads | None:
-    """Rotation and lift of the key from both heads of its encoder, ``key_rad`` (n,) being what the first reads; None
-    where the trial has one head.
+    """Rotation and lift of the key from both heads of its encoder; ``key_rad`` (n,): angle that the first head reads,
+    the second one's is a channel of ``data``; None where the trial has one head.
 
     Head one reads the rotation plus lift over radius, head two minus; the error of a scale off its centre changes its
     sign as well. The shift of the pivot in its bushing moves the centre, too, and goes with the lift.
@@ -153,8 +153,9 @@ class MeasuredTrial:
 
 
 def _force_doubt(force: CorrectedForce) -> list[str]:
-    """Notes on why the force is implausible as a blow, none if it is not; one that cannot be simulated is refused
-    later."""
+    """One note, in a list, on why the force is implausible as a blow on a key; empty if it is not, or where it cannot
+    be simulated at all, which is refused later.
+    """
     known = np.isfinite(force.force_n)
     try:
         doubt = model.blow_implausibility(force.time_s[known], force.force_n[known], "force")
@@ -172,7 +173,9 @@ def measure(
     seal: str = "",
     by_motion: bool = False,
 ) -> MeasuredTrial:
-    """Correct the force, zero the angles and state the uncertainties of one trial.
+    """Measured trial: force corrected, angles since rest with their uncertainties, film angles from ``film_table``
+    (None without film), notes. Raises a trial error where an encoder is missing. ``by_motion``: the key drives the
+    model, not the force.
 
     Without a force all of it is NaN, the preload none: the measured key then drives.
 
@@ -249,8 +252,8 @@ def measure(
 
 
 def encoder_change(angle_rad: Array, quiet: Quiet, resolution_rad: Array) -> tuple[Array, Array, Array]:
-    """Angles since rest (n, m), rad, the standard uncertainty of a sample against its neighbours (m,), and that of the
-    zero, common to all samples (m,).
+    """Angles (n, m) less their means over the rest of ``quiet``, rad; standard uncertainty (m,) of a sample against its
+    neighbours, and that of the zero, common to all samples, (m,); ``resolution_rad`` (m,): angle of one count.
 
     Zero is the mean over the quiet interval.  The uncertainty holds the quantisation of the sample, the
     quantisation left in the zero (an encoder that stands still repeats the same rounding error) and the
@@ -264,8 +267,9 @@ def encoder_change(angle_rad: Array, quiet: Quiet, resolution_rad: Array) -> tup
 
 
 def film_angles(table: pd.DataFrame | None, data: TrialData, quiet: Quiet) -> tuple[FilmAngles | None, list[str]]:
-    """Film angles of a trial from its derived table (None without one), and notes on lost frames and on a zero that is
-    not at rest."""
+    """Film angles of a trial from its derived ``table`` (None without one), and notes on lost frames and on a zero that
+    is not at rest. Raises a trial error where a column is missing or times do not increase.
+    """
     if table is None:
         return None, []
     needed = ["time_s"] + [f"{name}_relative{tail}" for name in FILM_CHANNELS for tail in ("_rad", "_u_rad")]
@@ -294,7 +298,8 @@ def film_angles(table: pd.DataFrame | None, data: TrialData, quiet: Quiet) -> tu
 
 
 def _u_column(table: pd.DataFrame, name: str) -> str:
-    """Column of the uncertainty: the total one, or that of noise and reference alone where there is no other.
+    """Name of the column of ``table`` with the standard uncertainty of the body ``name`` on film: the total one, or,
+    where there is none, that of noise and reference alone, which is too small.
 
     Only tracks of films without a stated budget of camera, shutter and codec lack the total; the partial one is then
     all that is known of them, and smaller than the truth.

@@ -48,8 +48,9 @@ ROUND_SAMPLES = 0.05  # to which shifts are rounded: a twentieth of a sample
 
 
 def estimate_time_scatter(curves: Array, u_sample: float = 0.0) -> Array:
-    """Standard deviation (n_samples,) of the shift in time of curves (n_samples, n_trials), in samples, not decreasing,
-    0 where none is found; ``u_sample``: noise of one sample."""
+    """Standard deviation (n_samples,), in samples, of the trials' shifts in time of ``curves`` (n_samples, n_trials),
+    not decreasing along the curve, 0 where none is found; ``u_sample``: noise of one sample, unit of the curves.
+    """
     mean = curves.mean(axis=1)
     fastest = float(np.abs(np.gradient(mean)).max())
     if not fastest > 0:
@@ -72,8 +73,10 @@ def estimate_time_scatter(curves: Array, u_sample: float = 0.0) -> Array:
 
 
 def _estimate_shifts(curves: Array, u_sample: float, rise_samples: float, window: Array) -> tuple[Array, Array]:
-    """Standard deviation (n_samples,), in samples, of the shifts near each sample, and its weight, the squared slope; 0
-    where none is detectable or it exceeds half of ``rise_samples``, in which the mean covers its range."""
+    """Standard deviation (n_samples,), in samples, of the trials' shifts near each sample, and its weight, the squared
+    slope; 0 where none is detectable or it exceeds half of ``rise_samples``. ``window`` (k,): weights of neighbouring
+    samples, of sum 1.
+    """
     n_samples, n = curves.shape
     mean = curves.mean(axis=1)
     slope = np.gradient(mean)
@@ -96,8 +99,9 @@ def _estimate_shifts(curves: Array, u_sample: float, rise_samples: float, window
 
 
 def extend_in_time(mean: Array, scatter: Array, n_trials: int) -> Array:
-    """Largest change (n_samples,) of a mean curve that is shifted in time by as much as a further trial may be;
-    ``scatter`` (n_samples,): standard deviation of the trials' shifts, in samples."""
+    """Largest change (n_samples,), 0 or more, of a curve ``mean`` (n_samples,) when it is shifted in time by as much as
+    a further trial may be; ``scatter`` (n_samples,): standard deviation of the shifts of ``n_trials``, in samples.
+    """
     factor = float(stdtrit(n_trials - 1, 0.5 + TIME_CONFIDENCE / 2)) * np.sqrt(1 + 1 / n_trials)
     # rounding keeps the number of different reaches small
     rounded = np.round(scatter / ROUND_SAMPLES) * ROUND_SAMPLES
@@ -152,7 +156,8 @@ def exceedance(u: float, freedom: int, length: float) -> float:
 
 
 def critical_value(freedom: int, length: float, n_samples: int, confidence: float = CONFIDENCE) -> float:
-    """Value that the magnitude of a curve of t values exceeds somewhere with a probability of 1 − ``confidence``.
+    """Value that the magnitude of a curve of Student's t with ``freedom`` degrees of freedom exceeds somewhere with
+    probability 1 − ``confidence``; ``length``: its `roughness_length`, ``n_samples``: number of its samples.
 
     Parameters
     ----------
@@ -169,7 +174,9 @@ def critical_value(freedom: int, length: float, n_samples: int, confidence: floa
 
 
 def roughness_length(residual: Array, u_sample: float = 0.0) -> float:
-    """Length of the path of the residuals (n_samples, n_trials), scaled to unit length at each instant, on the sphere.
+    """Length of the path, rad, that the ``residual`` (n_samples, n_trials), scaled to unit length at each sample,
+    describes on the sphere, in steps in which white noise of ``u_sample`` a sample is the smaller part; NaN rows are
+    skipped.
 
     White noise of the samples would make any path long, so the path is measured in steps long enough that the noise is
     the smaller part of them.
@@ -199,7 +206,7 @@ def roughness_length(residual: Array, u_sample: float = 0.0) -> float:
 
 def repeatability_band(curves: Array, *, u_sample: float = 0.0) -> RepeatabilityBand:
     """Simultaneous 95 % band for the mean of ``curves`` (n_samples, n_trials), which scatter in value and in time;
-    ``u_sample``: noise of one sample.
+    ``u_sample``: noise of one sample, unit of the curves. NaN where a trial is lost, everywhere with fewer than five.
 
     Parameters
     ----------

@@ -61,7 +61,9 @@ def compare_pairs(results: Sequence[ValidationResult]) -> pd.DataFrame:
 
 
 def _compare_pair(first: ValidationResult, second: ValidationResult) -> list[dict[str, object]]:
-    """Rows of a paired comparison of two models on the same trials, one for each score and channel."""
+    """Rows, with the columns `COLUMNS`, of a paired comparison of two models on the trials that both have, one for each
+    score and channel; differences are second − first.
+    """
     keys = ["trial", "channel"]
     both = first.scores.merge(second.scores, on=keys, suffixes=("_1", "_2"))
     moved = first.nuisance.merge(second.nuisance, on=[*keys, "draw"], suffixes=("_1", "_2"))
@@ -100,8 +102,9 @@ def _compare_pair(first: ValidationResult, second: ValidationResult) -> list[dic
 
 
 def _estimate_common_u(drawn: pd.DataFrame, apart: pd.DataFrame, score: str) -> float:
-    """Standard uncertainty of the mean difference of a ``score`` from errors common to the trials, by its change in
-    each draw from the differences ``d`` of table ``apart``; NaN where none was drawn.
+    """Standard uncertainty of the mean difference of a ``score`` of one channel from what is common to the trials:
+    ``drawn`` has a row a draw and trial with both models' scores, ``apart`` the difference ``d`` a trial. NaN where
+    nothing was drawn.
     """
     if not len(drawn):
         return float("nan")
@@ -112,7 +115,9 @@ def _estimate_common_u(drawn: pd.DataFrame, apart: pd.DataFrame, score: str) -> 
 
 
 def _summarise_differences(first: Array, second: Array, better: str, u_nuisance: float) -> dict[str, object]:
-    """Mean difference second - first of a score (n,), its 95 % interval and standard uncertainty, by column."""
+    """Cells by column for the differences second − first of a score (n,) each, paired by trial: mean, 95 % interval, u,
+    p; ``better``: ``lower`` or ``higher``, ``u_nuisance``: u common to the trials, NaN where not drawn.
+    """
     d = second - first
     n = d.size
     mean = float(d.mean())
@@ -137,8 +142,8 @@ def _summarise_differences(first: Array, second: Array, better: str, u_nuisance:
 
 
 def adjusted_p(differences: pd.DataFrame) -> dict[str, float]:
-    """Adjusted p of the sign-flip test by channel, from the trials that have all channels; ``differences`` has a row a
-    trial and a column a channel.
+    """p of the sign-flip test of zero mean by channel, adjusted for all channels together; ``differences`` has a row a
+    trial and a column a channel, NaN where a trial lacks it; channels known in other trials are tested apart.
 
     A channel known in fewer trials (a film) is tested for itself, with the p of all others added to its own at worst
     (Bonferroni over the groups of channels that share their trials).
@@ -177,7 +182,9 @@ GRADES = ((1.0, "not worth more than a bare mention"), (3.0, "positive"), (5.0, 
 
 
 def evidence_table(sessions: Sequence[Sequence[ValidationResult]]) -> pd.DataFrame:
-    """Evidence for each model of a session against the session's first, and what a blow of it costs.
+    """Table with the columns `EVIDENCE_COLUMNS`: for each model of a session its evidence and Bayes factor against the
+    session's first model, and the cost of a prediction; ``sessions``: results of each, one a model. Sessions of one
+    model have no row.
 
     Conventions: evidence as `validation.verdict.evidence.log_evidence`; the Bayes factor is graded by its
     end nearest to 1 at two standard uncertainties, those of the two evidences taken as independent. NaN, and
@@ -198,7 +205,9 @@ def evidence_table(sessions: Sequence[Sequence[ValidationResult]]) -> pd.DataFra
 
 
 def _make_evidence_row(first: ValidationResult, other: ValidationResult) -> dict[str, object]:
-    """Row of the log Bayes factor of ``other`` against ``first``, with the cost of both and a reading."""
+    """Row by column of the natural logarithm of the Bayes factor of ``other`` against ``first``, positive for
+    ``other``, with the cost of both and a reading in words, which says why where the factor is NaN.
+    """
     a, b = first.judgement, other.judgement
     nan = float("nan")
     row: dict[str, object] = {"session": other.session_name, "model": other.action_name, "against": first.action_name}
@@ -226,7 +235,9 @@ def _make_evidence_row(first: ValidationResult, other: ValidationResult) -> dict
 
 
 def _describe_unequal(first: ValidationResult, second: ValidationResult, both: pd.DataFrame) -> str:
-    """Reason why the scores of two results may not be compared; empty where they may."""
+    """Reason why the scores of two results may not be compared (other window, other samples left out); empty where they
+    may. ``both``: their scores merged by trial and channel, suffixes ``_1`` and ``_2``.
+    """
     a, b = first.window, second.window
     step = min(float(np.median(np.diff(t["time_s"]))) for t in first.traces.values())
     if max(abs(a.start_s - b.start_s), abs(a.end_s - b.end_s)) > 1.5 * step:
@@ -238,7 +249,9 @@ def _describe_unequal(first: ValidationResult, second: ValidationResult, both: p
 
 
 def _describe_claim(row: dict[str, object], tolerance: float) -> str:
-    """Text on which model of a compared row is closer, or why none is claimed; ``tolerance`` in the score's unit."""
+    """Text on which model of a compared row (columns `COLUMNS`) is closer, or why none is claimed; differences within
+    ``tolerance``, in the score's unit, are no claim.
+    """
     n, difference = int(row["n_trials"]), float(row["difference"])  # type: ignore[call-overload,arg-type]
     if difference == 0:
         return "no difference"

@@ -24,7 +24,9 @@ from validation.scores.traces import select_scored_angles
 
 
 def interpolate_to_base(time_s: Array, frames: dict[int, pd.DataFrame], column: str) -> Array:
-    """One column of several trials on one time base, (n_samples, n_trials); NaN outside a trial.
+    """Column of several trials' tables (``frames`` by trial number) interpolated linearly to common times ``time_s``
+    (n_samples,), (n_samples, n_trials) in the order of ``frames``; NaN outside a trial and, of a measured angle, where
+    it is not scored.
 
     Sample times that agree are taken as they are; others are interpolated by straight lines.
     """
@@ -70,7 +72,8 @@ class CurveRepeatability:
 
 
 def limit_factor(n: int) -> float:
-    """Factor of the ISO 5725 repeatability limit, t_{.975, n−1}·√2; NaN below two trials.
+    """Factor, t_{.975, n−1}·√2, of the ISO 5725 repeatability limit on a standard deviation of ``n`` trials; NaN below
+    two trials.
 
     >>> round(limit_factor(5), 2)
     3.93
@@ -81,7 +84,9 @@ def limit_factor(n: int) -> float:
 
 
 def s_interval_factors(n: int) -> tuple[float, float]:
-    """Factors on s that bound the true standard deviation with 95 % confidence; NaN below two trials."""
+    """Factors, below and above 1, on a standard deviation of ``n`` trials that bound the true one with 95 % confidence;
+    NaN below two trials.
+    """
     if n < 2:
         return float("nan"), float("nan")
     freedom = n - 1
@@ -92,7 +97,8 @@ def s_interval_factors(n: int) -> tuple[float, float]:
 
 
 def curve_repeatability(curves: Array, kinds: Sequence[int] | None = None) -> CurveRepeatability:
-    """Repeatability of one channel from ``curves`` (n_samples, n_trials): scatter within each kind of stroke, pooled.
+    """Repeatability of one channel from ``curves`` (n_samples, n_trials), NaN where lost: standard deviation over time
+    within each kind of stroke, pooled; ``kinds`` (n_trials,): number of each trial's kind, all of one where None.
 
     Parameters
     ----------
@@ -127,11 +133,10 @@ def curve_repeatability(curves: Array, kinds: Sequence[int] | None = None) -> Cu
 
 
 def compute_distance_ratios(curves: Array) -> Array:
-    """Distance of each column of ``curves`` (n_samples, n_trials) from the median of the others, over the trials' usual
-    distance, (n_trials,).
+    """Root mean square distance of each column of ``curves`` (n_samples, n_trials) from the median of the others, over
+    the median of these distances, (n_trials,); NaN with fewer than four trials or where that median is 0.
 
-    The distance of a trial is the root mean square of its difference from the median curve of the others; the ratio is
-    to the median distance.  NaN with fewer than four trials, where one trial cannot be told from the others.
+    With fewer than four trials one trial cannot be told from the others.
     """
     values = np.asarray(curves, dtype=float)
     n = values.shape[1]
@@ -156,7 +161,8 @@ def _medians_of_others(values: Array) -> Array:
 
 
 def event_repeatability(events: dict[int, dict[str, Event]], kinds: Sequence[Collection[int]] = ()) -> pd.DataFrame:
-    """Mean, s, 95 % interval of s and ISO 5725 limit of each event over the trials in which it was found.
+    """Table with a row for each event: mean, s, 95 % interval of s and ISO 5725 limit over the trials in which it was
+    found, pooled within the ``kinds`` of stroke (trial numbers of each); ``events``: trial number → name → event.
 
     Parameters
     ----------

@@ -39,9 +39,8 @@ def describe_stroke(m: MeasuredTrial) -> dict[str, Any]:
 
 
 def make_example(m: MeasuredTrial) -> Example:
-    """Input and outputs of a measured trial for a black box: force or key motion in; angles since rest, rad, out.
-
-    What drives is the force, N, or the key's angle, rad.
+    """Input and outputs of a measured trial for a black box: the force, N, in (the key's angle, rad, where the key
+    drives), angles of key, whippen and hammer since rest, (n, 3), rad, out; NaN for those not compared.
     """
     compared = [name in m.channels for name in ENCODER_CHANNELS]
     answers = np.where(compared, m.change_rad, np.nan)
@@ -120,7 +119,9 @@ def compare_rivals(
 def _fit_black_boxes(
     trials: Collection[MeasuredTrial], tested: ModelUnderTest, posterior: Posterior | None, faulty: Collection[int]
 ) -> dict[int, dict[str, BlackBox]]:
-    """Black boxes by trial number and kind, fitted to the set's strokes, or to the other trials without faults."""
+    """Black boxes by trial number and kind: those stored with the identified action, else each fitted to the other
+    trials but ``faulty`` ones, given by number (which get none). Empty where ``tested`` names no black box.
+    """
     nothing: dict[int, dict[str, BlackBox]] = {m.number: {} for m in trials}
     if not set(KINDS) & set(tested.rivals):
         return nothing
@@ -143,7 +144,9 @@ def _make_unfitted(tested: ModelUnderTest, posterior: Posterior | None) -> Model
 
 
 def _locate_trials(trials: Collection[MeasuredTrial], posterior: Posterior | None) -> pd.DataFrame:
-    """Table of each trial's position in the training domain of the action."""
+    """Table with a row a trial: whether it was ``fitted``, its ``distance`` from the training domain (above 1 outside),
+    ``outside``, and ``why_outside``; distance NaN and outside None where the domain is not known.
+    """
     rows = []
     for m in trials:
         fitted = posterior is not None and posterior.was_fitted_to(m.seal, m.samples)

@@ -17,16 +17,8 @@ Array = NDArray[np.float64]
 
 
 def joint_sign_flip(differences: Array) -> Array:
-    """Two-sided p of the mean of every column under random signs of the rows, adjusted for all columns together.
-
-    Parameters
-    ----------
-    differences : (n, k), n trials or presses
-
-    Returns
-    -------
-    (k,)
-        1 where there is one row or all are zero.
+    """Two-sided p (k,) of a zero mean of every column of ``differences`` (n, k), by random signs of the rows, adjusted
+    for all columns together; 1 for one row or a column of zeros.
     """
     d = np.asarray(differences, dtype=float)
     size = np.sqrt((d**2).sum(axis=0))

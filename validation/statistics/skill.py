@@ -56,7 +56,8 @@ class Skill:
 
 
 def compute_skill(model: Array, rivals: Mapping[str, Array]) -> Skill | None:
-    """Skill of a model's errors (n,) against those of the rival that is best on the same strokes.
+    """Skill, 1 − error over error (geometric means), of a model's errors (n,) against the rival with the least on the
+    same strokes; ``rivals``: errors (n,) by name, NaN where a stroke has none. None where nothing can be compared.
 
     Strokes that one of them has not are left out, a rival that has none altogether; None where nothing is left.
     """
@@ -88,7 +89,9 @@ def describe_skills(skill: Mapping[str, Skill], fitted: str) -> tuple[str, ...]:
 
 
 def describe_nearer_rivals(skill: Mapping[str, Skill]) -> str:
-    """Headline clause on rivals that are nearer; empty where the model is nearer in every channel."""
+    """Sentence on rivals whose error is smaller than the model's, by channel, with the interval; empty where no channel
+    has one.
+    """
     parts = []
     for channel, one in skill.items():
         if one.skill >= 0.0:
@@ -104,7 +107,9 @@ def describe_nearer_rivals(skill: Mapping[str, Skill]) -> str:
 
 
 def describe_nearest(errors: pd.DataFrame) -> list[str]:
-    """Line on which of the model and its rivals is nearest to each trial, by channel."""
+    """One line, in a list, on which of the model and its rivals is nearest to each trial, by channel; ``errors``: a row
+    a trial and channel with its ``nearest``, empty where nothing is known. Empty list where no row has one.
+    """
     parts = []
     for channel, part in errors[errors["nearest"] != ""].groupby("channel", sort=False):
         by_name: dict[str, list[int]] = {}

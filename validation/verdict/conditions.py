@@ -40,7 +40,8 @@ class Change:
 def separate_conditions(
     numbers: Sequence[int], conditions: Sequence[Collection[int]], firsts: Collection[int]
 ) -> tuple[tuple[int, ...], ...]:
-    """Trial numbers of each condition, conditions cut where a change begins within one; () where only one results.
+    """Trial numbers of each condition: of the ``conditions`` seen (all ``numbers`` where there are none), each cut
+    before the trials ``firsts`` from which on something changed; empty where only one results.
 
     Parameters
     ----------
@@ -56,7 +57,10 @@ def separate_conditions(
 
 
 def find_change(found: Mapping[int, TrialErrors], limits: Mapping[str, float]) -> Change | None:
-    """Step in the errors ``found`` (by trial) of a stroke's trials on the most frequent branch; None if none."""
+    """Largest step, between two trials in order of their number, of a primary quantity's error beyond the trials'
+    scatter; ``found``: errors by trial number, ``limits``: limits of relevance by name. None if none, or with fewer
+    than 4 trials on one branch.
+    """
     most = Counter(one.branch for one in found.values()).most_common(1)
     numbers = sorted(n for n in found if found[n].branch == most[0][0])
     n = len(numbers)

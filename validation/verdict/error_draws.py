@@ -120,7 +120,9 @@ def errors_of_trials(
 def select_usable_errors(
     found: Mapping[int, TrialErrors], without: Collection[tuple[int, str]] = ()
 ) -> dict[int, TrialErrors]:
-    """Errors of trials that have a usable encoder, NaN for the (trial, channel) pairs ``without``."""
+    """Errors, by trial number, of the trials with at least one usable encoder; values that need a channel of the pairs
+    (trial, channel) ``without`` are NaN and do not count for the branch of the motion.
+    """
     out = {}
     for number, one in found.items():
         lost = {name for name in (*ENCODER_CHANNELS, *FILM_CHANNELS) if (number, name) in without}
@@ -130,7 +132,9 @@ def select_usable_errors(
 
 
 def _drop_channels(one: TrialErrors, lost: Collection[str]) -> TrialErrors:
-    """Copy in which errors and events that need the channels ``lost`` are NaN and do not count for the branch."""
+    """Copy of a trial's errors in which angles of the channels ``lost``, and events that need them, are NaN, and in
+    which only the other encoders count for the branch.
+    """
     errors, values = one.errors.copy(), one.values.copy()
     of_events = QUANTITIES[len(ANGLES) :]
     errors[: len(ANGLES)][[q.channel in lost for q in ANGLES]] = np.nan
@@ -151,9 +155,8 @@ def _drop_channels(one: TrialErrors, lost: Collection[str]) -> TrialErrors:
 def _errors_of_trial(
     m: MeasuredTrial, traces: SessionTraces, events: SessionEvents, tested: ModelUnderTest
 ) -> TrialErrors:
-    """Errors, model − trial, of `QUANTITIES` in a trial; NaN of channels that it lacks and of missing events.
-
-    With them: the samples that each angle is a mean of, measured travel and events, and the branch of the motion.
+    """Errors, model − trial, of `QUANTITIES` in a trial, NaN of channels that it lacks and of missing events; with them
+    the samples that each angle is a mean of, measured travel and events, and the branch of the motion.
     """
     frame, own = traces.encoder[m.number], events.trial[m.number]
     phases = phase_masks(m.time_s, own, traces.window)
@@ -191,9 +194,9 @@ def session_errors(
     conditions: Sequence[Collection[int]] = (),
     u_rest_level_m: float = 0.0,
 ) -> SessionErrors | None:
-    """Errors ``found`` in all usable trials, by number, and draws on a representative trial of each condition.
-
-    Returns None where no trial is usable.
+    """Errors ``found`` (by trial number) averaged over the trials of each of the ``conditions`` on its usual branch,
+    and draws of what they would be if the model were right. Simulates one trial a condition in every draw, unless
+    stored. None without trials.
 
     Parameters
     ----------
@@ -261,8 +264,10 @@ def _block_diagonal(blocks: Sequence[Array]) -> Array:
 def _select_majority_branch(
     usable: Sequence[MeasuredTrial], found: Mapping[int, TrialErrors], conditions: Sequence[Collection[int]]
 ) -> tuple[list[list[MeasuredTrial]], dict[int, tuple[int, int]]]:
-    """Trials of each condition on its most frequent branch, and by number the branch of each other trial with the bits
-    known of it."""
+    """Trials of each condition whose events follow its most frequent branch (a condition without trials is left out),
+    and for each other trial, by number, its branch and the bits of it that its encoders tell; ``found``: errors by
+    trial number.
+    """
     groups: list[list[MeasuredTrial]] = []
     other: dict[int, tuple[int, int]] = {}
     for numbers in conditions or [[m.number for m in usable]]:
@@ -308,7 +313,9 @@ class _TrialDrawing:
     u_rest_level_m: float
 
     def load_or_run(self) -> _TrialDraws:
-        """Run the draws, or read them when nothing they depend on has changed."""
+        """Draws of the errors of one trial: read from the store where nothing they depend on has changed, else run and
+        stored.
+        """
         m, n = self.m, len(self.common)
         sensors = (m.u_rad, m.resolution_rad, m.scale_relative_u, m.time_s, m.quiet.stop, self.u_rest_level_m)
         # one array of all parameters: hashing them one by one costs a twentieth of a comparison

@@ -84,7 +84,9 @@ class Estimates:
 
 
 def estimate_errors(sample: ErrorSample) -> Estimates:
-    """Estimate the model error of every quantity, and test all primary ones and the branch together."""
+    """Intervals of the model error (model − trial) of each quantity of a sample, what they come from and which error is
+    detectable, and a simultaneous test of all primary quantities and of the branch of the motion.
+    """
     n_all = len(sample.common)
     rng = np.random.default_rng([SEED, n_all, len(sample.found)])
     noise, u_repeat = draw_trial_scatter(sample.residuals, sample.own, sample.n_trials, n_all, rng)
@@ -134,8 +136,9 @@ def estimate_errors(sample: ErrorSample) -> Estimates:
 def draw_trial_scatter(
     residuals: Array, own: Array, n_trials: NDArray[np.int64], n_draws: int, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Draws (n_draws, V) of the mean of trials' random errors, and its standard deviation (V,), from the trials'
-    ``residuals`` (n, V) and from errors ``own`` (K, V) of one trial as declared.
+    """Draws (n_draws, V) of the mean random error of ``n_trials`` (V,) trials, and its standard deviation (V,): pooled
+    from the trials' ``residuals`` (n, V) and from errors ``own`` (K, V) drawn of one trial as declared; NaN where not
+    known.
 
     Random combinations of the trials' residuals and of the declared errors, so that quantities stay correlated.
     """
@@ -154,7 +157,8 @@ def draw_trial_scatter(
 
 
 def pooled_scale(drawn: Array, found: Array, floor: Array, tail: float = SIGMA) -> tuple[Array, Array, Array]:
-    """Median of ``found`` and draws, and its distances to the lower and upper quantile ``tail``, (V,) each.
+    """Median of ``found`` (V,) and ``drawn`` (N, V) together, and its distances, positive, to their lower and upper
+    quantile ``tail``, ``floor`` (V,) at least: (V,) each. The median is NaN where all are.
 
     What was found is one of N + 1 exchangeable values: a scale of the draws alone would favour it.
     """
@@ -199,9 +203,8 @@ def interval_by_rank(found: Array, drawn: Array, share: float) -> tuple[Array, A
 
 
 def rare_branches(branch: NDArray[np.int64], found: NDArray[np.int64]) -> tuple[NDArray[np.bool_], float]:
-    """Mask of draws on rare branches, and p of the branches ``found``: share of draws on branches as rare.
-
-    ``branch`` (N, P), ``found`` (P,): those of all conditions together are one outcome.
+    """Mask (N,) of draws whose branches of motion are rare, and p of the branches ``found`` (P,): the share of draws on
+    branches as rare as these. ``branch`` (N, P): of each draw in each of P conditions, which together are one outcome.
     """
     every = np.vstack([branch, found])
     _, place, counts = np.unique(every, axis=0, return_inverse=True, return_counts=True)
@@ -211,8 +214,9 @@ def rare_branches(branch: NDArray[np.int64], found: NDArray[np.int64]) -> tuple[
 
 
 def detectable_errors(drawn: Array, middle: Array, lower: Array, upper: Array, limit: float) -> Array:
-    """Least negative and least positive error, (2, V), that the test resolves in 80 % of sessions; ``drawn`` (N, V),
-    ``limit``: of the ratio of a difference from ``middle`` and its scale ``lower`` or ``upper``."""
+    """Least negative and least positive model error, (2, V), that the test resolves in 80 % of sessions: draws (N, V),
+    moved by it, beyond ``limit`` times the scale ``lower`` or ``upper`` (V,) from ``middle`` (V,). NaN where not known.
+    """
     out = np.full((2, middle.size), np.nan)
     known = np.isfinite(drawn).any(axis=0)
     if not np.isfinite(limit) or not known.any():
@@ -224,8 +228,9 @@ def detectable_errors(drawn: Array, middle: Array, lower: Array, upper: Array, l
 
 
 def divide_variance(errors: Array, inputs: Array, middle: Array, lower: Array, upper: Array) -> tuple[Array, Array]:
-    """Standard uncertainty that each drawn input (N, q) makes of the errors (N, V), as (q, V), and what is left, (V,);
-    errors farther from ``middle`` than `WINSOR` scales ``lower``, ``upper`` count as that far.
+    """Standard uncertainty that each drawn input (N, q) makes of the ``errors`` (N, V), as (q, V), and that of what is
+    left, (V,), by linear regression; errors farther than four ``lower`` or ``upper`` (V,) from ``middle`` (V,) count as
+    that far.
 
     Regression on the inputs; of its squared slopes their own uncertainty is taken off.
     """

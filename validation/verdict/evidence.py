@@ -11,7 +11,9 @@ MOST_NUMBERS = 9  # so that 199 draws tell their covariance well
 
 
 def log_evidence(found: Array, drawn: Array, floor: Array) -> tuple[float, float]:
-    """Natural logarithm of a model's evidence, and its standard uncertainty from the number of draws.
+    """Natural logarithm of a model's evidence, the density that its ``drawn`` differences (N, d) give to those
+    ``found`` (d,), and its standard uncertainty from the number of draws; ``floor`` (d,): least standard deviation. NaN
+    with fewer than 3 d draws.
 
     The draws take parameters, force and sensors from what is declared of them, so that the density which they give to
     the data is the model's evidence (marginal likelihood, also called prior predictive density). Density: Student's t,
@@ -40,7 +42,9 @@ def log_evidence(found: Array, drawn: Array, floor: Array) -> tuple[float, float
 
 
 def _log_density(found: Array, drawn: Array, least: Array) -> float:
-    """Log density at ``found`` (d,) of Student's t from draws (N, d); ``least`` is added to their covariance."""
+    """Natural logarithm of the density at ``found`` (d,) of the Student's t distribution that draws (N, d) predict;
+    ``least`` (d, d) is added to their covariance.
+    """
     n, d = drawn.shape
     free = n - d
     covariance = np.cov(drawn, rowvar=False).reshape(d, d) + least

@@ -32,8 +32,9 @@ class ObservedDifference:
 
 
 def observed_differences(errors: Array, row_index: int | None = None) -> list[ObservedDifference]:
-    """Differences of the primary quantities, SI, of errors (n, V) of trials: their mean, or that of trial
-    ``row_index``, and the scatter."""
+    """Mean over trials (or the value of the trial in row ``row_index``), standard deviation over trials, and number of
+    trials, of each primary quantity with a value; ``errors`` (n, V): model − trial, SI, in the order of `QUANTITIES`.
+    """
     out = []
     for q, column in zip(QUANTITIES, np.asarray(errors, dtype=float).T, strict=True):
         known = column[np.isfinite(column)]
@@ -47,7 +48,9 @@ def observed_differences(errors: Array, row_index: int | None = None) -> list[Ob
 
 
 def observed_text(found: Mapping[int, TrialErrors]) -> str:
-    """Text on measured errors ``found`` for a user who waits for the draws; empty where none is measured."""
+    """Lines of text with mean and standard deviation of each primary quantity, model − trial, over the trials ``found``
+    (errors by trial number), for a user who waits for the draws; empty where none is measured.
+    """
     rows = observed_differences(np.array([one.errors for one in found.values()])) if found else []
     if not rows:
         return ""

@@ -94,8 +94,9 @@ IS_PRIMARY = np.array([q.is_primary for q in QUANTITIES])
 
 
 def relevance_limits(given: Mapping[str, float]) -> dict[str, float]:
-    """Limits of relevance by name in SI (shares as such), the defaults where none is given; raises an input error for
-    an unknown name or a limit not above 0."""
+    """Limits of relevance by name (travel, check_height, let_off, time, speed), in SI or as a share, the defaults where
+    ``given`` has none; raises an input error for an unknown name or a limit not above 0.
+    """
     for name, value in given.items():
         if name not in RELEVANT:
             raise ValidationInputError(f"relevant: {name!r} is no limit; allowed {', '.join(RELEVANT)}")
@@ -105,8 +106,9 @@ def relevance_limits(given: Mapping[str, float]) -> dict[str, float]:
 
 
 def quantity_limits(limits: Mapping[str, float], travel: Mapping[str, float], values: Array) -> Array:
-    """Limit of relevance of each of `QUANTITIES` in its unit, from the ``travel`` of each channel, rad, and the
-    measured events ``values``; NaN where it is not in the claim or not measured."""
+    """Limit of relevance of each of `QUANTITIES` in its unit, (V,), from ``limits`` by name, the ``travel`` of each
+    channel, rad, and the measured ``values`` as of `event_values`; NaN where it is not primary or not measured.
+    """
     out = np.full(len(QUANTITIES), np.nan)
     for i, q in enumerate(QUANTITIES):
         if q.is_primary:
@@ -116,7 +118,9 @@ def quantity_limits(limits: Mapping[str, float], travel: Mapping[str, float], va
 
 
 def phase_masks(time_s: Array, events: Mapping[str, Event], window: Window) -> dict[str, NDArray[np.bool_]]:
-    """Samples of each phase of one trial inside the window, (n,) each; none of a phase that does not begin in it."""
+    """Masks (n,) of the samples at ``time_s`` (n,) in the phases attack, check and release of one trial, by name,
+    inside the window; all False for a phase whose begin is not recorded.
+    """
     ends = {phase: events[event].value if event in events else float("nan") for phase, event in PHASES.items()}
     out: dict[str, NDArray[np.bool_]] = {}
     begin, begins, inside = window.start_s, True, window.mask(time_s)
@@ -129,7 +133,8 @@ def phase_masks(time_s: Array, events: Mapping[str, Event], window: Window) -> d
 
 
 def event_values(motion: Motion, events: Mapping[str, Event]) -> Array:
-    """Values of `LET_OFF` and `EVENT_QUANTITIES` in one stroke, NaN where an event did not happen.
+    """Values, SI, of the let-off distance, m, and then of `EVENT_QUANTITIES`, in one stroke, in that order; NaN where
+    an event did not happen.
 
     The let-off is the way of the hammer from where its free flight begins to where the string turns it, so that neither
     the zero nor a wrong blow distance enters.

@@ -73,8 +73,9 @@ def undecided_verdict(reason: str) -> Verdict:
 
 
 def judge_model(errors: SessionErrors | None, limits: Mapping[str, float]) -> Verdict:
-    """Estimate the errors of a model and decide on the outcome; ``errors`` is None where no trial is usable, ``limits``
-    are those of relevance."""
+    """Verdict on a model: estimates of its errors, their table and the outcome, in a sentence; undecided where
+    ``errors`` is None (no usable trial) or over a fifth of the draws failed. ``limits``: limits of relevance by name.
+    """
     if errors is None:
         return undecided_verdict("no trial is usable")
     if errors.failed > MOST_FAILED * DRAWS:
@@ -88,7 +89,9 @@ def judge_model(errors: SessionErrors | None, limits: Mapping[str, float]) -> Ve
 
 
 def _facts(errors: SessionErrors, e: Estimates) -> dict[str, Any]:
-    """Facts of a verdict by name: p, draws, branch, trials, evidence."""
+    """Plain values of a verdict by name: p and factor of the test, numbers of draws, branch of the motion and its share
+    of the draws, trial numbers, logarithm of the evidence and its uncertainty.
+    """
     sample = errors.sample
     found, common = _mean_of_conditions(sample)
     angles = [i for i, q in enumerate(ANGLES) if q.is_primary and np.isfinite(found[i])]
@@ -114,7 +117,9 @@ def _facts(errors: SessionErrors, e: Estimates) -> dict[str, Any]:
 
 
 def _mean_of_conditions(sample: ErrorSample) -> tuple[Array, Array]:
-    """Errors found, (Q,), and drawn, (N, Q), mean over the conditions by their trials: evidence is one number."""
+    """Errors found, (Q,), and drawn, (N, Q), each averaged over the conditions, weighted by their numbers of trials; Q
+    quantities.
+    """
     shape = len(sample.branch_found), len(QUANTITIES)
     weight = np.where(np.isfinite(sample.found), sample.n_trials, 0).reshape(shape)
     with np.errstate(invalid="ignore"):
@@ -125,7 +130,9 @@ def _mean_of_conditions(sample: ErrorSample) -> tuple[Array, Array]:
 
 
 def quantity_table(errors: SessionErrors, e: Estimates, limits: Mapping[str, float]) -> pd.DataFrame:
-    """One row a condition and quantity of the channels recorded; NaN, and ``state`` why, where it is not estimated."""
+    """Table of model errors with the columns `COLUMNS`, SI, one row for each condition and each quantity whose channel
+    was recorded; NaN where it is not estimated, and ``state`` says why. ``limits``: limits of relevance by name.
+    """
     sample = errors.sample
     names = sorted({name for changed in errors.changed for name in changed})
     parameters = np.array([[changed.get(name, 0.0) for name in names] for changed in errors.changed]).reshape(
@@ -168,10 +175,8 @@ def quantity_table(errors: SessionErrors, e: Estimates, limits: Mapping[str, flo
 
 
 def is_another_fall(condition: Condition, differences: Array) -> bool:
-    """Whether model and trials show two different falls of the hammer; ``differences``: mean model − trial of each of
-    `QUANTITIES`.
-
-    Two are different where one hammer lands before the other drops.
+    """Whether model and trials show two different falls of the hammer: one hammer lands before the other drops;
+    ``differences``: mean model − trial of each of `QUANTITIES` in this condition, SI.
     """
     drop, landing = (float(condition.values[INDEX[name] - len(ANGLES)]) for name in FALL)
     moved_drop, moved_landing = drop + differences[INDEX[FALL[0]]], landing + differences[INDEX[FALL[1]]]
@@ -184,7 +189,9 @@ def _trials_of_condition(errors: SessionErrors, one: Condition) -> str:
 
 
 def _explain_no_estimate(q: Quantity, one: Condition, found: float, low: float) -> str:
-    """Reason why a quantity of condition ``one`` has no estimate; empty where it has one."""
+    """Reason why quantity ``q`` of condition ``one`` has no estimate, from its difference ``found`` and the lower end
+    ``low`` of its interval, NaN where missing; empty where it has one.
+    """
     if not math.isfinite(found):
         if q.channel:
             before = list(PHASES)[: list(PHASES).index(q.phase)][-1:]
@@ -195,8 +202,9 @@ def _explain_no_estimate(q: Quantity, one: Condition, found: float, low: float) 
 
 
 def decide_outcome(table: pd.DataFrame, *, is_branch_resolved: bool = False) -> str:
-    """One of `validation.result.OUTCOMES`, from a table of quantities; a resolved branch of the motion is a
-    difference."""
+    """One of `validation.result.OUTCOMES` (differs, differs by less than matters, differs perhaps, agrees, cannot tell)
+    from a table as of `quantity_table`; a resolved branch of the motion makes it differ.
+    """
     claim = table[table["primary"].astype(bool) & table["difference"].notna()]
     readings = {reading_of(row) for row in claim[claim["resolved"].astype(bool)].itertuples()}
     if is_branch_resolved or DIFFERS in readings:
@@ -228,7 +236,9 @@ def shown_interval(row: Any, names: tuple[str, str] = ("low", "high")) -> tuple[
 
 
 def format_interval(middle: float, half: float, unit: str, *, is_signed: bool = True) -> str:
-    """Text ``middle ± half unit``, to two digits of a half width that begins with 1, else to one."""
+    """Text ``middle ± half unit``, rounded to one digit of ``half``, two if it begins with 1, and to three decimals at
+    most; ``middle`` has a plus sign unless ``is_signed`` is False.
+    """
     places = 2
     if half > 0:
         first = math.floor(math.log10(half))
@@ -245,7 +255,9 @@ def title_of(row: Any) -> str:
 
 
 def quantity_words(row: Any, names: tuple[str, str] = ("low", "high")) -> str:
-    """A quantity with an interval, by default that of its error; of an angle also in percent of the travel."""
+    """Text of a row of `quantity_table`: its title with the interval between the columns ``names``, by default the 95 %
+    one of the error, in the unit shown; of an angle also in percent of the travel.
+    """
     q = QUANTITIES[INDEX[str(row.quantity)]]
     middle, half = shown_interval(row, names)
     text = f"{title_of(row)} {format_interval(middle, half, q.unit_shown)}"
@@ -256,7 +268,9 @@ def quantity_words(row: Any, names: tuple[str, str] = ("low", "high")) -> str:
 
 
 def reading_of(row: Any) -> str:
-    """Reading of one row of the quantities' table, such as ``within its limit``."""
+    """Reading of one row of `quantity_table`: one of the outcomes that differ where it is resolved, else ``alone``,
+    ``within its limit``, ``not tested`` or ``not resolved``; without an estimate the reason.
+    """
     if not math.isfinite(row.low):
         return str(row.state) or "not estimated"
     if row.resolved:
@@ -276,7 +290,9 @@ def is_untested(row: Any) -> bool:
 
 
 def sentence_of(outcome: str, table: pd.DataFrame, errors: SessionErrors, e: Estimates) -> str:
-    """The outcome with what it rests on: the errors that matter most, and what was not tested."""
+    """Verdict in sentences: the outcome and what it rests on, the model errors that matter most with their 95 %
+    intervals, what was not tested, and reservations; ``table`` is that of `quantity_table`.
+    """
     ordered = sort_by_importance(table)
     is_tested = np.array([reading_of(row) != NOT_TESTED for row in ordered.itertuples()], dtype=bool)
     untested, ordered = list(ordered[~is_tested].itertuples()), ordered[is_tested]
@@ -305,7 +321,9 @@ def sentence_of(outcome: str, table: pd.DataFrame, errors: SessionErrors, e: Est
 
 
 def _largest_ends(ordered: pd.DataFrame) -> str:
-    """The largest end of the 90 % intervals of each limit's quantities, in the units of the limits."""
+    """Text of the largest end of the 90 % intervals in rows of `quantity_table`, one for each limit of relevance, in
+    the unit shown and with its quantity.
+    """
     words = []
     for name in RELEVANT:
         own = [row for row in ordered.itertuples() if QUANTITIES[INDEX[str(row.quantity)]].relevant == name]
@@ -331,7 +349,9 @@ def _untested_words(rows: Sequence[Any]) -> str:
 
 
 def _describe_undecided(ordered: pd.DataFrame, untested: Sequence[Any]) -> str:
-    """Text on the detectable error, its main input, what would halve it, and the quantities that agree."""
+    """End of the sentence ``cannot tell``: the detectable error farthest over its limit, its main input and what would
+    halve it, and the quantities that agree; ``ordered``, ``untested``: rows of `quantity_table`, tested and not.
+    """
     inside = is_within_limit(ordered)
     if inside.all():
         if not len(ordered):
@@ -354,7 +374,9 @@ def _describe_undecided(ordered: pd.DataFrame, untested: Sequence[Any]) -> str:
 
 
 def detectable_words(row: Any) -> str:
-    """Least error of a quantity that would be shown: of both signs where they differ by more than a tenth."""
+    """Text, without unit, of the least error that the test would show of a row of `quantity_table`, in its unit shown:
+    one number, or that of either sign where they differ by a tenth or more.
+    """
     q = QUANTITIES[INDEX[str(row.quantity)]]
     sign = float(SIGN[q.channel]) if q.channel else 1.0
     low, high = sorted(sign * q.factor * y for y in (row.detectable_low, row.detectable_high))
@@ -369,7 +391,9 @@ def _plain_digits(value: float) -> str:
 
 
 def describe_halving(row: Any) -> str:
-    """Text on what would halve the detectable error of a quantity."""
+    """Text on what would halve the detectable error of a row of `quantity_table`: more trials, or a smaller uncertainty
+    of the input, force, sensors or parameters, that contributes most.
+    """
     parts = {"force": row.u_force, "sensors": row.u_sensors, "parameters": row.u_parameters, "scatter": row.u_repeat}
     squares = {name: float(u) ** 2 for name, u in parts.items() if np.isfinite(u)}
     total = sum(squares.values())
@@ -393,7 +417,9 @@ def describe_halving(row: Any) -> str:
 
 
 def _reservations(table: pd.DataFrame, errors: SessionErrors, e: Estimates) -> list[str]:
-    """Reservations to add to the outcome in the verdict's first line."""
+    """Sentences, without full stop, on what limits an outcome: several conditions, an untested let-off, few draws on
+    the observed branch, conditions of two trials, trials on another branch; empty if nothing does.
+    """
     said = []
     if len(errors.conditions) > 1:
         names = "; ".join(trials_in_words(one.trials) for one in errors.conditions)
@@ -432,8 +458,9 @@ def _percent(share: float) -> str:
 
 
 def curve_errors(verdict: Verdict, channel: int) -> tuple[Array, Array]:
-    """Times (n,), s, and standard uncertainty (n,), rad, of the difference of one channel (an index) at each, from what
-    is common to the trials."""
+    """Times (n,), s, and at each the standard uncertainty (n,), rad, that what is common to the trials makes of the
+    difference model − trial of the channel with index ``channel``; both empty where nothing was drawn.
+    """
     errors = verdict.errors
     if errors is None:
         return np.empty(0), np.empty(0)
@@ -451,8 +478,9 @@ def curve_errors(verdict: Verdict, channel: int) -> tuple[Array, Array]:
 
 
 def right_rmse(verdict: Verdict, channel: int, ends_s: Array) -> Array:
-    """RMSE, rad, that a model without error reaches in one trial between two times ``ends_s``, one value a draw on the
-    observed branch; ``channel``: an index."""
+    """RMSE, rad, that a model without error reaches in one trial between the two times ``ends_s``, s, in each draw on
+    the observed branch, (k,), in the channel with index ``channel``; empty where nothing was drawn.
+    """
     errors = verdict.errors
     if errors is None:
         return np.empty(0)
