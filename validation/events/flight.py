@@ -176,7 +176,7 @@ def _measure_swing(age: Array, position: Array) -> float:
 
 def _find_undisturbed(stretch: Stretch, sigma: float, slowing: float) -> tuple[float, bool]:
     """Length (s) of free flight to fit, and whether at least 3 ms are undisturbed; ``stretch`` returns ages (s) and
-    ways (m) between two ages, ``slowing`` is the expected deceleration, m/s².
+    ways (m) between two ages, ``sigma`` is the u of a way, m, ``slowing`` the expected deceleration, m/s².
 
     The last millisecond of the longest stretch that passes is left out: a disturbance may have begun in it unseen.
     """
@@ -206,8 +206,9 @@ def _has_vibration(age: Array, residual: Array, sigma: float) -> bool:
 def _fit_shaken_flight(
     stretch: Stretch, sigma: float, slowing: float, side: int
 ) -> tuple[float, float, float, float, float, str] | None:
-    """Speed (m/s), its u, way (m), its u, deceleration (m/s²) at age 0, and a note on the fit: rigid flight with one
-    vibration over the longest of 3 to 6 ms that it describes; None if none.
+    """Speed (m/s), its u, way (m), its u, deceleration (m/s²) at age 0, and a note: rigid flight with one vibration
+    over the longest of 3 to 6 ms of ``stretch`` that it describes; ``side``: −1 before the contact, +1 after. None if
+    none.
 
     Parameters
     ----------
@@ -244,8 +245,10 @@ def _vibration(age: Array, frequency: Array, damping: Array, side: int) -> Array
 def _fit_vibration(
     age: Array, position: Array, sigma: float, slowing: float, side: int
 ) -> tuple[float, float, float, float, float, str] | None:
-    """Speed (m/s), its u, way (m), its u, deceleration (m/s²) at age 0, and a note, of rigid flight with a damped
-    vibration fitted to samples (n,); None where a chi-square test rejects it."""
+    """Speed (m/s), its u, way (m), its u, deceleration (m/s²) at age 0, and a note: rigid flight with a damped
+    vibration through ``position`` (n,), m, of u ``sigma``; ``side``: −1 before the contact, +1 after. None where a
+    chi-square test rejects it.
+    """
     rigid = np.column_stack([np.ones(age.size), age, age**2 / 2])
     weight = np.zeros(len(PARAMETERS))  # of what is known beforehand, and what that is
     weight[[2, 6]] = U_DECELERATION_M_PER_S2**-2, U_DAMPING**-2
