@@ -81,9 +81,9 @@ def make_blocks(
     laws: NDArray[np.bool_],
     held: Sequence[Array] = (),
 ) -> list[Block]:
-    """Linear model of each trial (m samples, c channels) from derivatives of its curves by z, ``jacobian`` (m, c, p),
-    by its own drive, ``force_columns`` (m, c, k), and by fixed laws, ``held`` (m, c, h); ``laws`` (p,): which of z are.
-    NaN weighs nothing.
+    """Linear model of each trial (m samples, c channels; rows channel after channel): derivatives of its curves by z,
+    ``jacobian`` (m, c, p), by its own drive, ``force_columns`` (m, c, k), by fixed laws, ``held`` (m, c, h); ``laws``
+    (p,): which of z are.
     """
     out = []
     for k, t in enumerate(trials):

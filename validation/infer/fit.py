@@ -123,8 +123,9 @@ def fit(
     first_share: float = 1.0,
     budget: Budget | None = None,
 ) -> Fitted:
-    """Damped Gauss–Newton fit from z = ``start`` (default 0) without random effects of trials; variance components are
-    learnt on the way. `Fitted` says how it ended; input error where the model cannot run at the start.
+    """Damped Gauss–Newton fit from z = ``start`` (default 0), trials without random effects. ``tight``: no discrepancy
+    until it settles; ``leave``: end once near; ``first_share``: of each trial, fitted. Input error where the model
+    cannot run at the start.
 
     Parameters
     ----------
@@ -531,8 +532,8 @@ class _Modes:
 
 
 def _find_modes(problem: Problem, at: _Iterate, z: Array, shares: Sequence[float]) -> _Modes | None:
-    """Most probable random effects of each trial at z (p,): from the linear model of ``at``, corrected by runs at
-    ``shares`` of each step; None where the model cannot run.
+    """Most probable random effects of each trial at z (p,), with residuals of runs and costs there: from the linear
+    model of ``at``, corrected by runs at ``shares`` of each step; None where the model cannot run.
 
     What a trial has of its own turns with z along a curve: without corrections all could follow z by short steps only.
     """

@@ -227,7 +227,9 @@ def action_at(start: model.Action, asked: Unknowns, z: Array) -> model.Action:
 
 
 def list_size_warnings(names: Sequence[str]) -> list[str]:
-    """Warnings where more parameters are fitted at once than were tested; empty for fewer."""
+    """One warning, in a list, where more than `MOST_ASKED` parameters are fitted at once, for which intervals were not
+    tested; empty for fewer.
+    """
     if len(names) <= MOST_ASKED:
         return []
     return [

@@ -141,9 +141,9 @@ def find_supported_estimates(
 
 
 def _rank_changes(kinds: Sequence[Sequence[Promise]], lack: float) -> list[Promise]:
-    """Changes to refit, of ``kinds`` (values held, effects; each the best first): up to `MOST_FITTED` of each kind with
-    gains near the best, and, where ``lack`` (discrepancy, share of the response) is large, the felts of the contacts
-    named.
+    """Promises (gain, parameter, action) to refit, of ``kinds`` (values held, effects; each the best first): up to
+    `MOST_FITTED` of each with gains near the best, and, where ``lack`` (discrepancy, share of the response) is large,
+    felts of contacts named.
 
     A felt twice as stiff is no small change: where the fit ended its linear model may promise less than a law of
     another form, or another place, of the same contact.
@@ -158,8 +158,9 @@ def _rank_changes(kinds: Sequence[Sequence[Promise]], lack: float) -> list[Promi
 
 
 def predict_gains(problem: Problem, fitted: Fitted, budget: Budget) -> list[list[Promise]]:
-    """Changes with the gain of log evidence that the linear model promises: a list of values that the fit held, then
-    one of effects that the action lacks, each the best first; the second is left out where nothing seems lacking.
+    """Promises (gain of log evidence by the linear model, parameter, action with it): a list of values that the fit
+    held, then one of effects that the action lacks, each the best first; the second is left out where nothing seems
+    lacking.
 
     What an effect promises is what it does as stated; a value that looks like it may promise more, and then keep less.
 
@@ -284,8 +285,8 @@ def _held_columns_without(problem: Problem, parameter: Parameter) -> tuple[Array
 def _combine_estimates(
     kept: Sequence[LetIn],
 ) -> tuple[tuple[Estimate, ...], tuple[tuple[Combination, float, float], ...]]:
-    """Estimates of the first (likeliest) fit with intervals widened to cover those of all ``kept``, and determined
-    combinations of several parameters, each with value and u of the sum of weights times z; none where a fit did not
+    """Estimates of the first, likeliest fit with intervals that cover those of all ``kept``, and (combination, value,
+    u) of determined combinations of parameters, in prior standard uncertainties; of these none where a fit did not
     converge.
     """
     each = [estimate_all(one.problem, one.fitted, (), lambda text: None) for one in kept]

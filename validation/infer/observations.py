@@ -213,8 +213,8 @@ def _thin_trials(
 
 
 def common_phases(name: str, trials: Sequence[MeasuredTrial], spans: Sequence[Span], phases: int) -> Array:
-    """Times (m,), s, since the hammer first came 90 % of its way, at which all trials are compared: at most ``phases``,
-    closer where the first trial moves fast; input error where the trials have no span in common.
+    """Times (m,), s, since the hammer first came 90 % of its way (negative before), at which all trials are compared:
+    at most ``phases``, closer where the first trial moves fast; input error where the trials have no span in common.
     """
     before = min(s.top_s - s.start_s for s in spans)
     after = min(s.end_s - s.top_s for s in spans)

@@ -215,8 +215,9 @@ class Case:
         return trial.preload_n * (1 + self.gain * trial.u_gain) + self._level_n(trial)
 
     def with_drive(self, trial: ObservedTrial, weights: Array) -> Case:
-        """Copy with a trial's random effects ``weights`` (k,), in standard deviations: offset and noise at each knot of
-        its force, or draws of its key's motion; then the error of its film's clock. Itself where all are 0.
+        """Copy with a trial's random effects ``weights`` (k,), in standard deviations: offset and noise at each knot
+        but the first of its force, or draws of its key's motion; then the error of its film's clock. Itself where all
+        are 0.
         """
         if not weights.any():
             return self
@@ -229,8 +230,9 @@ class Case:
         return replace(self, offset_n=float(found[0]), noise_n=(0.0, *map(float, found[1:])), film_late_s=late)
 
     def read(self, trial: ObservedTrial, turn_rad: Array) -> Array:
-        """Readings (m, c), rad since rest, of a trial's channels for the model's turns (k, 5), rad since rest, of all
-        bodies at `model_time_s`, with this case's errors of the key's encoder and of the film's clock.
+        """Readings (m, c), rad since rest, of a trial's channels for the model's turns since rest (k, 5), rad, of key,
+        whippen, jack, repetition, hammer at `model_time_s`, with this case's errors of the key's encoder and of the
+        film's clock.
         """
         seen = trial.seen(turn_rad, self.film_late_s)
         if trial.key_moves and trial.channels[0] == 0:

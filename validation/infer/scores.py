@@ -70,8 +70,10 @@ RISES = 1.02  # an RMSE that is larger by less says nothing
 def explain_rising_rmse(
     before: Mapping[str, float], found: Mapping[str, float], whole: Mapping[str, float]
 ) -> list[str]:
-    """Line for each channel whose RMSE, rad, is larger with the identified values (``found``) than ``before``, with a
-    possible reason; ``whole``: with the errors found beside them."""
+    """Line for each channel whose RMSE with the identified values, ``found``, is over 2 % larger than ``before`` the
+    fit (both channel -> rad), with a possible reason; ``whole``: with the errors of drive and sensors fitted beside
+    them.
+    """
     lines = []
     for channel in (c for c in found if found[c] > RISES * before[c]):
         from_, to, beside = (f"{np.degrees(by[channel]):.2g}°" for by in (before, found, whole))

@@ -39,7 +39,9 @@ GROUPS = tuple(BELONGS)
 
 
 def single_names(action: model.Action) -> dict[str, tuple[str, ...]]:
-    """Name of each parameter that can be free → paths that move together; values of zero are left out."""
+    """Name -> paths of each parameter that can be free: a felt's stiffness a, b, c together under the contact's name,
+    every other path under its own; those with no value but 0 are left out.
+    """
     values = {path: q.value for path, q in model.quantities_of(action).items()}
     names: dict[str, tuple[str, ...]] = {}
     for path in values:

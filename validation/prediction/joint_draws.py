@@ -157,7 +157,7 @@ def run_draws(
     use: Callable[[int, Array], T],
 ) -> list[list[T | None]]:
     """Simulate every trial in every draw, all driven by force or all by the key: what ``use(trial index, readings (n,
-    5), rad)`` returns, as [trial][draw], None where it cannot be run; ``trials``: each with the times (n,), s, of its
+    5) of `CHANNELS`, rad)`` returns, [trial][draw], None where it cannot run; ``trials``: with times (n,), s, of
     readings.
 
     Parameters
@@ -252,8 +252,9 @@ def drawn_readings(m: MeasuredTrial, drawn: DrawnAction, time_s: Array, solution
 
 
 def _readings(m: MeasuredTrial, draw: JointDraw, time_s: Array, turn: Array) -> Array:
-    """Readings (n, 5), rad since rest, of `CHANNELS` at ``time_s`` (n,), s, for turns (n, 5), rad, of `BODIES`, with
-    the draw's errors of encoders and film; of position sensors ``turn`` holds curve and scale already.
+    """Readings since rest (n, 5), rad, of key, whippen, hammer, jack, repetition at ``time_s``, s, for turns (n, 5) of
+    key, whippen, jack, repetition, hammer, with the draw's errors; of position sensors ``turn`` holds curve and scale
+    already.
     """
     rng = draw.rng(m.number, "readings")
     out = np.full((time_s.size, len(CHANNELS)), np.nan)

@@ -56,9 +56,9 @@ def key_motion(m: MeasuredTrial, rest_rad: float, errors: KeyErrors = EXACT) -> 
 def run_key_driven(
     action: model.Action, m: MeasuredTrial, rest_rad: Array, tolerance: float, errors: KeyErrors = EXACT
 ) -> tuple[Array, Array, dict[str, float]]:
-    """Changes since rest (n, 5), rad, of `BODIES` as the trial's sensors read them, speeds (n, 5), rad/s, and counters
-    of a run under its measured key, at its samples; ``rest_rad`` (5,): the action's rest; ``errors``: of the sensors,
-    in u.
+    """Changes since rest (n, 5), rad, of key, whippen, jack, repetition, hammer as the sensors read them, speeds (n,
+    5), rad/s, and counters of a run under the trial's key; ``rest_rad`` (5,): the action's rest; ``errors``: of the
+    sensors, in u.
     """
     motion, at = _motion_and_times(m, rest_rad, errors)
     run = run_prescribed(action, motion, at, tolerance=min(tolerance, TOLERANCE_RAD))
@@ -70,8 +70,8 @@ def run_key_driven(
 def run_many_key_driven(
     runs: Sequence[tuple[model.Action, Array, KeyErrors]], m: MeasuredTrial, tolerance: float
 ) -> list[Array | None]:
-    """Changes since rest (n, 5), rad, of `BODIES` as the sensors read them, at the samples of a trial whose key drives,
-    for each run: action, its rest (5,), rad, errors of the sensors; None where a run cannot be carried out.
+    """Changes since rest (n, 5), rad, of key, whippen, jack, repetition, hammer as the sensors read them, at a trial's
+    samples under its key, for each run: action, its rest (5,), rad, errors of the sensors; None where a run fails.
 
     None of a run that cannot be carried out. Side by side in lanes: no run's numbers depend on the other runs.
     """
@@ -136,8 +136,8 @@ class NullAction:
 
 
 def run_null_key_driven(action: model.Action, m: MeasuredTrial) -> Array:
-    """Changes since rest (n, 5), rad, of `BODIES` that the null model predicts at the samples of a trial under its
-    measured key, as its sensors read them; jack and repetition lever NaN.
+    """Changes since rest (n, 5), rad, of key, whippen, jack, repetition, hammer that the null model predicts at a
+    trial's samples under its measured key, as its sensors read them; jack and repetition NaN.
 
     The rules are those of `model.null_model` with the key's motion given instead of the force: the hammer rides with
     the joined path up to let-off or until it would have to be pulled, flies under gravity alone, rebounds from the

@@ -191,7 +191,8 @@ def digests(action: model.Action, provenance: Mapping[str, Any], posterior: Mapp
 
 
 def list_alterations(action: model.Action) -> list[str]:
-    """Texts on what was changed since the identification: in the file, or by override for this run.
+    """Texts on what was changed since the identification, in the file or by override for this run; empty where nothing
+    was, or the file has no hashes and no value is overridden.
 
     They find out edits, not fraud: a hash can be written anew. A file without them is taken as it is.
     """

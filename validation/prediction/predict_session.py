@@ -193,7 +193,9 @@ def _predict_by_key(m: MeasuredTrial, tested: ModelUnderTest, variant: str) -> P
 def _load_prediction(
     tested: ModelUnderTest, m: MeasuredTrial, step: str, key: str, rest: Array
 ) -> PredictedAngles | None:
-    """Prediction of a trial from the store's derived step ``step``; None where it is missing, stale or incomplete."""
+    """Prediction of a trial from table ``step`` of the store, with the rest angles ``rest`` (5,), rad; None where it is
+    missing, incomplete, or not of the inputs whose hash is ``key``.
+    """
     found = tested.store.table(step, m.number, key)
     if found is None:
         return None

@@ -143,8 +143,8 @@ def _explain(tested: ModelUnderTest, trials: Sequence[ObservedTrial], effects: b
 
 
 def make_answer(found: Found, numbers: Sequence[int]) -> Explained:
-    """Sentence on what a search ``found`` in the trials ``numbers``; with table rows and findings only where one to
-    `MOST_NAMED` sets of causes explain the differences. Empty where the model cannot run.
+    """Sentence on what a search ``found`` in the trials ``numbers``, its table rows and findings (these two only where
+    one to `MOST_NAMED` sets of causes explain the differences). Empty where the model cannot run.
     """
     search = found.search
     if search is None:

@@ -81,8 +81,8 @@ class Responses:
         return self.exact_differences([Point()])[0]
 
     def exact_differences(self, points: Sequence[Point]) -> list[Array | None]:
-        """Measured less predicted angles (trials, 3 m), rad, at each point (amounts of candidates), every trial run;
-        None where one cannot be run there.
+        """Measured less predicted angles (trials, 3 m), rad, of key, whippen, hammer one after the other, at each point
+        (amounts of candidates), every trial run; None where one cannot be run there.
 
         Those of points near by are found from there (`differences`).
         """
@@ -99,8 +99,9 @@ class Responses:
         return out
 
     def differences(self, points: Sequence[Point]) -> list[Array | None]:
-        """Measured less predicted angles (trials, 3 m), rad, at each point, approximate: where all trials have the same
-        amounts only two are run, and the others moved as these. None where a run fails.
+        """Measured less predicted angles (trials, 3 m), rad, of key, whippen, hammer one after the other, at each
+        point, approximate: where trials have the same amounts two are run, and the others moved as these. None where a
+        run fails.
 
         Where all trials have the same, two are run, and the others move as these do on the average, from the nearest
         point where all have the same and were run. Causes are compared at `exact_differences`.
@@ -142,8 +143,8 @@ class Responses:
         central: bool = False,
     ) -> list[Array]:
         """Derivative (3 m,) of a predicted curve, rad per unit amount, for each (point, trial index, source index) in
-        ``asked``, by differences of runs; zeros where the step's run fails. ``here``: measured less predicted angles
-        (trials, 3 m) at each point.
+        ``asked``, by differences of runs; zeros where the step cannot run. ``here``: for each the measured less
+        predicted angles (trials, 3 m).
 
         Parameters
         ----------
@@ -171,9 +172,9 @@ class Responses:
         return out
 
     def force_columns(self, at: Point, t: int, here: Array) -> Array:
-        """Derivatives (m, 3, 1 + SEGMENTS) of the curve of trial ``t`` (index) at a point, rad per standard deviation
-        of its force's offset and of the noise at each knot; 0 where a run fails. ``here``: measured less predicted
-        angles (trials, 3 m) there.
+        """Derivatives (m, 3, 1 + SEGMENTS) of trial ``t``'s angles (key, whippen, hammer) at a point, rad per standard
+        deviation of its force's offset and of the noise at each knot but the first; 0 where a run fails. ``here``:
+        differences (trials, 3 m).
         """
         trial, place = self.trials[t], self._place(at, t)
         places = [replace(place, offset_n=BUMP_N), *(replace(place, knot=k) for k in range(1, SEGMENTS + 1))]
@@ -207,7 +208,9 @@ class Responses:
         return np.array([0.0 * base[t] if turn is None else turn - base[t] for (_, t), turn in found])
 
     def _place(self, point: Point, t: int) -> _Place:
-        """Amount of each source in trial ``t`` (index) at a point of candidates' amounts."""
+        """Amounts of the sources, index -> amount, that trial ``t`` (index) has at a point, which gives amounts of
+        candidates; those that it lacks are left out.
+        """
         amounts: dict[int, float] = {}
         for j, z in point.amounts:
             c = self.candidates[j]

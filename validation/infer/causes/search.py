@@ -372,7 +372,7 @@ class Search:
 
     def pairs(self, singles: Sequence[Fit]) -> list[Fit]:
         """Starting fits of two causes, not refitted: each of the `SECOND` best of ``singles`` (fits of one cause, the
-        best first) with the candidates that gain most beside it.
+        best first) with the candidates that gain most beside it, and with the other best ones.
         """
         started: dict[frozenset[int], Fit] = {}
         for one in singles[:SECOND]:
