@@ -28,7 +28,6 @@ from validation.prediction.many_runs import Run, coarse_force, run_many
 from validation.prediction.model_under_test import ModelUnderTest
 
 BUMP_N = 0.1  # for differences, of the whole force or at one knot
-LEAST_NOISE_N = 1e-6  # of a force, so that one without noise divides
 
 
 @dataclass(frozen=True)
@@ -361,7 +360,7 @@ def knot_noise_n(trial: ObservedTrial) -> Array:
     edges = np.searchsorted(when, np.append(0.5 * (knots[:-1] + knots[1:]), when[-1]))
     power = np.append(0.0, np.cumsum(missed**2))
     mean = (power[edges[1:]] - power[edges[:-1]]) / np.maximum(np.diff(edges), 1)
-    return np.asarray(slow_noise_n(trial) * np.hypot(1.0, np.sqrt(mean) / max(trial.noise_n, LEAST_NOISE_N)))
+    return np.asarray(slow_noise_n(replace(trial, noise_n=1.0)) * np.hypot(trial.noise_n, np.sqrt(mean)))
 
 
 def _can_lift(action: model.Action) -> bool:
