@@ -48,7 +48,9 @@ def order_up_and_down(angles_rad: ArrayLike) -> tuple[float, ...]:
 
 
 def read_plateaus(backend: Backend, config: RigConfig, body: str, references: Sequence[float]) -> list[float]:
-    """Return the mean readings, rad, at as many rests as there are ``references``, rad, as they came; refuse fewer."""
+    """Mean readings, rad, of an encoder at the successive rests of its ``body``, each 0.8 s or longer and unlike the
+    one before, until there are as many as ``references``, the angles, rad, that the operator sets; refuse fewer.
+    """
     index = BODIES.index(body)
     encoder = config.encoders[index]
     apart = APART * float(np.min(np.abs(np.diff(references)))) / abs(encoder.rad_per_count)
@@ -74,7 +76,8 @@ def read_plateaus(backend: Backend, config: RigConfig, body: str, references: Se
 
 
 def fit_arc(references: Sequence[float], readings: Sequence[float], u_angle_rad: float, encoder: EncoderConfig) -> Arc:
-    """Fit the true angle over an encoder's reading, rad, to reference angles, rad, up and down together.
+    """Fit the factor (gain) from an encoder's ``readings`` to true angle, both rad, ``references`` in the same order;
+    ``u_angle_rad``: standard uncertainty of a reference. Refuse a gain more than 10 % off 1.
 
     Readings that happen to scatter less than counts are rounded are known no better than a count / sqrt 12.
     """
@@ -95,10 +98,11 @@ def fit_arc(references: Sequence[float], readings: Sequence[float], u_angle_rad:
 
 
 def combine_with_rig_file(rig: Rig, body: str, arc: Arc) -> tuple[float, float]:
-    """Return gain and standard uncertainty of an encoder from the readings and the rig file together.
+    """Return the gain (true angle over reading) of the encoder on ``body`` and its standard uncertainty: the weighted
+    mean of ``arc`` and the rig file, or ``arc`` alone where the rig file states none or contradicts it.
 
-    The mean weighted by uncertainty, so that coarse references spoil no scale that is known better; readings that
-    contradict the rig file by three standard uncertainties replace it.
+    Weighted by uncertainty, coarse references spoil no scale that is known better; a contradiction is a difference of
+    three standard uncertainties.
     """
     encoder = rig.config.encoders[BODIES.index(body)]
     known, u_known = encoder.arc_gain, encoder.u_eccentricity_rad

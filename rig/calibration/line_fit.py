@@ -31,7 +31,8 @@ LARGEST_U_SLOPE = 0.2  # of the slope: five standard uncertainties from none
 
 
 def fit_line(reference: ArrayLike, reading: ArrayLike, where: str) -> LineFit:
-    """Fit readings (n,) = zero + slope x reference (n,) by least squares; refuse readings that do not follow.
+    """Fit readings (n,) = zero + slope x reference (n,) by least squares, with standard uncertainties; refuse fewer
+    than 4 at 3 values, and readings that do not follow, naming ``where``.
 
     The scatter is that about the line (n - 2 degrees of freedom), so that nonlinearity and hysteresis are in the
     uncertainty.

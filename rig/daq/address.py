@@ -22,7 +22,8 @@ RESET_TIMEOUT_S = 10.0  # of a server: it closes the tasks of all its clients fi
 
 
 def open_backend(url: str, config: RigConfig) -> NidaqmxBackend:
-    """Open ``ni://local`` or ``ni-grpc://host[:port]``; raises RigInputError for another address.
+    """Connect to NI-DAQmx at ``ni://local`` or ``ni-grpc://host[:port]`` and check that its devices are those of
+    ``config``; nothing is reset or reserved. Refuse another address or product. The caller closes it.
 
     A server with TLS: ``ni-grpc://host:port?ca=CA.pem``, with ``&cert=CLIENT.pem&key=CLIENT.key`` where it demands a
     certificate of its clients.
@@ -45,7 +46,8 @@ def discover(url: str) -> tuple[str, list[FoundDevice]]:
 
 
 def reset_server(url: str) -> str:
-    """End all sessions of the server at ``ni-grpc://host[:port]``, of whomever.
+    """End all sessions of the NI gRPC Device Server at ``ni-grpc://host[:port]``, those of other programs too; return
+    its host and port. Raise where it does not answer.
 
     Parameters
     ----------

@@ -73,7 +73,8 @@ def calls_per_block(config: RigConfig) -> int:
 
 
 def calm_block_s(config: RigConfig, delay: CallDelay) -> float:
-    """Return the length of blocks in which the motor's command is 0 V, s: 0 where calls are cheap.
+    """Length, s, of the blocks to read while the motor's command is 0 V, longer so that fewer calls are made; 0, for no
+    longer ones, where calls, of measured ``delay``, are cheap or ``recording.block_s`` is as long already.
 
     Through a server each call costs processor time at both ends; where nothing is commanded the limits may act as late
     as on a slow connection.
@@ -84,7 +85,10 @@ def calm_block_s(config: RigConfig, delay: CallDelay) -> float:
 
 
 def shortest_block_s(config: RigConfig, delay: CallDelay) -> float:
-    """Return the shortest block, s (0 where ``recording.block_s`` will do); refuse a connection too slow for any."""
+    """Shortest block, s, whose driver calls, of measured ``delay``, fit into its own time; 0 where
+    ``recording.block_s`` is enough. Refuse a connection for which it or the time between two resets of the watchdog
+    would be too long.
+    """
     calls, block_s = calls_per_block(config), config.recording.block_s
     longest_s = max(block_s, LENGTHENED_S)
     needed_s = calls * delay.usual_s
@@ -289,7 +293,9 @@ class NidaqmxBackend(SafeBench, Backend):
             self._tasks[tasks.MASTER].start()
 
     def read_block(self, n_samples: int, timeout_s: float) -> Block:
-        """Read the next samples; on a fault the outputs are made safe first. The watchdog is reset as needed."""
+        """Return the next ``n_samples`` of every input, waiting at most ``timeout_s`` for each, and reset the watchdog
+        as needed; on a fault the outputs are made safe before it is raised.
+        """
         config = self._require_configured()
         with self._safe_on_failure():
             with translate_faults("read", "watchdog"):
@@ -314,7 +320,9 @@ class NidaqmxBackend(SafeBench, Backend):
 
     @contextlib.contextmanager
     def _temporary_tasks(self) -> Iterator[tasks.NewTask]:
-        """Yield what makes a self-test's own tasks by name; close them at the end, the last first."""
+        """Yield a function that makes a self-test's own task by name; at the end these tasks are closed, the last
+        first.
+        """
         with contextlib.ExitStack() as made:
 
             def new_task(name: str) -> nidaqmx.Task:
@@ -339,7 +347,9 @@ class NidaqmxBackend(SafeBench, Backend):
         return readings[1] - readings[0]
 
     def count_edges(self, config: RigConfig, counter: str, terminal: str, duration_s: float, pulses: bool) -> int:
-        """Return the rising edges on a terminal in ``duration_s``; with ``pulses`` the camera's counter gives them."""
+        """Count the rising edges on ``terminal`` with ``counter`` during ``duration_s`` of the sample clock; with
+        ``pulses`` the camera's counter puts out its frame pulses meanwhile.
+        """
         n = int(round(duration_s * config.device.sample_rate_hz))
         with translate_faults("read", counter), self._temporary_tasks() as new_task:
             edges = tasks.edge_task(new_task, config, counter, terminal)
@@ -353,7 +363,9 @@ class NidaqmxBackend(SafeBench, Backend):
         return int(counted[-1]) - int(counted[0])
 
     def read_loopback(self, config: RigConfig, channel: str, command_v: ArrayLike) -> np.ndarray:
-        """Put out the command (n,), V; return what a voltage input wired to the motor's output reads, (n,), V."""
+        """Put out the command (n,), V, and return what the voltage input ``channel``, wired to the motor's output,
+        reads meanwhile, (n,), V; the output is then put at 0 V.
+        """
         command_v = as_numbers(command_v, "motor command", 1)
         values = np.empty(command_v.size)
         with translate_faults("read", channel), contextlib.ExitStack() as then:

@@ -130,7 +130,9 @@ class SafeOutputs:
             self._tasks.clear(name)
 
     def _write(self, name: str, add: Callable[[nidaqmx.Task], None], write: Callable[[nidaqmx.Task], None]) -> None:
-        """Write with the task of this name, made by ``add`` where there is none or the kept one fails."""
+        """Write an output with the task of this name: ``add`` gives a new one its channel, ``write`` puts the value
+        out. Where there is none, or the kept one fails, a new one is made; where that fails too the error is raised.
+        """
         if name in self._tasks:
             with contextlib.suppress(nidaqmx.errors.Error):
                 self._write_output(name, write)
@@ -265,7 +267,9 @@ class SafeBench:
         return time.monotonic()
 
     def _reset_device(self, phase: str) -> None:
-        """Clear all tasks and reset the device; the next trial makes everything afresh."""
+        """Clear all tasks and the watchdog and reset every device of the rig; the next trial makes everything afresh.
+        ``phase``: what the program was doing, for the message of a fault.
+        """
         self._clear(watchdog_too=True)
         if self._config is not None:
             for name in (self._config.device.name, *(further.name for further in self._config.devices)):
@@ -274,7 +278,8 @@ class SafeBench:
         self._was_reset = True
 
     def safe_stop(self) -> None:
-        """Stop all, motor at 0 V, drive disabled; each step is tried, then the first failure raised.
+        """Stop all tasks, put the motor at 0 V and disable the drive; every step is tried even where one fails, then a
+        programming error, or else the first failure, is raised.
 
         The tasks stay for the next trial, unreserved, unless a step has failed. Where an output could not be written
         the watchdog is left to expire: the device then makes it safe.
@@ -324,7 +329,9 @@ class SafeBench:
             self._watchdog = None
 
     def _make_outputs_safe(self, phase: str, failures: list[BaseException], *, tripped: bool = False) -> None:
-        """Put the motor at 0 V, disable the drive, after a reset if ``tripped``; append what fails to ``failures``."""
+        """Put the motor at 0 V and disable the drive, after a reset of the devices if the watchdog has ``tripped`` or
+        writing shows that it has; append what fails to ``failures``, raising nothing.
+        """
         found: list[BaseException] = []
         if not tripped:
             self._write_safe_state(phase, found)

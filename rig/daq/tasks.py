@@ -299,7 +299,9 @@ def load_command(task: nidaqmx.Task, command_v: NDArray[np.float64]) -> None:
 
 
 def camera_task(new_task: NewTask, config: RigConfig, camera: CameraConfig) -> tuple[nidaqmx.Task, float, float]:
-    """CO with the frame pulses, started by the AI start trigger; also its coerced rate, Hz, and first edge, s."""
+    """Make the task of the camera's frame pulses, which the AI start trigger starts; return it, the coerced frame rate,
+    Hz, and the first rising edge after the trigger, s.
+    """
     task = new_task(CAMERA)
     channel = task.co_channels.add_co_pulse_chan_freq(
         camera.counter,
@@ -352,7 +354,9 @@ def check_command(config: RigConfig, command_v: NDArray[np.float64]) -> None:
 
 
 def read_inputs(open_tasks: TaskSet, config: RigConfig, first_sample: int, n_samples: int, timeout_s: float) -> Block:
-    """Return the next ``n_samples`` of every input; ``first_sample`` is the number of the first of them."""
+    """Read the next ``n_samples`` of every input, each within ``timeout_s``, and return them as a block that begins at
+    sample number ``first_sample``: force, counts, exposures, further channels in their units.
+    """
     values = np.empty((1 + len(config.channels), n_samples))
     with translate_faults("read", MASTER):
         reader = AnalogMultiChannelReader(open_tasks[MASTER].in_stream)

@@ -24,7 +24,9 @@ Array = NDArray[np.float64]
 def measure_loading_speed(
     x_m: Array, loading: NDArray[np.bool_], samples: NDArray[np.int64], rate_hz: float
 ) -> tuple[float, float]:
-    """Return the mean speed of the loading, m/s, and that of the last third of its way, where the loop is widest."""
+    """Return the mean speed of the loading, m/s, and that of the last third of its way, by lines through compression
+    ``x_m`` (n,), m, over time; ``loading`` (n,) marks these points, ``samples`` (n,): how many each is the mean of.
+    """
     at = np.cumsum(samples[loading]) / rate_hz
     x = x_m[loading]
     last = x > x[-1] * 2.0 / 3.0
@@ -38,7 +40,9 @@ PRELOAD_SHARE = 0.1  # of a reading's u, to which the curve meets the preload; i
 def fit_first_touch(
     moved_m: Array, force_n: Array, loading: NDArray[np.bool_], u_n: Array, preload_n: float
 ) -> tuple[float, float]:
-    """Fit the compression at rest, m, and its u, to ways since rest and forces (n,), ``u_n`` of a force."""
+    """Return the compression of a felt at rest under ``preload_n``, N, and its standard uncertainty, m, by a fit of the
+    felt's curve and loop to ways since rest, m, and forces, N, (n,), ``loading`` or not; ``u_n`` (n,): of each force.
+    """
     from scipy.optimize import least_squares  # start-up: 0.2 s that only the press of a felt needs
 
     span, top = float(moved_m.max()), float(force_n.max())
@@ -93,7 +97,9 @@ class PressCurve:
     deepest_m: float
 
     def table(self) -> str:
-        """Return the curve as ``calibrate felt`` reads it, CSV."""
+        """Return the curve as CSV text for ``calibrate felt``, writing nothing: compression, m, force, N, phase, and
+        for each common error its shift of both.
+        """
         names = ["displacement_m", "force_n", "phase"]
         names += [f"common_{name}_{unit}" for name in self.common for unit in ("m", "n")]
         shared = [row for moved in self.common.values() for row in moved]
@@ -116,7 +122,9 @@ class _Assumed:
 
 
 def fit_press_curve(trial: TrialData, felt: FeltConfig) -> PressCurve:
-    """Return the loading curve of a press, with what each common error of one standard uncertainty does to it."""
+    """Return the curve of a press, compression since first touch, m, over force, N, loading then unloading, with its
+    speed and with the shift of all points by each common error of one standard uncertainty.
+    """
     read, force = read_press(trial, felt), trial.force_info
     scale = next(encoder for encoder in trial.encoders if encoder.name == felt.encoder)
     u_length = float(np.hypot(felt.u_radius_m / felt.radius_m, scale.u_turn_relative))
@@ -148,7 +156,10 @@ def fit_press_curve(trial: TrialData, felt: FeltConfig) -> PressCurve:
 
 
 def _compression_and_force(read: Readings, assumed: _Assumed, stated_preload_n: float) -> tuple[Array, Array, float]:
-    """Compression, m, and force, N, (n,) each, under the constants assumed, and u of the compression at rest, m."""
+    """Return compression since first touch, m, and force, N, (n,) each, of a press ``read``, under the constants
+    ``assumed``, and the standard uncertainty of the compression at rest, m; ``stated_preload_n``: the preload in
+    ``read``.
+    """
     force = (read.force_n - stated_preload_n + read.rate_n_per_s * assumed.delay_s) * assumed.gain + assumed.preload_n
     compression_m = read.moved_m * assumed.length - assumed.compliance * (force - assumed.preload_n)
     slope = np.abs(np.gradient(force[read.loading], compression_m[read.loading]))

@@ -32,7 +32,10 @@ def make_ramp(peak_n: float) -> Profile:
 def make_constant_speed_press(
     ramp_way_m: Array, ramp_force_n: Array, speed_m_per_s: float, peak_n: float, slew_n_per_s: float
 ) -> Profile:
-    """Return the press at one speed, by the ramp's way and force above rest (k,); refuse too fast a change of force."""
+    """Return the profile that presses at one speed up to ``peak_n``, N, and back, by compression since rest, m, and
+    force above rest, N, (k,), both rising, of a slow ramp on the same felt; refuse one that needs over 90 % of the slew
+    limit.
+    """
     way = float(np.interp(peak_n, ramp_force_n, ramp_way_m))
     phase = np.linspace(0.0, 1.0, POINTS)
     displacement_m = way * _ease_in_out(phase)
@@ -59,7 +62,9 @@ def _ease_in_out(phase: Array) -> Array:
 
 
 def _make_press_and_release(name: str, time_s: Array, force_n: Array) -> Profile:
-    """Profile of a press and its release: the force (n,), N, over times, s, held, then run backwards."""
+    """Profile of a press and its release: the force (n,), N, at times (n,), s from 0, held for 80 ms at the last one,
+    then run backwards; it begins and ends at 0 N.
+    """
     at = np.concatenate((time_s, time_s[-1] + HOLD_S + time_s))
     force = np.concatenate((force_n, force_n[::-1]))
     force[0] = force[-1] = 0.0

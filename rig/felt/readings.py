@@ -46,8 +46,9 @@ class Readings:
 
 
 def read_press(trial: TrialData, felt: FeltConfig, lowest_share: float = LOWEST) -> Readings:
-    """Return readings from ``lowest_share`` of the way to the peak and back; refuse a trial in which the arm hardly
-    turned."""
+    """Return means over short times of the tip's way since rest and the force, loading then unloading, where the way is
+    between ``lowest_share`` and nearly all of its largest; refuse a trial in which the arm hardly turned.
+    """
     force, rate = trial.force_info, trial.sample_rate_hz
     body = [encoder.name for encoder in trial.encoders].index(felt.encoder)
     per_count = abs(trial.encoders[body].rad_per_count) * felt.radius_m
@@ -86,7 +87,9 @@ def read_press(trial: TrialData, felt: FeltConfig, lowest_share: float = LOWEST)
 
 
 def _pressing_force(trial: TrialData, quiet: int) -> tuple[Array, float]:
-    """Force (n,), N, above rest plus preload, without mains hum, and its scatter; ``quiet`` samples come first."""
+    """Return the force (n,), N, above that at rest plus the stated preload, without mains hum, and its scatter from
+    sample to sample, N; ``quiet``: how many samples come before the press.
+    """
     t, n = trial.time_s, trial.n_valid
     calm = np.zeros(n, dtype=bool)
     calm[: max(quiet, 1)] = True

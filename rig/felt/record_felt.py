@@ -117,7 +117,7 @@ class _Press:
         )
 
     def session_statement(self) -> dict[str, Any]:
-        """What a session of presses states of itself."""
+        """What ``session.toml`` states of a session of presses, as keywords: its kind, profile, plan and notes."""
         pressed = f"the arm pressed {self.order.contact}, no key; scale of the {self.setup.encoder} on its shaft"
         return {
             "kind": "felt",
@@ -151,7 +151,9 @@ class _Press:
         first: int,
         options: RecordingOptions | None = None,
     ) -> None:
-        """Record presses of these profiles as the trials from ``first`` on, and write each profile to the session."""
+        """Check each profile against the limits, write it to the session, and record presses with them as the trials
+        from ``first`` on; ``options`` replace those given for the session.
+        """
         for profile in profiles:
             self.check(profile)
         entries = [Entry(first + k, f"press-{first + k}", profile) for k, profile in enumerate(profiles)]
@@ -194,7 +196,9 @@ class _Press:
 
 
 def _read_loading_curve(session: Session, felt: FeltConfig) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Compression since rest and force above the preload while the ramp loads, both rising from zero."""
+    """Return compression since rest, m, and force above the preload, N, (k,) each, both rising from zero, while the
+    session's first trial, a ramp, loads; refuse a ramp that moved nothing.
+    """
     trial = session.trials[0].read()
     read = read_press(trial, felt, lowest_share=0.0)
     force = read.force_n[read.loading] - trial.force_info.preload_n

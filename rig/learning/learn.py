@@ -73,7 +73,8 @@ def learn(
     goal: float = GOAL,
     progress: Callable[[Blow], None] | None = None,
 ) -> Learned:
-    """Learn the profile that makes the measured force follow a target.
+    """Learn the profile that makes the measured force follow ``target``: ``blow`` plays a profile as number 1, 2, … and
+    returns its trial; end after ``blows``, or earlier where the relative RMS error before key bottom has met ``goal``.
 
     Parameters
     ----------
@@ -145,7 +146,9 @@ def learn(
 
 
 def _check_reachable(target: TargetForce, config: RigConfig, most_n: float) -> None:
-    """Refuse a target that no number of blows can reach on this rig."""
+    """Refuse a target that no number of blows can reach on this rig: with a peak above ``most_n``, N, a rise above the
+    motor's slew limit, or a peak so small that the load cell's noise hides the error.
+    """
     peak_n, slew = target.peak_n, config.motor.slew_limit_n_per_s
     if peak_n > most_n:
         raise RigInputError(

@@ -23,7 +23,8 @@ class Measured:
 
 
 def measured_force(data: TrialData, target: TargetForce, start_s: float) -> Measured:
-    """Map a trial's force to the clock of the target, whose time zero was output at ``start_s`` of the trial.
+    """Return a trial's force above rest, N, without mains hum, at the target's times, and when its key bottom is, s
+    (None: not found); the target's time zero was put out at ``start_s`` of the trial.
 
     Resting force and mains hum, fitted to the time before the blow, are subtracted; the channel's delay and the sample
     between output and input are taken back.

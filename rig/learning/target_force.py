@@ -72,7 +72,9 @@ def make_target(
     scale: float = 1.0,
     key_bottom_s: float | None = None,
 ) -> TargetForce:
-    """Return a recorded force on the rig's sample clock, with its first command, onset and key bottom.
+    """Return a recorded force (m,), N, positive downwards, one every ``interval_s``, times ``scale`` and above rest on
+    the rig's clock, with first command, onset and key bottom (``key_bottom_s``; found where None). It must begin at
+    rest.
 
     Parameters
     ----------
@@ -175,7 +177,9 @@ def _resample_force(force_n: NDArray[np.float64], interval_s: float, rate_hz: fl
 
 
 def find_key_bottom(force_n: NDArray[np.float64], rate_hz: float) -> int | None:
-    """Return the sample at the foot of the spike at key bottom; None when no rise stands out."""
+    """Return the sample number at the foot of the spike by which key bottom shows in a force (n,), N; None where no
+    rise is much steeper than the one before it.
+    """
     width = max(int(round(SMOOTH_S * rate_hz)), 1)
     smooth = np.convolve(np.pad(force_n, (width, width), mode="edge"), np.ones(width) / width, "same")[width:-width]
     slope = np.gradient(smooth) * rate_hz
@@ -198,7 +202,9 @@ def find_key_bottom(force_n: NDArray[np.float64], rate_hz: float) -> int | None:
 def _cut_target(
     name: str, force: NDArray[np.float64], rest_n: float, onset: int, bottom: int, rate_hz: float
 ) -> TargetForce:
-    """Target of a measured force (n,), N: from ``onset`` (sample), key bottom at ``bottom``, without its spike."""
+    """Target of a force (n,), N, from sample ``onset``, 50 ms of zeros before it, to its end; its first command leaves
+    the spike after key bottom, sample ``bottom``, out. ``rest_n``: resting force already subtracted, only stored.
+    """
     held = force.copy()
     after = min(bottom + int(SPIKE_S * rate_hz), force.size - 1)
     level = float(np.median(force[after : after + max(int(RELEASE_S * rate_hz), 1)]))

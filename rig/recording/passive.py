@@ -61,7 +61,9 @@ class StrokeSettings:
 
     @classmethod
     def from_rig(cls, config: RigConfig, rate_hz: float) -> StrokeSettings:
-        """Limits that tell a stroke played by hand, from the rig file."""
+        """Limits by which a stroke played by hand begins and ends, from ``[passive]`` and ``[recording]`` of the rig
+        file; ``rate_hz``: the sample rate that the device gave.
+        """
         return take_same_fields(
             cls,
             config.passive,
@@ -115,7 +117,9 @@ class StrokeDetector:
         return self.playing or self._quiet_from is not None
 
     def add(self, block: Block) -> Stroke | None:
-        """Take the next samples; return the stroke that they end, if any."""
+        """Take the next block of the stream; return the stroke that it ends (first sample, trigger and end, numbered in
+        the stream, and why it ended), or None.
+        """
         new = block.force_n.size
         self._force = np.concatenate((self._force, block.force_n))
         self._count = np.concatenate((self._count, block.encoder_count))
@@ -171,7 +175,9 @@ class StrokeDetector:
         return None
 
     def _is_still(self) -> bool:
-        """Whether encoders and force have kept their values for ``rest_s``."""
+        """Whether over the last ``rest_s`` every encoder stayed in a range of ``still_rad`` and the force, as means
+        over 10 ms, in one of ``rest_n``; False while there are fewer samples.
+        """
         if self._force.size < self._rest:
             return False
         if np.any(np.ptp(self._count[-self._rest :], axis=0) * self._rad > self._s.still_rad):
@@ -349,7 +355,9 @@ class _Stream:
             self._options.progress(Progress(self._number, trials, time_s, time_s, peak, committed / rate))
 
     def _open_journal(self, timing: Timing, settings: StrokeSettings) -> None:
-        """Begin the journal of the next trial with what may belong to it already."""
+        """Open the journal file of the next trial and write to it the recent blocks that may belong to a stroke under
+        way; its head holds ``settings``, from which a recovery finds the stroke again.
+        """
         command = MotorCommand(np.zeros(2), settings.pre_s, settings.pre_s)
         head = TrialHead.from_rig(
             self._config, timing, command, number=self._number, simulated=self._backend.capabilities.simulated
@@ -376,7 +384,9 @@ class _Stream:
         self._journal = None
 
     def _seal_stroke(self, stroke: Stroke, status: str, reason: str) -> Trial:
-        """Close the journal, seal the stroke from it as the session's next trial, and remove it."""
+        """Close the journal, seal ``stroke``, its samples numbered in the stream, as the session's next trial with this
+        status and reason, and remove the journal; return the trial.
+        """
         assert self._journal is not None
         journal, self._journal = self._journal, None
         failed = close_journal(journal.writer, status, reason)
@@ -392,7 +402,9 @@ class _Stream:
         return trial
 
     def _end_stroke(self, stroke: Stroke | None, error: BaseException | None) -> None:
-        """Seal the stroke under way as what ended it, or drop the journal of silence."""
+        """At the end of the recording seal the stroke under way, with status and reason from ``error``, or as
+        ``interrupted`` without one; where there is no stroke remove the journal.
+        """
         if stroke is None:
             self._drop_journal()
         elif error is None:

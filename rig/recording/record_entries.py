@@ -36,7 +36,9 @@ def record_entries(
     *,
     first_number: int = 1,
 ) -> None:
-    """Record the entries of a plan one after the other, with waits and prompts; trials are sealed in the session."""
+    """Record a plan's entries as trials from ``first_number`` on, with rests and prompts to the operator, and seal each
+    in the session; what ends a trial early is raised once that trial is sealed.
+    """
     prompts = [entry for entry in entries if entry.prompt]
     if prompts and options.ask is None:
         raise _nobody(prompts[0])  # before the first blow, not in the middle of the plan
@@ -100,7 +102,9 @@ def _store_outcome(session: Session, trial: PlannedTrial, outcome: TrialOutcome,
 
 
 def seal(session: Session, journal: Path, status: str, reason: str) -> Trial:
-    """Seal a trial of the session from its journal; where that fails the error also says what had ended the trial."""
+    """Seal a trial of the session from its journal file, which stays, with this status and reason; where that fails a
+    RecordingFault also says what had ended the trial.
+    """
     try:
         return seal_journal(session, journal, scan_journal(journal), status, reason)
     except RigInputError as failure:

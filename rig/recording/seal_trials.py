@@ -35,7 +35,8 @@ class Stroke:
 
 
 def seal_journal(session: Session, file: Path, scanned: Journal, status: str, reason: str) -> Trial:
-    """Seal the trial whose journal was scanned; the journal stays.
+    """Seal the trial whose journal ``file`` was ``scanned``, with this status and reason, as the number in its head;
+    the journal stays. Refuse one without samples.
 
     A warm-up blow is rejected first: it never counts, whenever the program ends.
     """
@@ -56,7 +57,9 @@ NOTICED_LATE_S = 0.05  # at most, by far, after a stroke begins: the force has t
 
 
 def seal_cut(session: Session, file: Path, cut: Stroke, status: str, reason: str) -> Trial:
-    """Seal a stroke that was cut out of a journal: its first sample is time zero, its start time is shifted along."""
+    """Seal the stroke ``cut``, samples numbered in the journal ``file``, as the journal's trial with this status and
+    reason: its first sample is time zero, the start time is shifted along; the journal stays.
+    """
     scanned = scan_journal(file)
     head = scanned.head
     end = min(cut.end, scanned.n_samples)
@@ -75,7 +78,9 @@ def seal_cut(session: Session, file: Path, cut: Stroke, status: str, reason: str
 
 
 def _cut_blocks(blocks: Iterator[Block], first: int, end: int) -> Iterator[Block]:
-    """Yield the samples from ``first`` up to ``end``, numbered from 0."""
+    """Yield the samples from number ``first`` to just before ``end``, numbered anew from 0, in blocks without the
+    camera's exposures.
+    """
     for block in blocks:
         low, high = max(first - block.first_sample, 0), min(end - block.first_sample, block.force_n.size)
         if low >= high:

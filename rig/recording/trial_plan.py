@@ -54,6 +54,9 @@ class PlanConfig(Table):
 
     @model_validator(mode="after")
     def _check_names_and_number(self) -> PlanConfig:
+        """Refuse two conditions of the same name, in capitals or small letters, and more than 9999 trials, warm-up
+        blows among them.
+        """
         names = [condition.name for condition in self.conditions]
         if len({name.lower() for name in names}) < len(names):
             raise ValueError(f"conditions are named {names}; each needs a name of its own")
@@ -212,7 +215,9 @@ def _profile(condition: ConditionConfig, where: str, folder: Path) -> Profile:
 
 
 def draw_order(config: PlanConfig) -> list[str]:
-    """Return the names of the conditions in the order of the trials; the same seed gives the same order."""
+    """Return the conditions' names in the order of the trials, without warm-up blows: shuffled over all trials, or
+    within blocks of all conditions, or as listed, as the plan says; the same seed gives the same order.
+    """
     chance = random.Random(config.seed)
     if config.order == "blocks":
         order: list[str] = []

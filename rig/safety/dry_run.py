@@ -100,7 +100,8 @@ def dry_run(profile: Profile, config: RigConfig, predict: Predict) -> dict[str, 
 
 
 def free_arm(arm: ArmConfig, force_n: NDArray[np.float64], sample_rate_hz: float) -> tuple[float, float]:
-    """Return the largest speed, rad/s, and energy, J, of an arm that meets nothing before its hard stop.
+    """Return the largest speed, rad/s, and kinetic energy, J, of the motor arm if it met no key under forces at its tip
+    (n,), N, up to its hard stop, or to the end where it does not reach that.
 
     The torque of each sample is held to the next, so that angle and speed follow exactly; spring and friction, which
     only slow it down, are left out. Both ways count: a pull away from the key is not stopped any sooner.
@@ -161,7 +162,9 @@ def _refuse_above_limits(where: str, config: RigConfig, predicted: PredictedBlow
 def _refuse_above(
     where: str, what: str, unit: str, value: float, limit: float, key: str, time_s: float | None = None
 ) -> None:
-    """Refuse a value above its limit; ``key`` is the rig file's entry."""
+    """Refuse a ``value`` above its ``limit``, both in ``unit``; the message says where (the profile), what, when, and
+    the entry ``key`` of the rig file that sets the limit.
+    """
     if value > limit:
         when = "" if time_s is None else f" at {time_s:.4f} s"
         raise RigInputError(

@@ -53,7 +53,9 @@ class Interlocks:
         self._exposed = 0
 
     def check(self, block: Block) -> None:
-        """Check the next block; raises LimitExceeded naming channel, value, limit and time."""
+        """Check the next block of the trial against every limit; raise LimitExceeded, naming channel, value, limit and
+        time, and leave it to the caller to stop the bench.
+        """
         if self._zero is None:
             self._zero = block.encoder_count[0].copy()
         old = self._force.size
@@ -73,7 +75,9 @@ class Interlocks:
         self._force, self._count = self._force[-self._keep :], self._count[-self._keep :]
 
     def check_returned(self) -> None:
-        """After the blow: refuse encoders that have not returned: they lost counts, or a part moved."""
+        """After the blow refuse, by LimitExceeded, an encoder that is more than ``return_rad`` from where the trial
+        began: it lost counts, or a part moved.
+        """
         if self._zero is None:
             return
         off = (self._count[-1] - self._zero) * self._rad
@@ -91,7 +95,9 @@ class Interlocks:
         raise LimitExceeded(message, phase="interlock")
 
     def _check_force(self, first: int, n_checked: int) -> None:
-        """Stop at a force or rate beyond the limits; the window begins at sample ``first``, ``n_checked`` are old."""
+        """Raise LimitExceeded at a force or rate of force beyond the limits; ``first``: number in the trial of the
+        first sample kept, of which ``n_checked`` were checked before.
+        """
         limits, force = self._limits, self._force
         new = force[n_checked:]
         outside = ~((new >= limits.force_min_n) & (new <= limits.force_max_n))  # NaN is outside
@@ -111,7 +117,9 @@ class Interlocks:
             )
 
     def _check_motion(self, first: int, n_checked: int) -> None:
-        """Stop at a travel or speed beyond the limits; the window begins at sample ``first``, ``n_checked`` are old."""
+        """Raise LimitExceeded at a travel or speed of a body beyond the limits; ``first``: number in the trial of the
+        first sample kept, of which ``n_checked`` were checked before.
+        """
         step = self._samples(SPEED_OVER_S)
         since = max(n_checked - step, 0)
         for body, name in enumerate(BODIES):
@@ -133,7 +141,9 @@ class Interlocks:
                 )
 
     def _check_exposures(self, block: Block, count: NDArray[np.int64]) -> None:
-        """Count on, and stop where a free-running camera omits exposures: its film would be misread from there on."""
+        """Raise LimitExceeded where a free-running camera makes no exposure for 1.5 frames, as its film would be
+        misread from there on; ``count`` (n,): exposures by each sample of ``block``.
+        """
         camera = self._config.camera
         if camera is None:
             return
@@ -150,7 +160,9 @@ class Interlocks:
         self._exposed = int(count[-1])
 
     def _check_stuck(self, first: int, n_checked: int) -> None:
-        """Stop where force or an encoder stands still while others move; arguments as of `_check_force`."""
+        """Raise LimitExceeded where the force keeps one value too long, or an encoder stands still while another turns;
+        ``first``: number in the trial of the first sample kept, of which ``n_checked`` were checked before.
+        """
         need = self._samples(self._limits.stuck_s)
         if self._noisy and longest_run(np.diff(self._force[max(n_checked - need, 0) :]) == 0) >= need:
             self._stop(
@@ -173,7 +185,9 @@ class Interlocks:
                     )
 
     def _check_before_blow(self) -> None:
-        """Take the mean force as the baseline; stop where the action still moves or the arm is not on the key."""
+        """Keep the mean force as the baseline; raise LimitExceeded where the action still moves, the force is out of
+        its range, or the arm does not press on the key.
+        """
         self._baseline_n = float(self._force.mean())
         # a cell that had noise before the blow has noise during it
         self._noisy = longest_run(np.diff(self._force) == 0) < self._samples(self._limits.stuck_s)
@@ -200,7 +214,9 @@ class Interlocks:
             )
 
     def _check_pushes(self, first: int, baseline_n: float) -> None:
-        """Stop where the motor should push and no force comes; the window begins at sample ``first``."""
+        """Raise LimitExceeded where the motor is told to push and no force above ``baseline_n``, N, the mean before the
+        blow, comes; ``first``: number in the trial of the first sample kept.
+        """
         n = self._force.size
         commanded_n = np.zeros(n)
         at = first + np.arange(n) - self._delay

@@ -62,7 +62,9 @@ class Engine:
 
 
 def find_clock_engine(device: DeviceState, task: SimulatedTask) -> Engine | None:
-    """Return the engine whose ticks clock a task; None when nothing ticks for it."""
+    """Return the engine (rate, first tick, number of ticks) that clocks a task: its own clock while it is live, or what
+    ticks on the terminal of its source; None without a sample clock or where nothing ticks there.
+    """
     clock = task.clock
     if clock is None:
         return None
@@ -83,7 +85,9 @@ def drift(device: DeviceState, task: SimulatedTask) -> float:
 
 
 def _find_engine(device: DeviceState, terminal: str, visited: set[str]) -> Engine | None:
-    """Return the engine whose ticks a terminal carries, or None; ``visited`` are the tasks on the way."""
+    """Return the engine (rate, first tick, number of ticks) whose ticks a terminal carries, None where none does;
+    ``visited``: names of the tasks on the way, which are not followed again.
+    """
     terminal = device.source_terminal(terminal)
     owner = device.inventory.owner_of(terminal) if terminal.startswith("/") else device.inventory
     stem, _, signal = device.inventory.own_name(terminal).partition("/")
@@ -216,7 +220,9 @@ def _ticks(task: SimulatedTask, engine: Engine, edge: int, n: int) -> tuple[int,
 
 
 def _generate(device: DeviceState, task: SimulatedTask, engine: Engine, command_v: NDArray[np.float64]) -> None:
-    """Put out a task's samples at the next edges; those of the motor's channel go into ``command_v`` (n,), V."""
+    """Put out a task's samples that fall on the next edges of the bench: those of the motor's channel go into
+    ``command_v`` (n,), V, each from its edge on; the last row stays at the outputs.
+    """
     edge, n = device.bench.edge, command_v.size
     first, last = _ticks(task, engine, edge, n)
     rows = task.generate(last - first)
@@ -291,7 +297,9 @@ def _edges_to_pulse_end(device: DeviceState, task: SimulatedTask) -> float:
 
 
 def wait_for_samples(device: DeviceState, task: SimulatedTask, missing: int, timeout_s: float) -> None:
-    """Let time pass until a task has ``missing`` more samples, or the timeout has ended."""
+    """Let time pass until a task has ``missing`` more samples per channel, has failed or was stopped, or ``timeout_s``
+    is over (negative: never); nothing is raised, the caller looks how many came.
+    """
     if task.buffer is not None:
         allowed = _edges_of_timeout(device, timeout_s)
         wanted = task.buffer.acquired + missing

@@ -53,7 +53,9 @@ def _set_terminal(
 
 
 def add_encoder(device: DeviceState, task: SimulatedTask, request: Any) -> None:
-    """Add the CI channel of a quadrature encoder; nothing is wired to its Z index, so that this never comes."""
+    """Add the counter input channel of a quadrature encoder that the ``request`` of NI's CreateCIAngEncoderChan
+    describes; refuse values the driver refuses. Nothing is wired to its Z index, so that this never comes.
+    """
     decoding = enum(request, "decoding_type")
     require_one_of(decoding, (daqmx.X1, daqmx.X2, daqmx.X4), "Decoding type")
     require_one_of(enum(request, "units"), (daqmx.DEGREES, daqmx.RADIANS, daqmx.TICKS), "Units")
@@ -68,7 +70,9 @@ def add_encoder(device: DeviceState, task: SimulatedTask, request: Any) -> None:
 
 
 def add_edge_count(device: DeviceState, task: SimulatedTask, request: Any) -> None:
-    """Add the CI channel that counts rising edges on a terminal, up or down."""
+    """Add the counter input channel that the ``request`` of NI's CreateCICountEdgesChan describes: rising edges on a
+    terminal, counted up or down; falling edges are refused as not simulated.
+    """
     direction = enum(request, "count_direction")
     refuse_falling_edge(request, "edge")
     require_one_of(direction, (COUNT_UP, COUNT_DOWN), "Count direction")
@@ -78,7 +82,10 @@ def add_edge_count(device: DeviceState, task: SimulatedTask, request: Any) -> No
 
 
 def add_pulse_train(device: DeviceState, task: SimulatedTask, request: Any) -> None:
-    """Add the CO channel of a pulse train; frequency and first delay are coerced to the timebase."""
+    """Add the counter output channel that the ``request`` of NI's CreateCOPulseChanFreq describes; frequency and first
+    delay are coerced to whole ticks of the timebase. Refuse values out of range, and a high idle state as not
+    simulated.
+    """
     require_one_of(enum(request, "units"), (daqmx.HERTZ,), "Units")
     require_one_of(enum(request, "idle_state"), (daqmx.LOW, daqmx.HIGH), "Idle state")
     if enum(request, "idle_state") == daqmx.HIGH:
@@ -98,7 +105,9 @@ def add_pulse_train(device: DeviceState, task: SimulatedTask, request: Any) -> N
 
 
 def add_force_bridge(device: DeviceState, task: SimulatedTask, request: Any) -> None:
-    """Add the AI channels of force by a bridge, on the straight line through two points."""
+    """Add the analog input channels that the ``request`` of NI's CreateAIForceBridgeTwoPointLinChan describes: force on
+    the straight line through two points; refuse units, excitation and limits that the product does not have.
+    """
     units, physical = enum(request, "units"), enum(request, "physical_units")
     electrical = enum(request, "electrical_units")
     require_one_of(units, tuple(NEWTON_IN), "Units")
@@ -126,7 +135,9 @@ def add_force_bridge(device: DeviceState, task: SimulatedTask, request: Any) -> 
 
 
 def add_voltage_input(device: DeviceState, task: SimulatedTask, request: Any) -> None:
-    """Add AI channels of voltage; refuse limits beyond every range, and a differential input without a pair."""
+    """Add the analog input channels that the ``request`` of NI's CreateAIVoltageChan describes; refuse limits beyond
+    every input range, other units than volts, and a differential input without a partner.
+    """
     _refuse_limits(request)
     require_one_of(enum(request, "units"), (daqmx.VOLTS,), "Units")
     _refuse_custom_scale(request)
@@ -144,7 +155,9 @@ def add_voltage_input(device: DeviceState, task: SimulatedTask, request: Any) ->
 
 
 def add_voltage_output(device: DeviceState, task: SimulatedTask, request: Any) -> None:
-    """Add AO channels of voltage; refuse limits beyond the product's range."""
+    """Add the analog output channels that the ``request`` of NI's CreateAOVoltageChan describes; refuse limits beyond
+    the product's range and other units than volts.
+    """
     _refuse_limits(request)
     require_one_of(enum(request, "units"), (daqmx.VOLTS,), "Units")
     _refuse_custom_scale(request)

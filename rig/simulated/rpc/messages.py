@@ -141,7 +141,9 @@ INITIALIZE_NEW, ATTACH_TO_EXISTING = 1, 2  # initialization behaviors; 0 attache
 
 
 def open_session(device: DeviceState, request: Any, create: Callable[[], SimulatedTask]) -> Fields:
-    """Return the fields of the task that a client attaches to, or of a new one, as NI's server decides; may refuse."""
+    """Attach a client to the task that its request names, or make one by ``create``, as the request's initialization
+    behavior says; return the answer's fields: the task's name, whether it is new. Refuse as NI's server does.
+    """
     name, behavior = request.session_name, request.initialization_behavior
     if behavior == INITIALIZE_NEW and name in device.tasks:
         raise SessionRefused("ALREADY_EXISTS", f"Cannot initialize '{name}' when a session already exists.")

@@ -76,7 +76,9 @@ class Service:
             raise SessionRefused("CANCELLED", "the client no longer waits")
 
     def handle(self, call: str, request: Any, is_waiting: Callable[[], bool] | None = None) -> Any:
-        """Answer one call; ``is_waiting`` tells whether the client still waits for it."""
+        """Answer one call, by NI's name: return the response message to the ``request`` message, after due watchdogs,
+        delays and planted faults; a refusal is raised. ``is_waiting`` is asked while time passes: False ends the call.
+        """
         self._caller.waits = is_waiting
         with self._lock:
             if self.device.call_delay_s > 0:
@@ -91,7 +93,9 @@ class Service:
             return response(call, **(self._answer(call, request) or {}))
 
     def answer(self, method: str, request: bytes, is_waiting: Callable[[], bool] | None = None) -> bytes:
-        """Answer one call as it comes over a network, by its path and in bytes."""
+        """Answer one call as it comes over a network: ``method`` is its gRPC path, request and response are serialised
+        messages; refusals are raised as gRPC errors. The reset of the server is answered too: it clears every task.
+        """
         call = method.rsplit("/", 1)[-1]
         with _as_rpc_errors():
             if method == RESET_SERVER:
@@ -118,7 +122,10 @@ class Service:
         raise NotAnswered(call)
 
     def _answer_property(self, call: str, action: str, category: str, request: Any) -> Fields | None:
-        """Get or set a property; fields of the answer, None after a set."""
+        """Get or set, by ``action``, the property whose number the request gives, of NI's ``category`` such as
+        ``Read``; return the answer's fields, None after a set. Refuse one that is not simulated, or that the task does
+        not have.
+        """
         number = enum(request, "attribute")
         answer = PROPERTIES.get((category, number))
         if answer is None or (action == "Set" and answer.put is None):
