@@ -38,7 +38,9 @@ def utc_now() -> str:
 
 
 def append(folder: Path, trial: int, kind: Kind, reason: str, author: str = "") -> Annotation:
-    """Append one annotation to the folder's file and return it; refuse one without a reason."""
+    """Append one annotation to ``annotations.jsonl`` in the session folder and return it; ``kind``: as `Kind` lists;
+    trial 0: the whole session; an empty author becomes ``unknown``. RigInputError for another kind or an empty reason.
+    """
     refuse(
         RigInputError,
         (kind not in get_args(Kind), f"{folder}: annotation {kind!r}: allowed are {', '.join(get_args(Kind))}"),
@@ -63,7 +65,9 @@ def append(folder: Path, trial: int, kind: Kind, reason: str, author: str = "") 
 
 
 def read(folder: Path) -> tuple[Annotation, ...]:
-    """Return all annotations in the order they were made; none when there is no file."""
+    """Return all annotations of the session in ``folder`` in the order they were made; none when there is no file;
+    RigInputError for a line that is no annotation.
+    """
     path = folder / FILE_NAME
     try:
         text = path.read_text(encoding="utf-8")
@@ -75,7 +79,7 @@ def read(folder: Path) -> tuple[Annotation, ...]:
 
 
 def _parse(line: str, where: str) -> Annotation:
-    """Parse a line of the annotations; ``where`` names file and line in the error."""
+    """Parse a JSON line of the annotations; RigInputError, which names file and line by ``where``, for what is none."""
     try:
         fields = json.loads(line)
         annotation = Annotation(**fields)
@@ -92,7 +96,9 @@ def _parse(line: str, where: str) -> Annotation:
 
 
 def rejections(annotations: tuple[Annotation, ...]) -> dict[int, str]:
-    """Return the reason of every trial that stands rejected, by its number."""
+    """Return the reason of every trial that stands rejected, by its number: rejected, and not accepted by a later
+    annotation.
+    """
     rejected: dict[int, str] = {}
     for annotation in annotations:
         if annotation.kind == "reject":

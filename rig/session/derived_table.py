@@ -24,7 +24,10 @@ SCHEMA = "piano-action-rig derived 1"
 
 
 def write_table(path: Path, table: pd.DataFrame, attrs: Mapping[str, Any], parents_sha256: Mapping[str, str]) -> None:
-    """Write a sealed file of a table of numbers, booleans or text, replacing an older result of the same step whole."""
+    """Write a table of numbers, booleans or text as a sealed HDF5 file, replacing one that was there; ``attrs``: values
+    by name, stored as JSON; ``parents_sha256``: SHA-256 of each file it was made from, by name. Its index is not
+    stored.
+    """
     names = [str(name) for name in table.columns]
     if len(set(names)) != len(names) or any(not name or "/" in name or name == "row" for name in names):
         raise RigInputError(f"{path}: column names {names} must be unique, not empty, not 'row' and without '/'")
@@ -44,7 +47,9 @@ def write_table(path: Path, table: pd.DataFrame, attrs: Mapping[str, Any], paren
 
 
 def _to_json_value(value: object) -> Any:
-    """Return a NumPy value or a path as JSON can store it."""
+    """Return a NumPy array or number as lists or a number, a path as text; RigInputError for any other type (a
+    ``default`` of `json.dumps`).
+    """
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, Path):
@@ -68,7 +73,9 @@ def _write_column(group: h5py.Group, name: str, values: np.ndarray) -> h5py.Data
 
 
 def read_table(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Return the table and its attributes, among them ``parents_sha256``."""
+    """Return the table in a sealed file, rows numbered from 0, and its attributes, among them ``parents_sha256``
+    (SHA-256 by file name); RigInputError for another kind of file or a broken seal.
+    """
     import pandas as pd  # start-up: pandas costs 0.4 s, opening a session does not need it
 
     with open_sealed(path) as file:

@@ -85,8 +85,8 @@ WHOLE = 0.25
 
 
 def count_clock_pulses(film: FilmFile, clock_hz: float) -> NDArray[np.int64]:
-    """Pulses of the frame clock from the first frame of a film to each, (n_frames,); refuse times that are no whole
-    periods.
+    """Pulses of the frame clock of ``clock_hz`` from the first frame of a film to each, (n_frames,), starting at 0:
+    where none is missing 0, 1, 2, …; RigInputError where the times between frames are no whole periods.
 
     From the camera's own times; of a video from its time stamps, whose scale may be that of play-back; else one pulse a
     frame.
@@ -117,7 +117,8 @@ def _are_whole(multiples: NDArray[np.float64]) -> bool:
 
 
 def frame_times(trial: Trial, film: FilmFile) -> tuple[NDArray[np.float64], float]:
-    """Middles of a film's exposures, s on the trial's clock, (n_frames,), and their common standard uncertainty, s.
+    """Middles of a film's exposures, s on the trial's clock, (n_frames,), and their common standard uncertainty, s;
+    RigInputError where the trial has no frame clock, or the frames are not all among its pulses.
 
     Which pulse belongs to the first frame is known from the record of an attached film, else from the film's header,
     else it is the first. The others follow as the film's own times say (`count_clock_pulses`), so that a gap stays one.

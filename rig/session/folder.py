@@ -248,7 +248,9 @@ class Session:
         return self._files_by_number("journal")
 
     def _files_by_number(self, suffix: str) -> dict[int, Path]:
-        """Files of trials with the suffix ``h5`` or ``journal``, by trial number, in order."""
+        """Paths ``trial_NNNN.<suffix>`` in the session's folder by trial number, in rising order; ``suffix``: ``h5`` or
+        ``journal``.
+        """
         found = {}
         with contextlib.suppress(FileNotFoundError):
             for file in self.path.iterdir():
@@ -290,7 +292,7 @@ class Session:
         return html.escape(str(self.path)) + str(self.to_frame().to_html(index=False, float_format="{:.2f}".format))
 
     def trial(self, number: int) -> Trial:
-        """Return the trial with this number."""
+        """Return the trial with this number, rejected or not; RigInputError where the session has none."""
         if not isinstance(number, int | np.integer):
             raise RigInputError(f"{self.path}: trial: found {number!r}, allowed one number; list(session) can be cut")
         for trial in self.trials:
@@ -345,7 +347,9 @@ class Session:
         attrs: Mapping[str, Any] | None = None,
         parents_sha256: Mapping[str, str] | None = None,
     ) -> Path:
-        """Write a derived table and return its path; its parent is the trial itself unless others are given."""
+        """Write a table made from a trial to ``derived/STEP/trial_NNNN.h5``, replacing an older one; return the path.
+        ``parents_sha256``: SHA-256 by name of the files it was made from; None: of the trial's file.
+        """
         parents = parents_sha256
         if parents is None:
             trial = self.trial(trial_number)
@@ -361,7 +365,8 @@ class Session:
 
 
 def open_session(path: str | Path) -> Session:
-    """Open a recorded session.
+    """Open the session in a folder; RigInputError where it or its ``session.toml`` is missing or cannot be read, or it
+    has no trials.
 
     Parameters
     ----------

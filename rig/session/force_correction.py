@@ -55,8 +55,9 @@ class HumFit:
     covariance: Array
 
     def baseline_n(self, time_s: Array) -> Array:
-        """What is subtracted from the raw force at times, s: the offset and, when accepted, the sinusoids, N, same
-        shape."""
+        """Offset and, where the hum was accepted, its three sinusoids at times (n,), s on the clock of the fit: what is
+        subtracted from the raw force, N, (n,).
+        """
         time = np.asarray(time_s, dtype=float)
         out = np.full(time.shape, self.offset_n)
         if self.accepted:
@@ -65,7 +66,9 @@ class HumFit:
         return out
 
     def u_baseline_n(self, time_s: Array) -> Array:
-        """Standard uncertainty of `baseline_n`, N; grows away from the baseline if f was searched."""
+        """Standard uncertainty of `baseline_n` at times (n,), s: N, (n,); where the hum's frequency was fitted too, it
+        grows away from the baseline.
+        """
         time = np.asarray(time_s, dtype=float)
         if not self.accepted:
             return np.full(time.shape, self.u_offset_n)
@@ -94,7 +97,9 @@ def _fit_at_frequency(time: Array, force: Array, frequency_hz: float) -> tuple[A
 
 
 def _search_frequency(time: Array, force: Array, centre_hz: float) -> float:
-    """Frequency, Hz, within `SEARCH_HZ` of ``centre_hz``, of the hum that leaves least of a force (n,), N."""
+    """Frequency, Hz, within `SEARCH_HZ` of ``centre_hz``, at which offset and hum of three harmonics fit a force (n,),
+    N, best by least squares; ``time``: (n,), s, about its middle.
+    """
     grid = np.linspace(centre_hz - SEARCH_HZ, centre_hz + SEARCH_HZ, GRID)
     cost = [_fit_at_frequency(time, force, f)[1] for f in grid]
     best = int(np.argmin(cost))
@@ -105,7 +110,8 @@ def _search_frequency(time: Array, force: Array, centre_hz: float) -> float:
 
 
 def correlation_inflation(residual: Array) -> float:
-    """Factor ≥ 1 on the variance of a mean when neighbouring residuals are correlated (first-order model).
+    """Factor, from 1 on, by which the variance of a mean grows when neighbouring residuals (n,) are correlated, by
+    first-order autoregression; 1 for fewer than three.
 
     For a first-order autoregressive noise of lag-one correlation ρ the variance of a mean is (1 + ρ)/(1 − ρ)
     times that of independent samples; an anti-alias filter makes ρ > 0.
@@ -119,7 +125,9 @@ def correlation_inflation(residual: Array) -> float:
 
 
 def fit_hum(time_s: Array, force_n: Array, mains_hz: float | None = None) -> HumFit:
-    """Fit offset and mains hum on a quiet baseline.
+    """Fit a constant offset and three harmonics of mains hum to a quiet baseline; the hum is kept (``accepted``) only
+    where it lowers the residual significantly, else the fit is the mean alone, with a reason. Nothing is subtracted
+    here.
 
     The peak of the blow is never filtered: the sinusoids are subtracted as they were found, so a trial without hum
     passes through unchanged. A baseline shorter than two mains periods gets an offset only, and the result states the
@@ -185,8 +193,9 @@ def fit_hum(time_s: Array, force_n: Array, mains_hz: float | None = None) -> Hum
 
 
 def _reason_to_refuse(time: Array, force: Array, f: float, before: float, after: float, parameters: int) -> str:
-    """Why hum at ``f``, Hz, must not be subtracted, or empty; ``before`` and ``after``: residual without and with it,
-    N."""
+    """Why hum at ``f``, Hz, must not be subtracted from a baseline, empty where it may; ``before``, ``after``: residual
+    standard deviation, N, without and with it; ``parameters``: how many the fit with hum has.
+    """
     n = time.size
     gained = before**2 * (n - 1) - after**2 * (n - parameters)
     if after == 0.0:
@@ -207,7 +216,9 @@ def _reason_to_refuse(time: Array, force: Array, f: float, before: float, after:
 
 
 def _shift_origin(coefficient: Array, frequency_hz: float, middle_s: float) -> Array:
-    """Coefficients of offset, cosines and sines for time from 0, from those for time from ``middle_s``."""
+    """Coefficients (7,) of 1 and of cosine, sine at one, two, three times ``frequency_hz`` for time counted from 0,
+    from those for time counted from ``middle_s``.
+    """
     out = coefficient.copy()
     for k in range(1, HARMONICS + 1):
         c, s = coefficient[2 * k - 1], coefficient[2 * k]
@@ -332,7 +343,7 @@ def _two_columns(time_s: ArrayLike, force_n: ArrayLike) -> tuple[Array, Array]:
 
 
 def _refuse_lost(time: Array, force: Array) -> None:
-    """Refuse times, s, that do not increase and forces, N, that are not finite."""
+    """Raise RigInputError for times (n,), s, that do not increase, or forces (n,), N, that are not finite."""
     if not (np.isfinite(time).all() and (np.diff(time) > 0.0).all()):
         raise RigInputError("force: found times that are lost or do not increase, allowed finite ones that increase")
     lost = np.flatnonzero(~np.isfinite(force))
@@ -353,7 +364,8 @@ def first_run(mask: NDArray[np.bool_], length: int) -> int | None:
 
 
 def _find_force_onset(force: Array, first: int) -> int | None:
-    """Sample where the force leaves the level of its ``first`` samples, walked back to its last crossing; None: never.
+    """Index of the sample at which the force (n,), N, leaves the mean of its ``first`` samples, up or down, for five
+    samples in a row, walked back to its last crossing of that mean; None where it never leaves.
 
     It has left when it is 5 σ away, and at least a hundredth of its largest excursion, so that a slow drift is no blow.
     """
@@ -377,7 +389,8 @@ def find_quiet(
     mains_hz: float | None = None,
     group_delay_s: float = 0.0,
 ) -> Quiet:
-    """Find the quiet baseline before the blow.
+    """Find the samples of rest before the blow, from the first to 10 ms before force or encoders move, and the time of
+    the force's onset; RigInputError for less than 20 ms of them, or a force that never leaves its rest.
 
     The force leaves its baseline when it is 5 σ away for five samples; hum is fitted on a first baseline and
     taken off before the onset is looked for again.  An encoder that moves by more than three counts, and
@@ -455,7 +468,9 @@ def _find_first_move(counts: NDArray[Any], first: int) -> int | None:
 
 
 def _quiet_before(time: Array, first_change: int, onset_s: float, what: str, needed: str) -> Quiet:
-    """Baseline up to 10 ms before the sample ``first_change``; the words ``what`` and ``needed`` refuse a short one."""
+    """The baseline from the first sample to 10 ms before the sample ``first_change``, with ``onset_s`` as stated;
+    RigInputError, worded by ``what`` and ``needed``, where less than 20 ms are left.
+    """
     step = float(np.median(np.diff(time)))
     stop = first_change - round(MARGIN_S / step)
     if stop < round(MINIMUM_QUIET_S / step):
@@ -469,7 +484,8 @@ def _quiet_before(time: Array, first_change: int, onset_s: float, what: str, nee
 def correct_force(
     time_s: ArrayLike, force_n: ArrayLike, quiet: Quiet, **declared: Unpack[ForceChannelValues]
 ) -> CorrectedForce:
-    """Take offset, mains hum and channel delay off a calibrated force, add the preload; never smooth it.
+    """Subtract offset and mains hum, fitted on the baseline, from a calibrated force, add the declared preload, and
+    shift the times back by the channel's delay; nothing is smoothed.
 
     Corrected force = force − (fitted offset and hum) + declared preload: the arm already rests on the key
     with its preload during the baseline, so the baseline is the preload and not zero.

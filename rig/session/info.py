@@ -245,7 +245,9 @@ class ForceInfo:
 
     @classmethod
     def from_config(cls, config: RigConfig, group_delay_s: float) -> ForceInfo:
-        """Return what the rig file says of the force channel, with the delay the device really has, s."""
+        """Description of the force channel for a trial's file: what the rig file says of it, with ``group_delay_s``,
+        the delay that the device itself states, in place of the rig file's.
+        """
         return take_same_fields(
             cls,
             config.force,
@@ -294,7 +296,9 @@ class ChannelInfo:
 
     @classmethod
     def opposite_head(cls, config: RigConfig) -> ChannelInfo:
-        """Return what the rig file says of the second reading head on the key's scale: its angle, counter-clockwise."""
+        """Description, as of a further channel, of the second reading head on the key's scale: angle, rad, positive
+        counter-clockwise, from counts; the rig file must have one (`key_opposite`).
+        """
         head, key = config.key_opposite, config.encoders[0]
         assert head is not None
         turn = 2.0 * np.pi * head.sign

@@ -97,7 +97,10 @@ class JournalWriter:
         return self._synced
 
     def append(self, block: Block) -> int:
-        """Queue the next block, wait 50 ms for it at most, and return the number of samples committed."""
+        """Queue the next block for the writing thread, wait for it 50 ms at most, and return the number of samples
+        written so far; RecordingFault where samples are missing before it, writing failed, or the disk took nothing for
+        5 s.
+        """
         n = block.force_n.size
         if block.first_sample != self._samples:
             raise RecordingFault(
@@ -123,7 +126,9 @@ class JournalWriter:
             return self._committed
 
     def close(self, status: str, reason: str) -> None:
-        """Write the closing record, force all onto the disk and close the file."""
+        """Write the closing record with a trial's ``status`` and ``reason``, force all onto the disk and close the
+        file; RecordingFault where writing failed or takes longer than 30 s.
+        """
         with self._condition:
             if self._error is None:
                 ending = json.dumps({"status": status, "reason": reason}).encode()
@@ -178,7 +183,9 @@ class JournalWriter:
                 self._condition.notify_all()
 
     def _write_next(self) -> bool:
-        """Write the next record; return whether more may follow."""
+        """Write the oldest queued record, waiting for one for a while; return False once the queue is empty and the
+        journal is to be closed.
+        """
         with self._condition:
             if not self._waiting and not self._closing:
                 self._condition.wait(0.25 * SYNC_EVERY_S)
@@ -193,7 +200,9 @@ class JournalWriter:
         return True
 
     def _sync(self) -> None:
-        """Force what is committed onto the disk; raise `RecordingFault` where the file was deleted."""
+        """Force what was written onto the disk (fsync) and note how many samples that makes safe; raise
+        `RecordingFault` where the file was deleted.
+        """
         samples = self._committed
         if platform_calls.is_deleted(self._file):
             raise RecordingFault(

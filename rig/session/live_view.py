@@ -40,7 +40,9 @@ class JournalFollower:
         self._n_bytes = self._n_records = 0
 
     def poll(self) -> bool:
-        """Read what was written since the last poll into ``head`` and ``blocks``; False when the journal is gone."""
+        """Read what was written since the last poll into ``head`` (None until it is complete) and ``blocks`` (the last
+        30 s); return False when the journal cannot be opened, True also where nothing is new.
+        """
         try:
             with self.path.open("rb") as stream:
                 stream.seek(self._n_bytes)
@@ -64,7 +66,9 @@ class JournalFollower:
         return True
 
     def _drop_old(self, head: TrialHead) -> None:
-        """Drop blocks older than `KEEP_S` and keep the first counts, from which turns are shown."""
+        """Drop blocks older than the last `KEEP_S` (30 s), but keep the encoders' first counts (1, 3) in
+        ``first_count``: turns are counted from them.
+        """
         if not self.blocks:
             return
         if self.first_count is None:
@@ -111,7 +115,9 @@ class SessionFollower:
         return self.session.info.profile.name == PASSIVE and self._idle >= LOOKS
 
     def poll(self) -> LiveView | None:
-        """Return the present view; None before the first sample."""
+        """What the session shows now: the trial being recorded (its last 30 s), else the last sealed one; None before
+        the first sample.
+        """
         journals = self.session.journals
         if journals:
             path = list(journals.values())[-1]

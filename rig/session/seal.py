@@ -60,7 +60,9 @@ class _Patient(io.RawIOBase):
         self.error: OSError | None = None
 
     def write(self, data: Any) -> int:
-        """Write all of ``data``, or keep the error and write no more; return its size in any case."""
+        """Write all of ``data`` to the stream; an OSError is kept in ``error`` instead of raised, and nothing is
+        written from then on. Returns the size of ``data`` in any case: HDF5 must not see the failure.
+        """
         left = memoryview(data).cast("B")
         size = left.nbytes
         try:
@@ -90,7 +92,9 @@ class _Patient(io.RawIOBase):
 
 @contextlib.contextmanager
 def write_sealed(path: Path) -> Iterator[h5py.File]:
-    """Yield an empty HDF5 file to fill; seal it and put it at ``path`` when the block ends without an exception."""
+    """Context that yields an empty HDF5 file to fill; at its end a line with the SHA-256 is appended and the file
+    replaces the one at ``path``; after an exception ``path`` is as before.
+    """
     with replace_when_complete(path) as temporary, temporary.open("xb+", buffering=0) as stream:
         patient = _Patient(stream)
         with h5py.File(patient, "w", track_order=True) as file:
@@ -108,7 +112,8 @@ def write_sealed(path: Path) -> Iterator[h5py.File]:
 
 @contextlib.contextmanager
 def open_sealed(path: Path) -> Iterator[h5py.File]:
-    """Check the seal and yield the HDF5 file for reading.
+    """Context that yields a sealed HDF5 file for reading, once its seal is found right; RigInputError for a file that
+    was altered, cannot be read, or is in use by a writer.
 
     A file without its seal is read, with one warning, where its content is as it was sealed. One that another program
     has locked is read from memory.
@@ -127,7 +132,9 @@ def open_sealed(path: Path) -> Iterator[h5py.File]:
 
 
 def _open_locked_or_not(path: Path, has_seal: bool) -> h5py.File:
-    """Open an HDF5 file; one that another program holds locked is read whole and its seal checked."""
+    """Open an HDF5 file for reading; one that another program holds locked is read into memory, if it ``has_seal`` and
+    that is right, else RigInputError.
+    """
     try:
         return h5py.File(path, "r")
     except OSError as error:
@@ -140,7 +147,9 @@ def _open_locked_or_not(path: Path, has_seal: bool) -> h5py.File:
 
 
 def _check_seal(path: Path) -> bool:
-    """Whether the file has a seal; refuse what is not as it was sealed, warn where only header or seal were touched."""
+    """Whether the file ends with a seal; RigInputError where its content is not as sealed; warn where only the seal is
+    missing, or only the mark of an open file in its header differs.
+    """
     try:
         with path.open("rb") as stream:
             size = stream.seek(0, 2)
@@ -169,7 +178,9 @@ _IN_USE = slice(20, 24)
 
 
 def _hash_sealed(stream: BinaryIO, size: int, is_unmarked: bool = False) -> str:
-    """Return the SHA-256 of what the seal of a file of ``size`` bytes covers, with or without a mark of its use."""
+    """Return the SHA-256 of a file of ``size`` bytes without its seal line; ``is_unmarked``: as if HDF5's mark of a
+    file open for writing were not in its header.
+    """
     digest = hashlib.sha256()
     stream.seek(0)
     left = size - _TAIL
@@ -186,7 +197,9 @@ def _remove_mark(begin: bytes) -> bytes:
 
 
 def _warn(path: Path, reason: str) -> None:
-    """Warn, once a process, of a file that is read although its seal is not right."""
+    """Warn that a file is read although its seal is not right, with ``reason`` (the beginning of the sentence); once a
+    process for each state of a file.
+    """
     if (state := file_state(path)) not in _warned:
         _warned.add(state)
         warnings.warn(
@@ -204,7 +217,9 @@ _VERIFY = f"import sys; sys.path.insert(0, {_ROOT!r}); from rig.session.seal imp
 
 
 def _check_content(path: Path, warn: bool = True) -> None:
-    """Warn, once a process, of a file whose content is as it was sealed; raise RigInputError where it is not."""
+    """Raise RigInputError where the content of a file without a seal is not as its SHA-256 says; else warn (once a
+    process) that its seal is missing, unless ``warn`` is False.
+    """
     state = file_state(path)
     if state not in _content_problem:
         _content_problem[state] = _compare_content(path)
@@ -221,7 +236,9 @@ def file_state(path: Path) -> tuple[str, int, int, int]:
 
 
 def _compare_content(path: Path) -> str:
-    """What is wrong with the content of a file, by a process that a damaged file may crash; empty: nothing."""
+    """Why the content of a file does not agree with the SHA-256 it states, empty where it does; read in another
+    process, which a damaged file may crash.
+    """
     with path.open("rb") as stream:
         if stream.read(len(SIGNATURE)) != SIGNATURE:
             return NOT_AS_SEALED
@@ -238,7 +255,9 @@ def _compare_content(path: Path) -> str:
 
 
 def print_digests() -> None:
-    """Print what the file named by the command line states as the SHA-256 of its content, and what it is."""
+    """Print as JSON, of the HDF5 file named by the first argument of the process, the stated and the found SHA-256 of
+    its content (``stated``, ``found``), or ``locked`` where it cannot be read.
+    """
     found: dict[str, Any] = {}
     try:
         with h5py.File(sys.argv[1], "r") as file:
@@ -249,7 +268,9 @@ def print_digests() -> None:
 
 
 def content_sha256(file: h5py.File) -> str:
-    """Return the SHA-256 over all attributes and arrays of a file but the root's ``sha256``, by name."""
+    """Return the SHA-256 over the names, attributes and arrays of all groups and datasets in an HDF5 file, sorted by
+    name, without the stated digest itself and the scales' references.
+    """
     nodes: dict[str, Any] = {"/": file}
     file.visititems(lambda name, node: nodes.__setitem__(name, node))
     digest = hashlib.sha256()
@@ -274,7 +295,9 @@ def array_sha256(values: NDArray[Any]) -> str:
 
 
 def has_seal(path: Path) -> bool:
-    """Whether a file ends with the line of a seal, and its header is not the one thing that contradicts it."""
+    """Whether a file ends with the line of a seal; False also where the seal fits only without HDF5's mark of an open
+    file in its header, so that it must be sealed again. A seal that is wrong counts.
+    """
     with translate_os_error(path, "read"), path.open("rb") as stream:
         size = stream.seek(0, 2)
         stream.seek(max(size - _TAIL, 0))
@@ -286,7 +309,9 @@ def has_seal(path: Path) -> bool:
 
 
 def seal_again(path: Path) -> None:
-    """Put the seal back on a file whose content is as it was sealed; refuse another, or one in use."""
+    """Put a seal back on a file whose content is as its SHA-256 says, and make it read-only; RigInputError for an
+    altered file, or one in use by another program.
+    """
     with translate_os_error(path, "read"):
         _check_content(path, warn=False)
         before = file_state(path)

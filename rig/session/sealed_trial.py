@@ -59,7 +59,9 @@ class Content:
         self.describe(dataset, sha256=sha256)
 
     def sha256(self) -> str:
-        """Return the digest over everything written."""
+        """Return the SHA-256 over all attributes and arrays written through this object, the same as `content_sha256`
+        of the file.
+        """
         digest = hashlib.sha256()
         for name in sorted(self._attributes):  # the file itself, "/", comes first
             digest.update(name.encode() + b"\0")
@@ -85,8 +87,10 @@ def write_trial(path: Path, data: TrialData) -> str:
 
 
 def write_trial_parts(path: Path, about: TrialData, n_samples: int, parts: Iterable[TrialData]) -> str:
-    """Write and seal one new trial from successive parts, ``n_samples`` in all, whose arrays alone are read; return the
-    seal. ``about`` is all else of it."""
+    """Write and seal a new trial file, its arrays from successive ``parts`` of ``n_samples`` in all, everything else
+    from ``about``; return the SHA-256 of its content. RigInputError where ``path`` exists; the file is read-only
+    afterwards.
+    """
     if path.exists():
         raise RigInputError(f"{path}: exists already; a sealed trial is never replaced")
     _check_shapes(path, about)
@@ -162,7 +166,9 @@ def read_condition(path: Path) -> str:
 
 
 def _check_shapes(path: Path, data: TrialData) -> None:
-    """Refuse data whose columns have other lengths or types than a trial's."""
+    """Raise RigInputError where the arrays of a trial differ in length, encoder counts are not integers, or the status
+    is not allowed; ``path`` is for the message.
+    """
     n = data.time_s.shape[0]
     shapes = {
         "force_n": (data.raw_force_n.shape, (n,)),
@@ -190,7 +196,9 @@ Column = tuple[str, str, str, str, Callable[[TrialData], NDArray[Any]], dict[str
 
 
 def _list_columns(about: TrialData) -> list[Column]:
-    """Return the datasets of a trial: the time first; the force only where one was recorded."""
+    """Columns of a trial's file, each as (name, stored type, unit, meaning, function from a part of the trial to its
+    rows, attributes): the time first; force only where recorded.
+    """
     info, encoders = about.force_info, about.encoders
     of_time = {"sample_rate_hz": about.sample_rate_hz}
     found: list[Column] = [("time", "<f8", "s", "time since the AI start trigger", lambda part: part.time_s, of_time)]
@@ -233,7 +241,9 @@ def _further_channels(k: int, part: TrialData) -> NDArray[np.float64]:
 def _write_daq(
     content: Content, group: h5py.Group, about: TrialData, n_samples: int, parts: Iterable[TrialData]
 ) -> None:
-    """Write the acquired columns (n_samples,) part after part, each with its SHA-256."""
+    """Write the recorded columns, ``n_samples`` rows in all, part after part into ``group``, each with its unit,
+    meaning and SHA-256; ValueError for another number of rows.
+    """
     content.describe(
         group, sample_rate_hz=about.sample_rate_hz, n_valid=n_samples, status=about.status, reason=about.reason
     )
@@ -272,7 +282,9 @@ def _attributes(info: ForceInfo | ChannelInfo) -> dict[str, Any]:
 
 
 def _write_camera(content: Content, group: h5py.Group, camera: CameraInfo) -> None:
-    """Write the camera's data and frame times into ``group`` through ``content``, which keeps their digests."""
+    """Write the camera's data, the middles of its exposures (s) and frame numbers from 0 into ``group`` through
+    ``content``, which keeps their digests.
+    """
     content.describe(group, **asdict(camera))
     time = content.quantity(
         group, "time", camera.frame_time_s, "s", "middle of each exposure since the AI start trigger"
@@ -293,7 +305,9 @@ UNITS = {"time": "s", "force": "N", "motor_command": "V", "encoder_count": "1"}
 
 
 def _read_open_trial(path: Path, file: h5py.File, sha256: str) -> TrialData:
-    """Return the trial in an open file; refuse datasets with other units than a trial's."""
+    """Read the whole trial from an open file, whose digest is ``sha256``; forces are NaN where none was recorded;
+    RigInputError where a column's unit is not the one trials are stored in.
+    """
     daq = file["daq"]
     for name, expected in UNITS.items():
         if name == "force" and name not in daq:

@@ -192,7 +192,9 @@ class TrialData(Tabular, ArrayRecord):
         return tuple(channel.name for channel in self.channels if channel.ruler is not None)
 
     def position(self, name: str, zero: float = 0.0) -> Position:
-        """Return the displacement of position sensor ``name``; ``zero`` is what its reading has drifted by."""
+        """Displacement, m, that the readings of position sensor ``name`` mean by its ruler, at the times they were
+        felt; ``zero``: drift, in the reading's unit, that is subtracted first.
+        """
         from rig.session.ruler import position_of  # start-up: scipy.interpolate costs 0.2 s, most trials have no ruler
 
         for k, one in enumerate(self.channels):
@@ -213,7 +215,9 @@ class TrialData(Tabular, ArrayRecord):
         return int(self.time_s.shape[0])
 
     def columns(self) -> dict[str, NDArray[Any]]:
-        """Columns by name: time, force as it acted and as it was read, command, counts, angles, further channels."""
+        """All columns by name, (n,) each: ``time_s``, forces where recorded (corrected, NaN where that fails; raw;
+        electrical), ``motor_command_v``, ``<body>_count`` and ``<body>_rad`` of each encoder, further channels.
+        """
         columns: dict[str, NDArray[Any]] = {"time_s": self.time_s}
         if self.has_force:
             columns |= {"force_n": self._force_or_nan(), "raw_force_n": self.raw_force_n, "force_raw": self.force_raw}

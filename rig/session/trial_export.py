@@ -27,7 +27,9 @@ class Column:
 
 
 def list_columns(data: TrialData) -> list[Column]:
-    """Return the columns to export, with units: time, command, force, counts, angles, channels and displacements."""
+    """Columns to export, each with name, unit, meaning and values (n,): time, forces, command, counts and angles of
+    each encoder, further channels, displacements with uncertainty and flag.
+    """
     found = [
         Column("time_s", "s", "time since the AI start trigger", data.time_s),
         Column("motor_command_v", "V", "motor command, held from each sample to the next", data.motor_command_v),
@@ -60,7 +62,9 @@ def list_columns(data: TrialData) -> list[Column]:
 
 
 def trial_facts(data: TrialData) -> dict[str, str | int | float]:
-    """Return what the file says of the trial, as numbers and text."""
+    """What the file says of the trial but its arrays, by name: number, status, times, digest; descriptions of its
+    channels as JSON text.
+    """
     return {
         "trial": data.number,
         "status": data.status,
@@ -96,7 +100,9 @@ Facts = dict[str, str | int | float]
 
 
 def write_csv(path: Path, table: list[Column], facts: Facts) -> None:
-    """Write CSV that reads back to the same numbers, and beside it a JSON file of its columns and facts."""
+    """Write columns (n,) as CSV that reads back to the same numbers, and ``<path>-metadata.json`` (CSVW) with their
+    units, meanings and ``facts``; existing files are replaced.
+    """
     with replace_when_complete(path) as part, part.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(",".join(column.name for column in table) + "\n")
         for row in zip(*(column.values.tolist() for column in table), strict=True):
@@ -121,7 +127,9 @@ def write_csv(path: Path, table: list[Column], facts: Facts) -> None:
 
 
 def _write_mat(path: Path, table: list[Column], facts: Facts) -> None:
-    """Write a MATLAB file: a variable (n, 1) for each column, and structs of units, meanings and facts."""
+    """Write a MATLAB file (version 5): a variable (n, 1) for each column, and structs ``units``, ``meanings`` (text by
+    column) and ``about`` (``facts``).
+    """
     from scipy.io import savemat  # start-up: 0.2 s that only a MATLAB file needs
 
     content = {
@@ -135,6 +143,9 @@ def _write_mat(path: Path, table: list[Column], facts: Facts) -> None:
 
 
 def _write_tdms(path: Path, table: list[Column], facts: Facts) -> None:
+    """Write a TDMS file: a channel of the group ``daq`` for each column, with unit, meaning and sample interval;
+    ``facts`` as properties of the file; RigInputError without npTDMS.
+    """
     try:
         from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter  # start-up: an optional package
     except ImportError:
@@ -154,6 +165,9 @@ def _write_tdms(path: Path, table: list[Column], facts: Facts) -> None:
 
 
 def _write_parquet(path: Path, table: list[Column], facts: Facts) -> None:
+    """Write a Parquet file: a column for each, with unit and meaning as its metadata, and ``facts`` as text in those of
+    the table; RigInputError without pyarrow.
+    """
     try:
         import pyarrow as arrow  # start-up: an optional package
         from pyarrow import parquet  # start-up: an optional package

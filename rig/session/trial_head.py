@@ -49,7 +49,8 @@ class FrameClock:
         return cls(timing.frame_rate_hz, timing.first_pulse_s, camera.exposure_s, camera.u_time_s)
 
     def frames_counted(self, time_s: NDArray[np.float64], count: NDArray[np.int64]) -> CameraInfo | None:
-        """Return the frames of a camera whose exposures were counted at each sample, (n,); None with fewer than three.
+        """Frame rate and times of a camera that runs by itself, fitted to the number of exposures counted (n,) at times
+        (n,), s; None with fewer than three, or where no even clock fits the counts.
 
         The k-th exposure began within the sample interval in which the count passed k. Every straight line through
         all these intervals is possible: the middle one is taken, and the standard uncertainty is that of a time that
@@ -84,7 +85,9 @@ class FrameClock:
         )
 
     def frames_until(self, end_s: float) -> CameraInfo:
-        """Return the frames whose exposure has ended by ``end_s``."""
+        """The camera with the frames (rate, first time, number) whose exposure has ended by ``end_s``, s since the
+        start trigger.
+        """
         frames = int(np.floor((end_s - self.first_pulse_s - self.exposure_s) * self.frame_rate_hz + 1e-9)) + 1
         return CameraInfo(
             frame_rate_hz=self.frame_rate_hz,
@@ -125,7 +128,9 @@ class TrialHead:
         condition: str = "",
         plan_entry: int = 0,
     ) -> TrialHead:
-        """Return the head of trial ``number``, which begins now, from the rig file and the device's timing."""
+        """Return the head of trial ``number`` (all of a trial but its samples) from the rig file, the device's timing
+        and the motor command; its start is the present time.
+        """
         return cls(
             number=number,
             started_utc=utc_now(),
@@ -153,7 +158,9 @@ class TrialHead:
 
     @classmethod
     def from_plain(cls, plain: dict[str, Any], command_v: NDArray[np.float64]) -> TrialHead:
-        """Restore a head from :meth:`to_plain`; raises KeyError, TypeError or ValueError for anything else."""
+        """Restore a head from the dict of `to_plain` and the motor command (n,), V; KeyError, TypeError or ValueError
+        for anything else.
+        """
         clock = plain["frame_clock"]
         return cls(
             number=int(plain["number"]),
@@ -176,7 +183,9 @@ class TrialHead:
         return replace(part, status=status, reason=reason, camera=self.camera(blocks, part.n_valid))
 
     def part(self, blocks: Sequence[Block], first_sample: int) -> TrialData:
-        """Return the samples of ``blocks`` as the part of the trial from ``first_sample`` on, without camera."""
+        """Samples of successive ``blocks`` as trial data from ``first_sample`` on, status ``incomplete``, without
+        camera; the command is 0 V past its end. HardwareFault where samples are missing.
+        """
         end = first_sample
         for block in blocks:
             if block.first_sample != end:
@@ -208,7 +217,9 @@ class TrialHead:
         return Block(first_sample, none, none, np.empty((0, len(self.encoders)), dtype=np.int64), None, values)
 
     def camera(self, blocks: Iterable[Block], n_samples: int) -> CameraInfo | None:
-        """Return the frames of a trial of ``n_samples``, by the counted exposures where it runs by itself."""
+        """The camera's frames in a trial of ``n_samples``: by the clock pulses it was sent, or, where it runs by
+        itself, fitted to the exposures counted in ``blocks``; None without a camera or counts.
+        """
         if self.frame_clock is None:
             return None
         if not self.frame_clock.counted:
