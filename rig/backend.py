@@ -164,7 +164,9 @@ def check_contract(backend: object, contract: type = Backend) -> None:
 
 
 def open_backend(url: str, config: RigConfig) -> Backend:
-    """Open the backend an address names, e.g. ``sim://``, ``ni://local`` or ``ni-grpc://host:31763``.
+    """Open the installed backend that the scheme of an address names, e.g. ``sim://``, ``ni://local`` or
+    ``ni-grpc://host:31763``, for the bench ``config``; the caller closes it. RigInputError for an unknown scheme,
+    HardwareFault where nothing answers.
 
     Parameters
     ----------

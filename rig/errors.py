@@ -93,7 +93,8 @@ class NotPermitted(HardwareFault):
 
 
 def refuse(kind: type[Exception], *checks: tuple[object, str]) -> None:
-    """Raise ``kind`` with the message of the first check whose condition is true.
+    """Raise an exception of type ``kind`` with the message of the first pair (condition, message) whose condition is
+    true; return None where none is.
 
     Parameters
     ----------
@@ -117,7 +118,8 @@ def refuse(kind: type[Exception], *checks: tuple[object, str]) -> None:
 
 
 def is_defect(error: BaseException) -> bool:
-    """Whether an error lies in a program, not in its input, the bench, its disk, or somebody's wish to stop it.
+    """Whether an error means a defect of a program (exit code 1): not bad input, a fault of the bench or disk, or an
+    interrupt.
 
     Parameters
     ----------

@@ -31,7 +31,9 @@ class MainsHum(NamedTuple):
 
 
 def hum_terms(time_s: Array, mains_hz: float) -> Array:
-    """Cosine and sine (n, 6) of the first three harmonics of the mains."""
+    """Columns (n, 6) cos, sin at one, two and three times ``mains_hz``, Hz, at times (n,), s: the terms of a linear
+    fit.
+    """
     turn = 2.0 * np.pi * mains_hz * time_s
     first = np.cos(turn) + 1j * np.sin(turn)
     columns, harmonic = [], first
@@ -44,7 +46,9 @@ def hum_terms(time_s: Array, mains_hz: float) -> Array:
 def fit_mains_hum(
     time_s: Array, reading: Array, at_rest: NDArray[np.bool_], frequencies_hz: Array, rest_terms: Array | None = None
 ) -> MainsHum:
-    """Fit level and hum to the samples at rest, at the best of some mains frequencies.
+    """Fit level and three harmonics of the mains by least squares to the samples where ``at_rest`` is true, at that of
+    ``frequencies_hz`` which leaves the least, and continue both over all samples; ``rest_terms`` (n, m) replace the
+    level.
 
     Parameters
     ----------

@@ -33,7 +33,8 @@ def ending_signals(*, with_keyboard: bool = False) -> list[int]:
 
 @contextlib.contextmanager
 def ending_by_keyboard() -> Iterator[None]:
-    """Let Ctrl-C end the program at once, as within a library that never comes back to Python.
+    """Context in which Ctrl-C ends the whole program at once, without KeyboardInterrupt and without tidying up: for a
+    library that may never come back to Python.
 
     For reading only: nothing is tidied up. Outside of the main thread, and where an interrupt is ignored, nothing
     changes.
@@ -74,7 +75,9 @@ def reserve(descriptor: int, path: Path, size: int) -> None:
 
 
 def lock(descriptor: int) -> bool:
-    """Lock the file for this process until it is closed, or the process ends; False when another one has it."""
+    """Lock the open file of this ``descriptor`` for this process, without waiting, until it is closed or the process
+    ends; False when another process has it.
+    """
     try:
         if WINDOWS:
             import msvcrt  # platform: Windows only
@@ -104,7 +107,9 @@ def is_locked(error: BaseException) -> bool:
 
 
 def is_held(path: Path) -> bool:
-    """Whether another program has a file open for writing with a lock; Windows refuses even to read it then."""
+    """Whether another program has the file open for writing with a lock; always False on Windows, where reading it then
+    fails.
+    """
     if WINDOWS:
         return False
     import fcntl  # platform: POSIX only
@@ -128,7 +133,9 @@ def make_read_only(path: Path) -> None:
 
 
 def replace(source: Path, target: Path) -> None:
-    """Rename a file over another; Windows refuses where that one is read-only, so it is made writable first."""
+    """Rename ``source`` over ``target``; on Windows a target that is read-only is made writable first, as it refuses
+    otherwise.
+    """
     try:
         os.replace(source, target)
     except PermissionError:
@@ -139,7 +146,8 @@ def replace(source: Path, target: Path) -> None:
 
 
 def remove(path: Path, *, attempts: int = 20, wait: Callable[[float], None] = time.sleep) -> None:  # 0.2 s in all
-    """Delete a file that another program may be reading; Windows refuses meanwhile, so retry for 0.2 s.
+    """Delete a file; on Windows, where another program may be reading it, try ``attempts`` times 10 ms apart, after
+    which it stays without an error. A file that is not there is no error.
 
     A file that cannot be deleted even then stays; a later reader of the folder recognises it as obsolete.
     """

@@ -67,7 +67,9 @@ class SelftestRecord(Table):
         return _bench(self.product, self.serial_number, self.simulated)
 
     def write(self, folder: Path) -> Path:
-        """Write the record into a folder, created if missing; return its path."""
+        """Write the record as ``<UTC time>_<rig>.toml`` into a folder, which is created if missing; return the file's
+        path.
+        """
         stamp = self.created_utc.astimezone(UTC)
         path = folder / f"{stamp:%Y-%m-%dT%H%M%SZ}_{self.rig}.toml"
         with translate_os_error(folder, "created"):
@@ -95,7 +97,9 @@ def read_record(path: Path) -> SelftestRecord:
 def valid_record(
     rig: Rig, records_path: Path, now: datetime | None = None, *, address: str = "ADDRESS"
 ) -> tuple[Path, SelftestRecord]:
-    """Return the newest record of this rig file, of a file or folder, and its path; refuse one failed or too old."""
+    """Return path and content of the newest record of this very rig file in ``records_path``, a file or folder;
+    NotPermitted where there is none, it failed, or is older than the rig file allows. ``address``: for the advice only.
+    """
     now = now or datetime.now(UTC)
     advice = f"run  pianorig selftest --backend {address} --rig {rig.source}"
     files = (
@@ -156,7 +160,9 @@ def push_train(volts: float, rate_hz: float) -> NDArray[np.float64]:
 
 
 def push_response(force_n: NDArray[np.float64], rate_hz: float, delay: int) -> tuple[NDArray[np.float64], float]:
-    """Return the mean response to one push, N above the force before, from ``delay`` samples on, and its plateau, N."""
+    """Mean response to the pushes of `push_train`, N above the force before each, counted from ``delay`` samples after
+    a push begins, (m,), and its plateau, N.
+    """
     lead, push = int(LEAD_S * rate_hz), int(PUSH_S * rate_hz)
     period = 2 * push
     rows = [force_n[lead + i * period + delay :][:period] for i in range(PUSHES)]
@@ -170,7 +176,9 @@ UNMOVED_SHARE = 0.02  # of a stroke: below it a body has not moved; every wrong 
 
 
 def encoder_advice(config: RigConfig, body: int, turned_rad: float) -> str:
-    """Return the likely cause of a wrong stroke, from the counts that each mistake would give."""
+    """Likely cause of a wrong stroke of ``body`` (0 key, 1 whippen, 2 hammer), turned by ``turned_rad``, as text: does
+    not move, wrong sign, cable of another body, wrong scale; for a right stroke it says nothing useful.
+    """
     if config.selftest is None:
         return ""
     encoders, strokes, tolerance = config.encoders, config.selftest.stroke_rad, config.selftest.stroke_tolerance
@@ -220,7 +228,9 @@ class Edge:
 
 
 def subtract_hum(force_n: Array, rate_hz: float, mains_hz: float, delay: int) -> Array:
-    """Return the force (n,), N, less mains hum, fitted where nothing pushes; pushes come ``delay`` samples late."""
+    """Force (n,), N, during `push_train`, less offset, drift and mains hum, fitted to the samples in which nothing
+    pushes; the response comes ``delay`` samples after the command.
+    """
     lead, push = int(LEAD_S * rate_hz), int(PUSH_S * rate_hz)
     quiet = np.zeros(force_n.size, dtype=bool)
     quiet[:lead] = True
@@ -233,7 +243,9 @@ def subtract_hum(force_n: Array, rate_hz: float, mains_hz: float, delay: int) ->
 
 
 def fit_edge(response_n: Array, rate_hz: float, at_sample: float) -> Edge | None:
-    """Fit the beginning of the mean response to a push (n,), due at ``at_sample``; None where there is no push."""
+    """Fit when the mean response to a push (m,), N, begins, as a damped oscillation: how late after the sample
+    ``at_sample`` it was due at, s, its uncertainty, ringing; None where there is no push.
+    """
     from scipy.optimize import least_squares  # start-up: 0.2 s that only a self-test needs
 
     t = (np.arange(response_n.size) - at_sample) / rate_hz
@@ -318,7 +330,9 @@ class Checks:
         self._tell(finding)
 
     def _acquire(self, command_v: NDArray[np.float64], *, enable_drive: bool) -> tuple[Timing, Block]:
-        """Put out a command (n,), V, and read as long as it lasts, then stop safely."""
+        """Put out a motor command (n,), V, read until it has ended, then stop safely; return the device's timing and
+        all samples as one block. ``enable_drive``: whether the motor may push.
+        """
         timing = self.backend.configure(self.config, command_v)
         self.backend.arm(enable_drive=enable_drive)
         self.backend.start()
@@ -352,7 +366,9 @@ class Checks:
         self.add("counts below zero", signed, found, "some below 0, none beyond 2^31", advice)
 
     def _check_force_by_hand(self, block: Block) -> None:
-        """Add the checks of the unloaded reading, preload and sign, from a block in which a hand pushed and lifted."""
+        """Add the checks of unloaded reading, preload and load cell (sign), from a block in which the arm was lifted
+        and the key pressed by hand; sets ``unloaded_n``.
+        """
         n = int(LEAD_S * self.rate)
         mean = np.convolve(block.force_n, np.full(n, 1 / n), "valid")
         resting = float(np.median(mean[: max(n // 4, 1)]))
@@ -374,7 +390,9 @@ class Checks:
         self.add("load cell by hand", self._push_felt, f"{felt:+.3f} N", "above 0.5 N", advice)
 
     def _push_gently(self, *, enable_drive: bool) -> tuple[NDArray[np.float64], float]:
-        """Push with the motor several times; return the mean response to one push (n,), N, and its plateau, N."""
+        """Command several pushes of the rig file's ``push_n``; return the mean response to one, N above the force
+        before, (m,), less hum, and its plateau, N. Stores the force channel's delay.
+        """
         volts = push_train(self.expected.push_n / self.config.motor.force_per_volt_n, self.rate)
         timing, block = self._acquire(volts, enable_drive=enable_drive)
         self._delay_samples = timing.force_group_delay_s * self.rate
@@ -394,7 +412,9 @@ class Checks:
                  "the drive, or is bridged")  # fmt: skip
 
     def check_push_enabled(self) -> None:
-        """Enable the drive, push the key gently by the motor, and add the checks of force (sign, size) and delay."""
+        """Enable the drive, push the key gently by the motor, and add the checks of the force (sign, size) and of the
+        delay from output to force.
+        """
         response, force = self._push_gently(enable_drive=True)
         wanted = self.expected.push_n
         if abs(force) < ABSENT_SHARE * wanted:
@@ -416,7 +436,9 @@ class Checks:
         self._add_delay(response if force > ABSENT_SHARE * wanted else None)
 
     def _add_delay(self, response: NDArray[np.float64] | None) -> None:
-        """Add the check that the push begins after the delays of module and drive; ``response`` (n,), N, or None."""
+        """Add the check that the mean response (m,), N, begins when the delays of module and drive say, within the
+        allowed tolerance; None, for no push, fails.
+        """
         delay, limit_s = self._delay_samples, self.expected.latency_tolerance_samples / self.rate
         at = EDGE_LEAD + delay - np.floor(delay) + self.expected.drive_delay_s * self.rate
         edge = None if response is None else fit_edge(response, self.rate, at)
@@ -478,7 +500,9 @@ class Checks:
         )
 
     def check_shunt(self) -> None:
-        """Switch the bridge's shunt resistor in, and add the check that the reading changes as predicted."""
+        """Switch the bridge's shunt resistor in, and add the check that the reading changes as predicted; nothing where
+        the force is no bridge or the rig file states no shunt.
+        """
         force, shunt = self.config.force, self.expected.shunt_ohm
         if force.kind != "bridge" or shunt == 0:
             return
@@ -490,7 +514,9 @@ class Checks:
                  "bridge_resistance_ohm are wrong; look for swapped analog inputs")  # fmt: skip
 
     def check_loopback(self) -> None:
-        """Put out a sine; add the check that an input wired to the motor's output reads each sample one edge later."""
+        """Put out a sine of half a volt, and add the check that the input wired to the motor's output reads each sample
+        one later; nothing where the rig file states no such input.
+        """
         if self.expected.loopback is None:
             return
         n = int(LEAD_S * self.rate)
@@ -503,7 +529,9 @@ class Checks:
                  f"{self.expected.loopback} is not wired to {self.config.motor.channel}")  # fmt: skip
 
     def check_camera(self) -> None:
-        """Count the edges on the camera's terminal for half a second, and add the check of their number."""
+        """Count the edges on the camera's terminal for half a second, and add the check of their number; nothing
+        without a camera.
+        """
         camera = self.config.camera
         if camera is None:
             return
@@ -524,7 +552,9 @@ def run_selftest(
     now: datetime | None = None,
     tell: Callable[[SelftestFinding], None] | None = None,
 ) -> SelftestRecord:
-    """Test a bench with gentle pushes.
+    """Test a bench with gentle pushes of its motor: every check by hand and by motor in turn, where a fault of hardware
+    counts as a failed check; return the record, which is not written. RigInputError without ``[selftest]`` in the rig
+    file.
 
     Parameters
     ----------

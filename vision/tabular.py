@@ -49,7 +49,9 @@ def axes_or_new(ax: Axes | None) -> Axes:
 
 
 def save_frame(frame: pd.DataFrame, path: str | Path) -> Path:
-    """Write a table with its units, whole or not at all; CSV has no place for units."""
+    """Write a table as ``.csv``, ``.h5`` or ``.parquet`` by the ending of ``path``, replacing a file that is there,
+    whole or not at all; return the path. Units, by column in ``frame.attrs["units"]``, are left out of CSV.
+    """
     target = Path(path)
     if target.suffix not in ENDINGS:
         raise VisionInputError(f"{target}: ending found {target.suffix!r}, allowed {', '.join(ENDINGS)}")
@@ -74,7 +76,10 @@ def write_h5(
     attributes: Mapping[str, Any] = MappingProxyType({}),
     long_names: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
-    """Write columns as HDF5 that xarray opens: units and long names as attributes, time as the scale of the rows."""
+    """Write columns (n,), numbers or text, as an HDF5 file that xarray opens; ``units`` and ``long_names`` by column (a
+    unit not given follows from the name's ending), ``attributes`` of the file; ``time_s`` becomes the scale of the
+    rows.
+    """
     import h5py  # start-up: 0.1 s, only such a file needs it
 
     with h5py.File(path, "w") as file:

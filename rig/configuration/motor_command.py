@@ -22,7 +22,8 @@ class MotorCommand:
 
 
 def motor_command(profile: Profile, config: RigConfig) -> MotorCommand:
-    """Check a profile against the rig's limits and turn it into volts on the sample clock.
+    """Return the motor command of a trial, V, (n,) on the sample clock: 0 V for the rig's ``quiet_s``, then the
+    profile's force over the motor's N per V; RigInputError where it exceeds the limits of the rig file.
 
     Parameters
     ----------

@@ -73,7 +73,9 @@ class Profile(ArrayRecord):
         return float(self.time_s[max(int(moving[0]) - 1, 0)]) if moving.size else self.duration_s
 
     def force_at(self, time_s: ArrayLike) -> NDArray[np.float64]:
-        """Return the force at the given times, N; zero outside the profile."""
+        """Nominal force at the key front, N, positive downwards, at times of any shape, s from the profile's start, of
+        the same shape; zero outside the profile.
+        """
         wanted = as_numbers(time_s, "times of a profile")
         if self.interpolation == "linear":
             return np.interp(wanted, self.time_s, self.force_n, left=0.0, right=0.0)
@@ -91,7 +93,8 @@ class Profile(ArrayRecord):
         return force
 
     def check_limits(self, force_limit_n: float, slew_limit_n_per_s: float, sample_rate_hz: float = 5000.0) -> None:
-        """Refuse a profile that exceeds the allowed force or slew rate.
+        """Raise RigInputError where the force exceeds ``force_limit_n`` in size, or its change from sample to sample,
+        or between two, the slew rate.
 
         Raises RigInputError naming the key point, its value and the limit.
         """
@@ -121,7 +124,8 @@ def built_in_profiles() -> tuple[str, ...]:
 
 
 def load_profile(name: str | Path) -> Profile:
-    """Load a built-in profile by name, or a TOML file by path.
+    """Load the built-in profile of this name, or the TOML file of this path; RigInputError for neither, or key points
+    that are no usable profile.
 
     Parameters
     ----------
@@ -147,7 +151,8 @@ def load_profile(name: str | Path) -> Profile:
 
 
 def parse_profile(text: str, where: str = "profile") -> Profile:
-    r"""Build a profile from TOML text.
+    r"""Build a profile from the text of a TOML file; RigInputError, which begins with ``where``, for text that is none
+    or key points that are no usable profile.
 
     Parameters
     ----------
@@ -187,7 +192,9 @@ def parse_profile(text: str, where: str = "profile") -> Profile:
 
 
 def _check_points(points: Sequence[_Point], where: str) -> None:
-    """Refuse key points whose times do not rise, or whose first or last force is not zero."""
+    """Raise RigInputError, which begins with ``where``, for key points whose times do not rise, or whose first or last
+    force is not zero.
+    """
     for i, (before, after) in enumerate(zip(points, points[1:], strict=False)):
         refuse(
             RigInputError,

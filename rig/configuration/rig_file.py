@@ -41,7 +41,9 @@ class ScaledTable(Table):
     @model_validator(mode="before")
     @classmethod
     def _refuse_max_scale(cls, values: Any) -> Any:
-        """Return the table unchanged; refuse a key that names a scale of NI MAX."""
+        """Return the values of the table, before they are checked, unchanged; ValueError for a key that names a scale
+        of NI MAX.
+        """
         named = [key for key in SCALE_KEYS if isinstance(values, dict) and key in values]
         if named:
             line = " and ".join(name for name in ("electrical", "physical", "physical_n") if name in cls.model_fields)
@@ -98,6 +100,7 @@ class ForceConfig(ScaledTable):
 
     @model_validator(mode="after")
     def _check_calibration_points(self) -> ForceConfig:
+        """Refuse calibration points that are equal, and a range whose least force is not below its largest."""
         refuse(
             ValueError,
             (
@@ -113,7 +116,8 @@ class ForceConfig(ScaledTable):
         return "mV/V" if self.kind == "bridge" else "V"
 
     def group_delay(self, sample_rate_hz: float) -> float:
-        """Delay from the force on the cell to its sample, s; from the module's data unless the rig file gives it.
+        """Delay, s, from the force on the cell to its sample: ``group_delay_s`` of the rig file, else that of an NI
+        9237 at this sample rate, Hz, else 0.
 
         NI 9237: (40 + 5/512)/fs + 4.5 µs (National Instruments, KB kA00Z0000004A0YSAU).
         """
@@ -147,6 +151,7 @@ class RulerConfig(Table):
 
     @model_validator(mode="after")
     def _check_points(self) -> RulerConfig:
+        """Refuse readings and displacements of different numbers, and displacements that do not rise."""
         if len(self.reading) != len(self.displacement_m):
             raise ValueError(
                 f"ruler: {len(self.reading)} readings and {len(self.displacement_m)} displacements, allowed as many"
@@ -185,6 +190,9 @@ class ChannelConfig(ScaledTable):
 
     @model_validator(mode="after")
     def _check_calibration_points(self) -> ChannelConfig:
+        """Refuse calibration points that are equal, a range in the wrong order, and a name that every trial uses
+        already.
+        """
         refuse(
             ValueError,
             (
@@ -268,6 +276,7 @@ class MotorConfig(Table):
 
     @model_validator(mode="after")
     def _check_force_limit(self) -> MotorConfig:
+        """Refuse a limit of force beyond the motor's force at the limit of voltage."""
         reach = self.force_per_volt_n * self.voltage_limit_v
         if self.force_limit_n > reach * (1 + 1e-9):
             raise ValueError(
@@ -356,6 +365,9 @@ class FurtherDevice(Table):
 
     @model_validator(mode="after")
     def _check_wires(self) -> FurtherDevice:
+        """Refuse a device on lines without both ends of its clock's wire, one on RTSI with them, and a chassis on RTSI,
+        which it has not.
+        """
         wires = [self.clock_from, self.clock_to]
         refuse(
             ValueError,
@@ -489,6 +501,9 @@ class RigConfig(Table):
 
     @model_validator(mode="after")
     def _check_consistency(self) -> RigConfig:
+        """Refuse tables that contradict each other: encoders in another order, a counter or terminal used twice, too
+        fast a counted camera, a watchdog that reaches no output or is shorter than two blocks.
+        """
         names = tuple(encoder.name for encoder in self.encoders)
         if names != BODIES:
             raise ValueError(f"encoders are named {names}, allowed {BODIES} in this order")
@@ -550,6 +565,9 @@ class RigConfig(Table):
         return f"/{self.device.name}/ai/StartTrigger" if further is None or further.link == "RTSI" else None
 
     def _check_devices(self) -> None:
+        """Refuse device names that repeat, RTSI beside a chassis, force, channels or frame pulses on a further device,
+        and clock terminals on the wrong device.
+        """
         names = [self.device.name.lower(), *(further.name.lower() for further in self.devices)]
         refuse(
             ValueError,
@@ -585,6 +603,7 @@ class RigConfig(Table):
             )
 
     def _check_channels(self) -> None:
+        """Refuse further channels beside a force bridge, and names or inputs of force and channels that repeat."""
         if self.channels and self.force.kind != "voltage":
             raise ValueError(
                 f"channels: {len(self.channels)} voltage inputs, allowed 0 where force.kind = {self.force.kind!r}: "
@@ -608,7 +627,8 @@ class Rig:
 
 
 def load_rig(name: str | Path = "virtual") -> Rig:
-    """Load a built-in rig file by name, or one by path.
+    """Load the built-in rig file of this name, or the TOML file of this path, checked; RigInputError for neither, or a
+    value that is not allowed.
 
     Parameters
     ----------
@@ -635,7 +655,8 @@ def load_rig(name: str | Path = "virtual") -> Rig:
 
 
 def parse_rig(text: str, where: str = "rig file") -> Rig:
-    """Check TOML text as a rig file.
+    """Check the text of a TOML file as a rig file; RigInputError, which begins with ``where``, for text that is none or
+    a value that is not allowed.
 
     Parameters
     ----------

@@ -13,7 +13,9 @@ Value = str | float | int | tuple[float, float]
 
 
 def change_table(text: str, table: str, values: Mapping[str, Value], *, named: str | None = None) -> str:
-    """Return a rig file's text with values set in ``[table]``, or in the ``[[table]]`` whose name is ``named``."""
+    """Return a rig file's text with values, by key, set in the first table ``[table]``, or the ``[[table]]`` whose name
+    is ``named``; all else stays as written. RigInputError where there is none.
+    """
     heads = list(re.finditer(r"(?m)^\[\[?[^\[\]]+\]\]?[^\n]*$", text))
     for head, following in zip(heads, [*heads[1:], None], strict=True):
         end = len(text) if following is None else following.start()
@@ -29,7 +31,8 @@ def change_table(text: str, table: str, values: Mapping[str, Value], *, named: s
 
 
 def rewrite_table(rig: Rig, table: str, values: Mapping[str, Value], *, named: str | None = None) -> str:
-    """Return the text of a rig file with values set as `change_table` does; refuse one that is no rig file then.
+    """Return the text of a rig file with values set as `change_table` does; nothing is written. RigInputError where the
+    text would be no valid rig file.
 
     With values that are there already it tells, before anything is read, whether what is read can be written.
     """
@@ -42,7 +45,9 @@ def rewrite_table(rig: Rig, table: str, values: Mapping[str, Value], *, named: s
 
 
 def _set_value(body: str, key: str, value: str) -> str:
-    """Return a table's text with ``key`` set to ``value`` (TOML), its comment kept; a new key stands first."""
+    """Return the text of one table with ``key`` set to ``value``, which is TOML text, and the comment of its line kept;
+    a key that is not there becomes the first.
+    """
     line = re.compile(
         rf'(?m)^([ \t]*{re.escape(key)}\s*=\s*)("(?:[^"\\\n]|\\.)*"|\[[^\]]*\]|\{{[^}}\n]*\}}|[^#\n]*?)(\s*(?:#.*)?)$'
     )

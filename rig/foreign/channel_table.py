@@ -57,7 +57,8 @@ def known_unit(text: str) -> str | None:
 
 
 def unit_in_name(name: str) -> str:
-    """Return the known unit at the end of a channel's name: ``Force (kN)``, ``F / kN``, ``F in kN``, ``force_kN``.
+    """Return the unit at the end of a channel's name in our spelling's known ones, as written: ``Force (kN)``, ``F /
+    kN``, ``F in kN``, ``force_kN``; empty where there is none.
 
     Empty where there is none.
     """
@@ -92,7 +93,8 @@ _ALIKE = {" ": "\u00a0\u202f\u2009", "'": "\u2019"}
 
 
 def parse_number(cell: str, decimal: str = ".", thousands: str = "") -> float:
-    """Read a decimal number; ValueError for anything else, also for nan, inf, hexadecimal and 1_000.
+    """Read a decimal number with the sign ``decimal``; ``thousands``: sign between groups of three digits, empty for
+    none. ValueError for anything else, also for nan, inf, hexadecimal and 1_000.
 
     ``thousands``: sign between groups of three digits, which must be whole groups.
     """
@@ -118,7 +120,9 @@ def parse_number(cell: str, decimal: str = ".", thousands: str = "") -> float:
 
 
 def parse_numbers(cells: Sequence[str], decimal: str = ".", thousands: str = "") -> NDArray[np.float64]:
-    """Read a column of decimal numbers; ValueError with the place, from 0, and the text of the first other cell."""
+    """Read decimal numbers (n,) from a column's cells (signs as in `parse_number`); ``ValueError(i, cell)`` for the
+    first cell, counted from 0, that is none.
+    """
     signs = set().union(*cells)
     if not thousands and signs <= _PLAIN | {decimal} and (decimal == "." or "." not in signs):
         try:
@@ -180,7 +184,9 @@ class ChannelTable:
         object.__setattr__(self, "units", of_names | dict(self.units))
 
     def channel(self, name: str) -> NDArray[np.float64]:
-        """Return one channel; RigInputError when it is missing or holds a value that is not finite."""
+        """Return the values (n,) of a channel, in the file's unit; RigInputError when it is missing, unreadable, in
+        doubt (an unknown scale), or holds a value that is not finite.
+        """
         if name in self.unreadable or name in self.doubts:
             raise RigInputError(f"{self.where}: {self.unreadable.get(name) or self.doubts[name]}")
         if name not in self.channels:
@@ -229,7 +235,9 @@ class ChannelTable:
         return next((self.clocks[name] for name in names if name in self.clocks), None)
 
     def check_together(self, names: Sequence[str], same_start: bool = False) -> None:
-        """Refuse channels of different lengths or clocks: their samples k would not belong together."""
+        """Refuse channels of different lengths, sample intervals or starts: their samples k would not belong together;
+        ``same_start``: the starts that the file states are not compared.
+        """
         first = names[0]
         for name in names[1:]:
             sizes = self.channel(first).size, self.channel(name).size
@@ -264,7 +272,8 @@ class ChannelTable:
     def time_columns(
         self, names: Sequence[str], interval_s: float, ignored: Collection[str]
     ) -> dict[str, NDArray[np.float64]]:
-        """Return the recorded columns of the sample times of ``names``, s.
+        """Columns of the file that tell the times of the samples of the channels ``names``, by name, converted to s,
+        (n,); those in ``ignored`` are left out. None of them need be the sample clock's.
 
         A column is one by its name, or by its unit where it rises about as samples every ``interval_s`` do. A column of
         another unit or none that rises evenly, as a number of the sample does, is one by its name or as the first.
@@ -290,7 +299,9 @@ class ChannelTable:
         return found
 
     def check_rate(self, names: Sequence[str], interval_s: float, ignored: Collection[str] = ()) -> None:
-        """Refuse an interval that the file's own clock or a column of its times contradicts, sample by sample."""
+        """Refuse the sample interval ``interval_s`` of the channels ``names`` where the file's own clock or a column of
+        its times contradicts it; properties and columns in ``ignored`` are not compared.
+        """
         stated = self.stated_clock(names)
         if stated is not None and not stated.agrees(interval_s):
             raise RigInputError(
@@ -308,7 +319,9 @@ class ChannelTable:
                 )
 
     def split_at_breaks(self, time_s: NDArray[np.float64], interval_s: float) -> list[ChannelTable]:
-        """Return the pieces between breaks of the times, (n,); channels of other lengths are left out of them."""
+        """Return the pieces of the table between the samples whose times (n,), s, do not follow by ``interval_s``;
+        itself where there is no break; channels of other lengths than the times are left out.
+        """
         time_s = as_numbers(time_s, "times", 1)
         at = [0, *find_breaks(time_s, interval_s), time_s.size]
         if len(at) == 2:

@@ -51,7 +51,9 @@ class _Segment:
 
 
 def parse_lvm(text: str, where: str) -> tuple[ChannelTable, ...]:
-    """Read the segments of LVM text as one table each; ``where`` names the text in errors."""
+    """Read the text of a LabVIEW measurement file as tables, one a segment or packet; RigInputError, which begins with
+    ``where``, for a file that is none, is cut off or contradicts itself.
+    """
     lines = [line.rstrip("\r") for line in text.split("\n")]
     if not lines[0].startswith("LabVIEW Measurement"):
         raise RigInputError(f"{where}: not a LabVIEW measurement file; its first line must be 'LabVIEW Measurement'")
@@ -68,6 +70,9 @@ def parse_lvm(text: str, where: str) -> tuple[ChannelTable, ...]:
 
 
 def _drop_special_blocks(lines: list[str], where: str) -> Iterator[str]:
+    """Lines outside the special blocks (``***Start_Special***`` to ``***End_Special***``); RigInputError, which begins
+    with ``where``, for one that does not end.
+    """
     inside = False
     for line in lines:
         if line.startswith(SPECIAL):
@@ -81,7 +86,9 @@ def _drop_special_blocks(lines: list[str], where: str) -> Iterator[str]:
 
 
 def _parse_file_header(lines: list[str], where: str) -> _File:
-    """Return separator, decimal sign and kind of times that a header's lines state; refuse what LabVIEW has not."""
+    """Separator, decimal sign and kind of times that the lines of the file's header state; RigInputError, which begins
+    with ``where``, for values that LabVIEW does not write.
+    """
     separators = {line[len("Separator") + 1 :].strip(" \t,") for line in lines if line.startswith("Separator")}
     separator = separators.pop() if len(separators) == 1 else "" if separators else "Tab"
     if separator not in SEPARATORS:
@@ -108,7 +115,9 @@ def _split_fields(lines: list[str], separator: str) -> dict[str, list[str]]:
 
 
 def _split_segments(file: _File, lines: list[str]) -> Iterator[_Segment]:
-    """Split what follows the file's header: the tags before an end of header belong to its segment."""
+    """Split the lines below the file's header into segments, each with the fields of its own header and its lines from
+    the row of names on.
+    """
     ends = [i for i, line in enumerate(lines) if line.startswith(END)]
     starts = []
     for end in ends:
@@ -141,7 +150,9 @@ def _is_number(cell: str, decimal: str) -> bool:
 
 
 def _read_tables(file: _File, segment: _Segment, where: str) -> list[ChannelTable]:
-    """Return the table of a segment, then those of the packets below it that have no header of their own."""
+    """Tables of a segment: one, or one for each packet of rows where only the first has a header; RigInputError, which
+    begins with ``where``, where rows or names do not fit the header.
+    """
     count = _parse_whole_numbers(segment.fields.get("Channels", [])[:1], "Channels", where)[0]
     if not 1 <= count <= 10_000:
         raise RigInputError(f"{where}: Channels {count}, allowed 1 to 10000")
@@ -182,7 +193,8 @@ def _read_tables(file: _File, segment: _Segment, where: str) -> list[ChannelTabl
 def _parse_columns(
     file: _File, rows: list[list[str]], lengths: dict[int, int], before: int, where: str
 ) -> dict[int, NDArray[np.float64]]:
-    """Return by index the numbers of each column; ``lengths`` tells how many of the rows hold one.
+    """Numbers of the columns, by index from 0; ``lengths``: by index, how many of the ``rows`` have a number there;
+    ``before``: rows of the file above these, for messages that begin with ``where``.
 
     ``before`` is how many rows of the file come before these.
     """
@@ -217,7 +229,9 @@ def _parse_columns(
 def _make_table(
     file: _File, segment: _Segment, names: dict[int, str], values: dict[int, NDArray[np.float64]], where: str
 ) -> ChannelTable:
-    """Return a segment's channels with their clocks; ``names`` and ``values`` (n,) are by index of the column."""
+    """Table of a segment's channels with units, clocks and start as its header states; ``names`` and ``values`` (n,):
+    by index of the column. RigInputError where the times are none or contradict the header.
+    """
 
     def read_fields(tag: str) -> dict[str, str]:
         cells = segment.fields.get(tag, [])
@@ -283,8 +297,9 @@ def _resolution(cell: str) -> float:
 
 
 def _column_clock(time: NDArray[np.float64], stated: float | None, resolution: float, what: str) -> Clock | None:
-    """Clock of times (n,), s, which must agree with the ``stated`` ``Delta_X`` to both's digits; None where nothing
-    tells."""
+    """Clock of a column of times (n,), in the header's unit; the ``Delta_X`` that is ``stated`` must agree to the
+    ``resolution`` it is written with, and decides where the times are too coarse; None without either.
+    """
     try:
         found = even_interval(time, what)
     except CoarseTimes:

@@ -35,6 +35,7 @@ class PositionMapping(Table):
 
     @model_validator(mode="after")
     def _check_gain_and_limits(self) -> PositionMapping:
+        """Refuse a gain of 0, limits in the wrong order, and a name that every trial uses already."""
         refuse(
             ValueError,
             (self.gain == 0, f"positions.{self.name}: gain = 0, allowed anything else"),
@@ -123,6 +124,7 @@ class ForceMapping(Table):
 
     @model_validator(mode="after")
     def _check_scale(self) -> ForceMapping:
+        """Refuse a scale of 0, and a missing one where the unit is none of force."""
         refuse(
             ValueError,
             (
@@ -208,6 +210,9 @@ class ImportMapping(Table):
 
     @model_validator(mode="after")
     def _check_consistency(self) -> ImportMapping:
+        """Refuse tables that contradict each other: force beside positions, a body or channel twice or missing, names
+        of channels that are not mapped, one sign for decimals and thousands.
+        """
         names, channels = tuple(encoder.name for encoder in self.encoders), self.channels
         positions = [one.name for one in self.positions]
         both = [body for body in names if body in self.absent_encoders]
@@ -265,7 +270,8 @@ class MappingFile:
 
 
 def load_mapping(path: str | Path) -> MappingFile:
-    """Read and check a mapping file: which channel of a recording is what.
+    """Read and check a mapping file (TOML), which tells an import which channel of a recording is what; RigInputError
+    for a missing file or a value that is not allowed.
 
     Parameters
     ----------
@@ -296,7 +302,9 @@ def parse_mapping(text: str, where: str = "mapping") -> MappingFile:
 
 
 def check_unit(table: ChannelTable, channel: str, unit: str, overruled: tuple[str, ...] = ()) -> None:
-    """Refuse a channel whose file states another unit, unless the mapping overrules that."""
+    """Refuse (RigInputError) a channel for which the file states another unit than ``unit``, one of ours, unless the
+    channel is in ``overruled``; one without a stated unit passes.
+    """
     stated = table.units.get(channel, "").strip()
     if known_unit(stated) not in (None, unit) and channel not in overruled:
         raise RigInputError(

@@ -35,7 +35,9 @@ def read_segments(
     names_row: int | None = None,
     skip_rows: int = 0,
 ) -> tuple[ChannelTable, ...]:
-    """Read all channels of a recording, one table a segment; signs and rows are for CSV only."""
+    """Read all channels of a recording, by the ending of its name (text, LVM, TDMS, HDF5, MATLAB), one table a segment;
+    the options are those of CSV: signs, line of the names from 1, lines to skip.
+    """
     file = Path(path)
     suffix = "".join(file.suffixes[-2:]).lower() if file.suffix.lower() == ".gz" else file.suffix.lower()
     if suffix in (*TEXT, ".csv.gz", ".txt.gz"):
@@ -57,7 +59,8 @@ def read_segments(
 
 
 def read_channels(path: str | Path, *, separator: str = ",", decimal: str = ".") -> ChannelTable:
-    """Read a recording of one segment.
+    """Read all channels of a recording of one segment, by the ending of its name (text, LVM, TDMS, HDF5, MATLAB);
+    RigInputError for a file of several segments, or one that cannot be read.
 
     Parameters
     ----------
@@ -95,7 +98,8 @@ class UncorrectedForceError(RigInputError):
 
 
 def read_force(path: str | Path, column: str = "force_n") -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Read times, s, and a force, N, of a recording of one segment, (n,) each.
+    """Read times, s, and the force ``column``, converted to N, (n,) each, of a recording of one segment; another column
+    than ``force_n`` keeps its unit. Times must be even.
 
     Parameters
     ----------
@@ -125,7 +129,9 @@ def read_force(path: str | Path, column: str = "force_n") -> tuple[NDArray[np.fl
 
 
 def join_segments(segments: Sequence[ChannelTable], names: Sequence[str]) -> ChannelTable:
-    """Return successive segments as one table of the channels ``names``; refuse other units, rates or a gap."""
+    """Join successive segments into one table of the channels ``names`` alone; RigInputError for another unit or rate,
+    or where times do not go on from one to the next.
+    """
     first = segments[0]
     whole = {name: np.concatenate([segment.channel(name) for segment in segments]) for name in names}
     for before, after in zip(segments, segments[1:], strict=False):

@@ -68,7 +68,9 @@ class CoarseTimes(RigInputError):
 
 
 def even_interval(time_s: NDArray[np.float64], what: str) -> float:
-    """Return the interval of even times (n,), s; refuse uneven or coarse ones, ``what`` names them in the error."""
+    """Interval, s, of the even times (n,), s; RigInputError, which begins with ``what``, for times that do not rise,
+    have a break, or are written too coarsely.
+    """
     if time_s.size < 2:
         raise RigInputError(f"{what}: {time_s.size} samples, allowed from 2")
     steps = np.diff(time_s)
@@ -110,7 +112,9 @@ def is_mostly_even(values: NDArray[np.float64]) -> bool:
 
 
 def refuse_break(time_s: NDArray[np.float64], interval_s: float, what: str) -> None:
-    """Raise BrokenTimes with the first row whose time is not one interval after the row above, and by how much."""
+    """Raise `BrokenTimes`, whose message begins with ``what`` and names the first row (from 1) whose time is not one
+    interval after the row above, and by how much. Never returns.
+    """
     steps = np.diff(time_s)
     allowed = JITTER * interval_s + ROUNDING * time_resolution(time_s)
     off = np.abs(steps - interval_s) > allowed
@@ -129,7 +133,8 @@ def refuse_break(time_s: NDArray[np.float64], interval_s: float, what: str) -> N
 
 
 def check_times(time_s: NDArray[np.float64], interval_s: float, what: str) -> None:
-    """Refuse times that are not those of samples every ``interval_s``.
+    """Refuse (RigInputError, which begins with ``what``) times (n,), s, that are not those of samples every
+    ``interval_s``, but for jitter, rounding and a drift of one sample or 1e-4.
 
     A slow drift is allowed, to one sample or 1e-4 of the rate: two clocks may have counted.
     """
@@ -158,7 +163,7 @@ def find_breaks(time_s: NDArray[np.float64], interval_s: float) -> list[int]:
 
 
 def time_resolution(time_s: NDArray[np.float64]) -> float:
-    """Return the decimal place the times are written with, s, at least their floating-point resolution."""
+    """Last decimal place with which times (n,), s, are written, as 0.001 s, at least their floating-point resolution."""
     floor = float(4 * np.spacing(np.abs(time_s).max()))
     for digits in range(9):
         resolution = 10.0**-digits  # s: one in the last decimal place

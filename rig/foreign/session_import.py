@@ -109,7 +109,9 @@ SATURATED = 3  # samples in a row at an end of the converter: no peak has as man
 def cut_position_trials(
     table: ChannelTable, mapping: ImportMapping, interval_s: float, first_number: int, started_utc: str
 ) -> list[tuple[TrialData, str]]:
-    """Cut a table of positions into trials, each with why it does not count, empty where it does."""
+    """Cut a recording of positions into trials, a stroke each, numbered from ``first_number``; with each the reason to
+    reject it that the mapping states, empty for none. RigInputError where no stroke is found.
+    """
     infos = tuple(make_channel_info(one) for one in mapping.positions)
     values = np.column_stack([_read_position(table, one, mapping.overrule_units) for one in mapping.positions])
     time_s = np.arange(len(values), dtype=np.float64) * interval_s
@@ -136,7 +138,9 @@ def cut_position_trials(
 
 
 def make_channel_info(one: PositionMapping) -> ChannelInfo:
-    """Return what a session states of a position sensor that a mapping describes."""
+    """Description of a position sensor for a trial's file, from its table in the mapping: unit 1, value and reading by
+    offset and gain, ruler points.
+    """
     return ChannelInfo(
         name=one.name,
         quantity=f"reading of the position sensor at: {one.ruler.sensor_at}",
@@ -187,8 +191,9 @@ def _make_position_trial(
     started_utc: str,
     origin: tuple[float, str],
 ) -> tuple[TrialData, str]:
-    """Trial of one stroke, and why it does not count, empty where it does; ``values`` (n, channels) are of the whole
-    recording, ``origin`` is its first time, s, and its file."""
+    """Trial of the stroke ``cut`` and the mapping's reason to reject it, or empty; ``values`` (n, channels): readings
+    of the whole recording; ``origin``: time of its first sample, s, and its file's name.
+    """
     n = cut.end - cut.first
     origin_s, file = origin
     start_s = origin_s + cut.first * interval_s
@@ -235,7 +240,9 @@ def sample_interval(table: ChannelTable, mapping: ImportMapping) -> float:
 
 
 def _agreed_interval(table: ChannelTable, mapping: ImportMapping) -> float:
-    """Sampling interval, s, by mapping or file; refuse times, units and rates that contradict it."""
+    """Sampling interval, s, of the mapped channels, by the mapping or the file; RigInputError where times, units or
+    rates contradict it, or it lies outside 100 Hz to 1 MHz.
+    """
     time = mapping.time
     time_channel = time.channel if time.channel in table.channels or not table.clocks else None
     if time_channel is not None:
@@ -272,7 +279,8 @@ LARGEST_TURN_RAD = np.pi
 
 
 def import_session(out: str | Path, files: Sequence[Path], mapping: MappingFile) -> Session:
-    """Make a session of foreign recordings.
+    """Make a session folder ``out`` of foreign recordings, trial 1, 2, … in the order of ``files``, their channels as
+    the mapping says; RigInputError, and nothing is left, where one cannot be used.
 
     Parameters
     ----------
@@ -363,7 +371,8 @@ def import_session(out: str | Path, files: Sequence[Path], mapping: MappingFile)
 
 
 def read_recording(path: Path, mapping: MappingFile) -> TrialData:
-    """Return a foreign recording of one blow as the trial that its import would give.
+    """Return a foreign recording of one blow as trial 1 that its import would give; nothing is written. RigInputError
+    where it cannot be used or holds several trials.
 
     Parameters
     ----------
@@ -395,7 +404,9 @@ def read_recording(path: Path, mapping: MappingFile) -> TrialData:
 
 
 def _read_recordings(file: Path, config: ImportMapping) -> tuple[ChannelTable, ...]:
-    """Read a file's recordings: its segments as trials, joined, or the one there is."""
+    """Read a file as one table a trial: its segments, split at breaks of the times, are trials each, or are joined, as
+    the mapping says; RigInputError where it does not say what several are.
+    """
     segments = read_segments(
         file, separator=config.separator, decimal=config.decimal, thousands=config.thousands,
         names_row=config.names_row, skip_rows=config.skip_rows,
@@ -419,7 +430,9 @@ def _read_recordings(file: Path, config: ImportMapping) -> tuple[ChannelTable, .
 
 
 def _describe_difference(one: ChannelTable, other: ChannelTable, names: Sequence[str]) -> str:
-    """Return how the second segment of a file differs from the first, in brackets; empty where nothing is stated."""
+    """Return in words, in brackets, how unit, rate or start of a channel in ``names`` differs between two segments: the
+    first difference, or empty.
+    """
     for name in names:
         units = one.units.get(name, ""), other.units.get(name, "")
         clocks = one.clocks.get(name), other.clocks.get(name)
@@ -445,7 +458,9 @@ def _trim_to_shortest(table: ChannelTable, config: ImportMapping) -> ChannelTabl
 
 
 def _split_at_breaks(table: ChannelTable, config: ImportMapping) -> list[ChannelTable]:
-    """Return the pieces of a table between breaks of its times."""
+    """Pieces of a table between breaks of its times (the mapping's channel, or a column that tells them); the table
+    itself where it has none.
+    """
     time, names, clock = config.time, config.channels, table.stated_clock(config.channels)
     stated_s = 1.0 / time.sample_rate_hz if time.sample_rate_hz else clock.interval_s if clock else np.nan
     if time.channel is not None and time.channel in table.channels:
@@ -459,7 +474,8 @@ def _split_at_breaks(table: ChannelTable, config: ImportMapping) -> list[Channel
 
 
 def _recording_start(table: ChannelTable, file: Path, config: ImportMapping) -> str:
-    """Return when a recording began, ISO 8601: as the file states it, else when the file was last changed.
+    """When a recording began, ISO 8601, by the file's own statement (UTC; without a zone where that is not known), else
+    when the file was last changed.
 
     The file's own statement comes first: in UTC where its zone is known, without a zone where it is not. A file that
     does not say has only the time at which it was last changed.
@@ -473,7 +489,9 @@ def _recording_start(table: ChannelTable, file: Path, config: ImportMapping) -> 
 
 
 def make_trial(table: ChannelTable, mapping: ImportMapping, number: int, started_utc: str = "") -> TrialData:
-    """Trial of a recorded force and counts; forces to N, counts to whole numbers, times from 0."""
+    """Trial of one recorded blow: force converted to N (not corrected for its offset), counts to whole numbers, times
+    from 0, the blow's start by the mapping or found in the force; RigInputError where it cannot be used.
+    """
     cell = mapping.force
     if cell is None:
         raise RigInputError(f"{table.where}: the mapping has no [force]; a recording of positions is cut into strokes")
@@ -533,7 +551,9 @@ def make_trial(table: ChannelTable, mapping: ImportMapping, number: int, started
 
 
 def _check_pushes(force_n: NDArray[np.float64], interval_s: float, what: str) -> None:
-    """Refuse a force that leaves its rest in the wrong direction; a recording that begins within a push cannot tell."""
+    """Refuse (RigInputError, which begins with ``what``) a force (n,), N, that falls from its rest far more than it
+    rises: a push must be positive. A recording that begins within a push passes.
+    """
     rest = force_n[: max(int(round(MINIMUM_QUIET_S / interval_s)), 1)]
     level = float(rest.mean())
     pull, push = level - float(force_n.min()), float(force_n.max()) - level
@@ -585,7 +605,9 @@ def _read_counts(table: ChannelTable, encoder: EncoderMapping, overruled: tuple[
 
 
 def _unwrap_counts(values: Array, bits: int, what: str) -> Array:
-    """Return the counts of a counter of ``bits`` bits, signed or not, without its wraps; the first stays as it is."""
+    """Counts (n,) with the wraps of a counter of ``bits`` bits, signed or not, taken out; the first stays as it is.
+    RigInputError, which begins with ``what``, for a count beyond its range.
+    """
     span = 2.0**bits
     outside = (values < -span / 2) | (values >= span) | ((values >= span / 2) & (values.min() < 0))
     if outside.any():
@@ -602,7 +624,9 @@ WRAP_SHARE = 1 / 16  # of a counter's range, that a step between samples may hav
 
 
 def has_wraps(counts: NDArray[np.int64], bits: int) -> bool:
-    """Whether counts lie within a counter's range, jump by about all of it, and move slowly but for that."""
+    """Whether counts (n,) look like those of a counter of ``bits`` bits that wrapped: all within its range, a step of
+    about all of it, and small steps otherwise.
+    """
     span = 2**bits
     low, high = int(counts.min(initial=0)), int(counts.max(initial=0))
     steps = np.diff(counts)
@@ -613,7 +637,9 @@ def has_wraps(counts: NDArray[np.int64], bits: int) -> bool:
 
 
 def values_beyond_limits(trial: TrialData, limits: LimitsConfig) -> str:
-    """Return in words where the force, and each body's speed over 1 ms, first leave the limits; empty for never."""
+    """In words, with its row from 1, where the force, and each body's mean speed over 1 ms, first leave the limits,
+    separated by semicolons; empty where none does.
+    """
     said = []
     for name, beyond in (
         ("force_min_n", trial.raw_force_n < limits.force_min_n),
@@ -639,7 +665,9 @@ def values_beyond_limits(trial: TrialData, limits: LimitsConfig) -> str:
 
 
 def find_start(force_n: NDArray[np.float64], interval_s: float, where: str) -> float:
-    """Return when the force (n,), N, first leaves its rest for good, s; refuse a record without rest before it."""
+    """Time, s after the first sample, at which the force (n,), N, begins to rise from its rest; RigInputError, which
+    begins with ``where``, for a record that does not begin with 20 ms of rest before a push.
+    """
     quiet = int(round(MINIMUM_QUIET_S / interval_s))
     if quiet < ONSET_SAMPLES or force_n.size < 2 * quiet:
         raise RigInputError(f"{where}: too short or too slow to find the blow; give blow_start_s in the mapping")
