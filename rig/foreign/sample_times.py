@@ -163,7 +163,9 @@ def find_breaks(time_s: NDArray[np.float64], interval_s: float) -> list[int]:
 
 
 def time_resolution(time_s: NDArray[np.float64]) -> float:
-    """Last decimal place with which times (n,), s, are written, as 0.001 s, at least their floating-point resolution."""
+    """Last decimal place with which times (n,), s, are written, such as 0.001 s; at least their floating-point
+    resolution.
+    """
     floor = float(4 * np.spacing(np.abs(time_s).max()))
     for digits in range(9):
         resolution = 10.0**-digits  # s: one in the last decimal place
