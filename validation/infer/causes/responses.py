@@ -349,7 +349,8 @@ class Responses:
 
 
 def knot_noise_n(trial: ObservedTrial) -> Array:
-    """Standard deviation of the force around each knot but the first, N: sensor noise, and what falls between samples.
+    """Standard deviations (SEGMENTS,), N, of the force averaged around each knot but the first: of the sensor's noise,
+    and of what the force does between its samples.
 
     A straight line between two samples misses the mean of a bent force by a twelfth of its second difference: where an
     arm hits the key again, by far more than the noise.

@@ -116,7 +116,10 @@ class Search:
         return self.responses.curve_changes(amounts, self.at.each, self.at.point), amounts @ columns.T
 
     def find_threshold(self, count: int, seed: int) -> Threshold:
-        """Threshold of the null hypothesis by ``count`` further strokes: a rare one of few would set it, or miss."""
+        """Thresholds of one cause and of a pair under the null hypothesis, after ``count`` more strokes are drawn and
+        run: for ``seed`` 1 they replace, for a higher one they join `BalancedNoise.runs`, from which sessions are
+        drawn.
+        """
         more, _ = self._draw(count, self.columns, seed)
         self.noise.runs = np.concatenate([self.noise.runs, more]) if seed > 1 else more
         return self.test.threshold(self.turned(self.at.each))
@@ -334,7 +337,9 @@ class Search:
         return sorted([*self.climb(near), *fits[len(near) :]], key=lambda f: -f.log_posterior)
 
     def climb(self, fits: Sequence[Fit]) -> list[Fit]:
-        """The fits climbed by parabolas through the log posterior, as far as `CLIMBED` steps in each amount go.
+        """Fits, in the same order, moved to larger log posterior by runs of every trial: up to `CLIMBED` times a
+        parabola through one standard uncertainty to both sides in each amount, or the best point run, if that is
+        better; derivatives are renewed.
 
         Impacts bend the response within one standard uncertainty, where derivatives of Gauss–Newton mislead.
         """
@@ -361,7 +366,9 @@ class Search:
         return [replace(f, columns=c) for f, c in zip(out, self.columns_at(out), strict=True)]
 
     def _run_exactly(self, fits: Sequence[Fit]) -> list[Fit]:
-        """The fits with every trial run at their amounts; -inf is the log posterior of one that cannot be run."""
+        """Copies of the fits with residuals and log posterior by runs of every trial at their amounts; one that cannot
+        be run has the log posterior -inf.
+        """
         out = []
         for fit, each in zip(fits, self.responses.exact_differences([f.point for f in fits]), strict=True):
             if each is None:
