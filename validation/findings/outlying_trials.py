@@ -130,8 +130,8 @@ def find_outlying_trials(
     until_s: float,
 ) -> list[SessionFinding]:
     """One finding for each trial whose curve on the times ``base`` (n,), s, is far from the others' (value: distance
-    over the usual one), but for pairs (trial, channel) ``explained``; ``force_effect``: how far its force alone may
-    move a trial, over the range.
+    over the usual), but for pairs (trial, channel) ``explained``; ``force_effect``: how far its force alone may move a
+    trial, over the range.
 
     Conventions: distances of curves as in `validation.statistics.repeatability.compute_distance_ratios`. With fewer
     than four trials one cannot be told from the others, and none is flagged. Source: with few trials no test of
