@@ -37,7 +37,9 @@ class Mark:
 
 
 def trial_marks(frame: pd.DataFrame, events: pd.DataFrame) -> list[Mark]:
-    """Marks of one trial in the order of time, from its trace inside the evaluation window and its table of events."""
+    """Marks of one trial in the order of time: its events, and the thesis's positions A, B, C; ``frame``: its trace
+    inside the evaluation window, ``events``: table with a row for each of its measured events.
+    """
     found = events[events["status"] != "absent"].set_index("event")["value"].dropna()
     marks = [
         Mark(EVENTS[name].title.lower(), float(found[name]), EVENTS[name].title) for name in MARKED if name in found
@@ -56,8 +58,8 @@ def trial_marks(frame: pd.DataFrame, events: pd.DataFrame) -> list[Mark]:
 
 
 def _find_release_time(time_s: Array, force_n: Array, key_release_s: float) -> float:
-    """Time, s, at which the force falls below its level of release: last before the key rises, or, where it still acts
-    then, first after; NaN if none.
+    """Time, s, at which the ``force_n`` (n,), N, at ``time_s`` (n,) falls below 2 % of its peak above rest: the last
+    one before the key rises at ``key_release_s``, s, or, where it still acts then, the first after; NaN if none.
 
     A force that is still there when the key rises is followed to its end; what the motor arm does later, when it
     bounces on the resting key, does not count.
@@ -78,8 +80,9 @@ def _find_release_time(time_s: Array, force_n: Array, key_release_s: float) -> f
 
 
 def _find_return_time(time_s: Array, rotation: Array, release_s: float) -> float:
-    """Time, s, of the first minimum of the key's rotation (n,) after its release; NaN where it does not come up
-    again."""
+    """Time, s, of the first minimum near rest of the key's ``rotation`` (n,), positive down, at ``time_s`` (n,), after
+    ``release_s``, s; NaN where the key does not bounce after it.
+    """
     after = (time_s >= release_s) & np.isfinite(rotation)
     if not after.any():
         return float("nan")

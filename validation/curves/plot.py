@@ -24,7 +24,9 @@ MODEL: dict[str, Any] = {"color": BLACK, "linewidth": 1.1, "dashes": MODEL_DASHE
 
 
 def new_panels(has_difference: bool) -> tuple[Axes, Axes | None]:
-    """Axes of a new figure for the curves, and below them for their difference where there is one."""
+    """Axes of a new matplotlib figure for the curves, and below them axes for their difference, with the same time
+    axis, where ``has_difference``; else None.
+    """
     import matplotlib.pyplot as plt  # start-up: 0.1 s beyond the rest of matplotlib
 
     rows = 2 if has_difference else 1
@@ -35,7 +37,9 @@ def new_panels(has_difference: bool) -> tuple[Axes, Axes | None]:
 
 
 def _draw_marks(axes: Axes, marks: Sequence[Mark], *, labels: bool = True) -> None:
-    """Draw a line at every mark; positions of the thesis are solid and labelled above the panel."""
+    """Draw a vertical line at every mark into ``axes``: dotted for events, solid for positions of the thesis, whose
+    letters stand above unless ``labels`` is False.
+    """
     for mark in marks:
         style = {"color": BLACK, "linewidth": 0.8} if mark.position else {"color": "#777777", "linewidth": 0.6}
         axes.axvline(mark.time_s, linestyle="-" if mark.position else ":", **style)  # type: ignore[arg-type]
@@ -74,7 +78,8 @@ def plot_rotation(
     marks: Sequence[Mark],
     title: str,
 ) -> None:
-    """Draw the rotation of one body in one trial, measured and predicted, and their difference.
+    """Draw into ``panels`` (upper, and lower or None) the rotation of the body ``channel`` in one trial, measured and
+    predicted, and model − trial, in degrees; for ``force`` the force alone. ``encoder``, ``film``: its traces.
 
     Parameters
     ----------

@@ -15,8 +15,9 @@ BAND_COLUMNS = 140  # the edges of a band are smooth
 
 
 def decimate(time: Array, values: Array, *, columns: int = COLUMNS, keep: str = "both") -> tuple[Array, Array]:
-    """Times and values of a curve (n,) thinned to the smallest and largest value of each pixel column, or to the one
-    that ``keep`` names, so that no spike is lost.
+    """Times and values of a curve (n,) thinned to ``columns`` blocks of equally many samples, keeping the smallest and
+    largest value of each, or with ``keep`` ``min`` or ``max`` one of them; a NaN stays a gap. Shorter curves stay as
+    they are.
 
     Parameters
     ----------
@@ -47,7 +48,8 @@ def decimate(time: Array, values: Array, *, columns: int = COLUMNS, keep: str = 
 
 
 def uneven_samples(time: Array, curves: Array, n: int) -> np.ndarray:
-    """Indices of at most ``n`` samples, close together where a curve bends, for drawing all curves at the same times.
+    """Indices, increasing, of at most ``n`` of the samples of ``curves`` (n_samples, n_curves), any units, close
+    together where these bend; for drawing all at the same times.
 
     Parameters
     ----------

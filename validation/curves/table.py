@@ -40,8 +40,9 @@ COLUMNS = ["trial", "channel", "time_s", *VALUES, "left_out", "force_n"]
 
 
 def trial_curves(base_s: Array, encoder: pd.DataFrame, film: pd.DataFrame | None) -> dict[str, dict[str, Array]]:
-    """Curves (n,) of one trial by channel and column, at times ``base_s`` (n,), from its traces of encoders and of
-    film, which is None without one."""
+    """Curves (n,) of one trial, body → ``measured_rad``, ``predicted_rad``, ``null_rad``, ``u_rad`` → values at times
+    ``base_s`` (n,), s, NaN where there is none; ``encoder``, ``film``: its traces, the latter None without film.
+    """
     out = {}
     for channel in BODIES:
         frame = film if channel in FILM_CHANNELS else encoder
@@ -77,8 +78,8 @@ def curve_table(
     films: Mapping[int, pd.DataFrame],
     trials: Iterable[int] | None = None,
 ) -> pd.DataFrame:
-    """Curves as a table with one row per trial, channel and time of ``base_s`` (n,), s; ``traces`` and ``films`` are by
-    trial number.
+    """Table of curves, rad, with a row for each trial, channel and time of ``base_s`` (n,), s; ``traces``, ``films``:
+    tables by trial number, ``trials``: only these numbers. Channels without any value have no rows.
 
     Parameters
     ----------
@@ -133,7 +134,8 @@ WORDS = {
 def curves_netcdf(
     base_s: Array, traces: Mapping[int, pd.DataFrame], films: Mapping[int, pd.DataFrame], about: Mapping[str, str]
 ) -> bytes:
-    """The curves of a result as the bytes of a netCDF-4 file.
+    """The curves of all trials at times ``base_s`` (n,), s, as the bytes of a netCDF-4 file; ``traces``, ``films``:
+    tables by trial number, ``about``: attributes of the file, such as names of session and model.
 
     Conventions: dimensions trial, channel, time; the time base is a dimension scale, so that xarray opens it with
     coordinates; 32-bit numbers, compressed (a relative step of 6e-8, a thousandth of an encoder's count); attributes
@@ -171,7 +173,9 @@ def curves_netcdf(
 
 
 def _create_dataset(file: h5py.File, name: str, dimensions: tuple[str, ...], shape: tuple[int, ...]) -> None:
-    """Create an empty dataset of the curves' file with units, long name and dimension scales."""
+    """Create in ``file`` an empty 32-bit dataset of this ``shape``, compressed, NaN where not written, with unit, long
+    name and the scales of its ``dimensions``, which must exist.
+    """
     chunk = (*[1] * (len(shape) - 1), shape[-1])
     options: dict[str, Any] = {"chunks": chunk, "compression": "gzip", "compression_opts": 1, "shuffle": True}
     data = file.create_dataset(name, shape, dtype=np.float32, fillvalue=np.nan, **options)
@@ -182,7 +186,9 @@ def _create_dataset(file: h5py.File, name: str, dimensions: tuple[str, ...], sha
 
 
 def read_curves(path: str | Path) -> pd.DataFrame:
-    """The tidy table of a curves file, as `validation.ValidationResult.curves` gives it.
+    """Table of the curves in a netCDF file written with a report or by ``save``: trial, channel, time_s, measured,
+    predicted and null model's angle and u, rad, left_out, force_n; raises an input error where the file is missing or
+    no such file.
 
     Parameters
     ----------
@@ -223,7 +229,9 @@ def read_curves(path: str | Path) -> pd.DataFrame:
 
 
 def write_curves(table: pd.DataFrame, netcdf: bytes, path: Path) -> Path:
-    """Write curves as ``.nc``, ``.csv`` or ``.parquet``, by the ending of ``path``; returns the path."""
+    """Write curves to ``path``, replacing a file that exists: ``netcdf`` as it is for ``.nc``, ``table`` for ``.csv``
+    or ``.parquet``; returns the path. Raises an input error for another ending or where it cannot be written.
+    """
     try:
         if path.suffix == ".nc":
             path.write_bytes(netcdf)

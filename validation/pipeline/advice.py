@@ -30,7 +30,9 @@ TRAINING = {"repetition": "repetitions", "strike": "strokes that strike", "relea
 def what_to_do(
     findings: Sequence[SessionFinding], explained: Explained, rivals: Rivals, outcome: str, source: Source = RIG
 ) -> tuple[str, ...]:
-    """At most three sentences on what to do, for the head of a report, the most urgent first.
+    """At most three sentences on what to do, the most urgent first: about ``findings``; unless these spoil the
+    comparison, then about causes, training domain and nearer rivals. ``outcome``: one of `OUTCOMES`, ``source``: who
+    recorded.
 
     Parameters
     ----------
@@ -60,7 +62,9 @@ def advise_on_findings(findings: Sequence[SessionFinding], source: Source = RIG)
 
 
 def advise_on_causes(explained: Explained) -> list[str]:
-    """Advice on what to measure, by the causes that explain the difference in all trials."""
+    """One sentence, in a list, on what to measure or calibrate, from the causes that explain the difference in all
+    trials; empty where there is none.
+    """
     sets: dict[int, list[CompatibleChange]] = {}
     for change in (c for c in explained.changes if c.profile == ALL):
         sets.setdefault(change.set, []).append(change)
@@ -81,8 +85,9 @@ def advise_on_causes(explained: Explained) -> list[str]:
 
 
 def advise_on_domain(outside: Mapping[int, str]) -> list[str]:
-    """Advice on what to record before predictions outside the training domain are trusted; ``outside``: trial that was
-    not fitted → why it lies outside, empty for one that does not."""
+    """One sentence, in a list, on what to record before predictions outside the training domain are trusted, or none;
+    ``outside``: number of a trial that was not fitted → why it lies outside, empty for one that lies inside.
+    """
     far = {number: why for number, why in outside.items() if why}
     if not far:
         return []
@@ -97,7 +102,9 @@ def _phase_missing(why: str, phase: str) -> bool:
 
 
 def advise_on_rivals(skill: Mapping[str, Skill]) -> list[str]:
-    """Advice where a rival is nearer on strokes not fitted, beyond the interval of the skill."""
+    """One sentence, in a list, against relying on the model in channels where a rival is nearer beyond the 95 %
+    interval of the skill; empty where none is. ``skill``: by channel.
+    """
     lost = {channel: one for channel, one in skill.items() if one.high < 0.0}
     if not lost:
         return []

@@ -19,7 +19,9 @@ def compare(
     action: model.Action | str | Path = "hirschkorn2004",
     **options: Unpack[CompareOptions],
 ) -> ValidationResult:
-    """Compare every usable trial of a session with its own prediction.
+    """Compare every usable trial of a session with the model's prediction under its own force; return scores, findings,
+    verdict and tables. Unless ``keep_predictions`` is False, results are stored in the session's folder ``derived`` and
+    reused.
 
     Parameters
     ----------
@@ -96,7 +98,8 @@ def compare_many(
     actions: Sequence[model.Action | str | Path] = ("hirschkorn2004",),
     **options: Unpack[CompareOptions],
 ) -> SideBySide:
-    """Compare every session with every model.
+    """Compare every session with every model, as `compare` does; a session that fails is named in ``refused`` and the
+    rest goes on. Raises an input error where none can be compared or a model cannot be read.
 
     Parameters
     ----------
@@ -139,7 +142,8 @@ def validate_sessions(
     out: str | Path | None = None,
     **options: Unpack[CompareOptions],
 ) -> SideBySide:
-    """Compare every session with every model and write one report.
+    """Compare every session with every model and write one report (page, results, tables, curves) into the folder
+    ``out``, replacing an older one; returns the results with the files written.
 
     Parameters
     ----------
@@ -192,7 +196,8 @@ def validate_session(
     out: str | Path | None = None,
     **options: Unpack[CompareOptions],
 ) -> ValidationResult:
-    """Compare one session with one model and write the report: `validate_sessions` for one of each.
+    """Compare one session with one model and write the report into the folder ``out``, by default the session's;
+    returns the result with the files written.
 
     Parameters
     ----------

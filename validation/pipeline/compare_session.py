@@ -52,7 +52,9 @@ SOFTWARE = ("piano-action-rig", "numpy", "scipy", "pandas", "matplotlib", "numba
 
 
 def versions() -> dict[str, str]:
-    """Versions of the interpreter and of the packages that shape the numbers."""
+    """Versions, as text, of Python, the platform and the packages that shape the numbers, by name; ``unknown`` where a
+    package is not installed.
+    """
     found = {"python": platform.python_version(), "platform": platform.platform()}
     for name in SOFTWARE:
         try:
@@ -65,7 +67,8 @@ def versions() -> dict[str, str]:
 def provenance(
     session: Session, tested: ModelUnderTest, trials: Sequence[MeasuredTrial], window: Window, now: datetime
 ) -> dict[str, Any]:
-    """Plain values needed to reproduce a report: hashes, versions, options, window.
+    """Plain values by name that reproduce a report, ready for JSON: hashes of trials and model, versions, tolerance,
+    window, what was done to the force; ``now``: date of the report, UTC.
 
     Conventions: SHA-256 in hexadecimal; times in UTC; a version that cannot be found is the word ``unknown``.
     """
@@ -197,7 +200,9 @@ def name_all_parts(
 
 
 def _warnings(predicted: PredictedSession, findings: SessionFindings) -> Iterator[str]:
-    """Warnings of a comparison, faults first."""
+    """Yield the warnings of a comparison: findings first, then few trials, notes on trials and predictions, and trials
+    not used for a reason that no finding names.
+    """
     yield from (f.text for f in findings.faults)
     few = few_trials_warning(len(predicted.trials))
     if few:
@@ -213,7 +218,9 @@ def _warnings(predicted: PredictedSession, findings: SessionFindings) -> Iterato
 def _explain(
     predicted: PredictedSession, findings: SessionFindings, tested: ModelUnderTest, chosen: ComparisonOptions
 ) -> Explained:
-    """The causes of what the model and the sound trials of one kind differ by."""
+    """Causes of what the model and the sound trials of one kind of stroke differ by; with outlying trials only where
+    their cause is found. Simulates; ``chosen`` says whether effects that the model lacks count.
+    """
     chosen.say("which causes explain the difference")
     every, apart = (select_one_kind(predicted.trials, findings, but) for but in (ODD, ""))
     explained = explain_difference(tested, every, chosen.effects)
@@ -229,7 +236,9 @@ def _verdict(
     tested: ModelUnderTest,
     chosen: ComparisonOptions,
 ) -> Verdict:
-    """Verdict on the usable trials and channels; undecided where no draws were requested."""
+    """Verdict on the model from the errors ``found`` in usable trials, by number, within each condition; simulates the
+    draws it needs, unless stored; undecided where none were requested.
+    """
     limits = relevance_limits(chosen.relevant)
     if not chosen.budget:
         return undecided_verdict("the uncertainties were not drawn")
@@ -238,9 +247,10 @@ def _verdict(
 
 
 def cost_of(predicted: PredictedSession) -> dict[str, float]:
-    """Cost of a prediction: mean right-hand sides of a trial, and smallest processor time of one, s.
+    """Cost of predicting one trial, by name: ``right_hand_sides``, mean number over trials, and ``seconds`` of
+    processor time, the least of any trial; NaN for a stand-in.
 
-    The least, since the first may compile; each with the run that estimates its error. NaN for a stand-in.
+    The least, since the first may compile; each with the run that estimates its error.
     """
     counters = [predicted.predictions[m.number].model.counters for m in predicted.trials]
     rhs, seconds = ([c.get(name, math.nan) for c in counters] for name in ("n_rhs", "seconds"))
@@ -251,13 +261,10 @@ ODD = "outlying residual"
 
 
 def replace_explained(findings: SessionFindings, explained: Explained, numbers: Sequence[int]) -> SessionFindings:
-    """Findings in which causes replace what they explain; trials from a cause on become a separate condition.
+    """Copy of the findings in which those of the search for causes replace what they explain; where they begin at one
+    trial and no change was seen, the trials from there on are a condition. ``numbers``: of the usable trials.
 
     A change that was seen stays unless a cause from a trial on explains it, and then says where the condition begins.
-
-    Parameters
-    ----------
-    numbers : of the usable trials
     """
     steps = {change.first for change in explained.changes if change.profile == STEP}
     odd = {f.trial for f in explained.findings}
@@ -287,7 +294,8 @@ def select_one_kind(
 
 
 def model_under_test(session: Session, action: model.Action, chosen: ComparisonOptions) -> ModelUnderTest:
-    """The model with the store of the session's results.
+    """The model to test, with the store of the session's results: kept in the session's folder where ``chosen`` says
+    so, else for this run only.
 
     Predictions of a stand-in are stored under its name; values that depend on it are not, for its code is not known.
     """

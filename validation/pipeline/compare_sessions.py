@@ -28,7 +28,9 @@ from validation.side_by_side import SideBySide
 
 
 def pair_with_conditions(opened: Sequence[Session], condition: str | None) -> list[tuple[Session, str | None]]:
-    """Each session with the condition to compare, one of several conditions once for each; under distinct names."""
+    """Copies of the sessions under distinct names, each with the condition to compare: of a session of several
+    conditions one copy for each, or only ``condition``; else ``condition`` as it is.
+    """
     parts: list[tuple[Session, str | None]] = []
     names = []
     for session in opened:
@@ -48,7 +50,9 @@ def pair_with_conditions(opened: Sequence[Session], condition: str | None) -> li
 
 
 def distinct_models(actions: Sequence[model.Action]) -> list[model.Action]:
-    """Models with distinct names; two with the same values are the same model and refused."""
+    """The models, renamed where names are equal so that all differ; raises an input error where two have the same
+    values.
+    """
     seen: dict[str, str] = {}
     for action in actions if len(actions) > 1 else ():
         digest = action_sha256(action)
@@ -109,7 +113,9 @@ USER_ERRORS = (RigError, ValidationError, ModelError)
 def compare_every(
     sessions: Sequence[Session | str | Path], actions: Sequence[model.Action | str | Path], chosen: ComparisonOptions
 ) -> SideBySide:
-    """Compare every session with every model, as `validation.compare_many` says."""
+    """Results of every session with every model; errors of a user are collected in ``refused`` and the rest goes on.
+    Raises an input error where a model cannot be read or no session can be compared.
+    """
     models = distinct_models([load_model(action) for action in actions])
     opened, refused = open_all(sessions)
     results: list[ValidationResult] = []
@@ -135,7 +141,9 @@ def compare_every(
 
 
 def open_all(sessions: Sequence[Session | str | Path]) -> tuple[list[Session], list[tuple[str, Exception]]]:
-    """Sessions that can be opened, and message and error of the others; refuses one that is named twice."""
+    """Sessions that can be opened, and for each other one its message and error; raises an input error where a session
+    is given twice.
+    """
     places = Counter(Path(s.path if isinstance(s, Session) else s).resolve() for s in sessions)
     for place, n in places.items():
         if n > 1:

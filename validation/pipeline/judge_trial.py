@@ -64,7 +64,7 @@ class TrialJudgement:
     curves: Mapping[str, Mapping[str, Array]]
 
     def lines(self) -> list[str]:
-        """The judgement in lines to print."""
+        """The judgement in lines of text to print: RMSE of each channel, quantities that differ, and findings."""
         names = self.rmse_rad
         errors = ", ".join(
             f"{name} {np.degrees(self.rmse_rad[name]):.2g}°"
@@ -138,7 +138,9 @@ class TrialJudge:
         model.compile_ahead([model.choice_of(self.tested.action)])  # while the first trial is recorded
 
     def judge(self, session: Session | str | Path, number: int) -> TrialJudgement:
-        """Judge the trial of this number.
+        """Measure and predict the trial ``number`` of a session and compare it, beside the last trials of its condition
+        judged before by this object, which keeps it; no uncertainty is drawn, nothing written. Raises where it cannot
+        be used.
 
         Raises
         ------
@@ -184,7 +186,9 @@ class TrialJudge:
 def _list_differing(
     own: TrialErrors, of_model: int, rows: Sequence[ObservedDifference], limits: Mapping[str, float]
 ) -> list[str]:
-    """Texts on events in trial or model only, and on quantities of the trial's errors ``own`` beyond their limits."""
+    """Texts on events that only the trial or only the model has (``of_model``: its branch), and on quantities of
+    ``rows``, model − trial, beyond their ``limits`` of relevance (by name); ``own``: errors and branch of the trial.
+    """
     apart = own.branch ^ (of_model & own.known)
     out = [
         f"{words[not own.branch >> i & 1]} in the trial, {words[not of_model >> i & 1]} in the model"

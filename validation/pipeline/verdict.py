@@ -28,7 +28,9 @@ def fitted_trials(action: model.Action, trials: Sequence[MeasuredTrial]) -> list
 
 
 def prediction_lines(action: model.Action, trials: Sequence[MeasuredTrial]) -> list[str]:
-    """Sentences on which trials an identified model was fitted to and which it predicts; none for other models."""
+    """One sentence, in a list, on which of the trials an identified model was fitted to, by their hashes, and so
+    whether this is a prediction; empty list for a model that was not identified.
+    """
     posterior = posterior_of(action)
     if posterior is None:
         return []
@@ -68,7 +70,8 @@ def verdict_lines(
     nearer: str = "",
     by_key: bool = False,
 ) -> list[str]:
-    """The verdict as sentences, the most important first.
+    """Sentences of the verdict, the most important first, from the names of session and model, their ``tables`` by
+    name, the verdict and the findings; ``nearer``: clause on nearer rivals, ``by_key``: whether the key drives.
 
     Parameters
     ----------
@@ -119,7 +122,9 @@ def _excluded_alone_lines(quantities: pd.DataFrame) -> list[str]:
 
 
 def _describe_draws(facts: Mapping[str, Any]) -> list[str]:
-    """Sentence on the draws and trials that the intervals rest on; empty list where there is no verdict."""
+    """One sentence, in a list, on the draws and trials that the intervals rest on, from the ``facts`` of a verdict by
+    name; empty list where nothing was judged.
+    """
     if not facts.get("judged", False):
         return []
     least = "at least " if len(facts["drawn_trials"]) > 1 else ""  # of the conditions
@@ -146,7 +151,9 @@ def _score(row: Any) -> str:
 
 
 def _score_lines(scored: pd.DataFrame) -> list[str]:
-    """Sentence on the ISO-style score of each channel and of a perfect model."""
+    """One sentence, in a list, with the ISO-style score of each channel and that of a perfect model, from rows of the
+    channel table; empty list where none has one.
+    """
     shown = [
         f"{row.channel} {row.iso_overall:.2f}" + (f" ({row.iso_ceiling:.2f})" if math.isfinite(row.iso_ceiling) else "")
         for row in scored.itertuples()

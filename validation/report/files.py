@@ -16,12 +16,8 @@ from validation.errors import InputError, ValidationInputError
 
 
 def check_folder(folder: Path) -> None:
-    """Refuse early what cannot become a folder to write in.
-
-    Raises
-    ------
-    InputError
-        When the path is a file, lies below a file, or nothing can be written in its nearest existing folder.
+    """Raise an input error where ``folder`` is or lies below a file, or where nothing can be written in its nearest
+    existing folder; nothing is made.
     """
     nearest = folder
     while not nearest.exists() and nearest != nearest.parent:
@@ -32,12 +28,8 @@ def check_folder(folder: Path) -> None:
 
 
 def check_writable(folder: Path) -> None:
-    """Refuse early a folder that no file can be made in; what its permissions say is not the whole truth.
-
-    Raises
-    ------
-    InputError
-        With what the file system says.
+    """Raise an input error where no file can be made in an existing ``folder``, by making an empty one and removing it;
+    permissions alone do not tell.
     """
     probe = folder / f".written.{os.getpid()}.part"
     try:
@@ -48,12 +40,8 @@ def check_writable(folder: Path) -> None:
 
 
 def write_files(folder: Path, texts: dict[str, str | bytes]) -> dict[str, Path]:
-    """Write texts and bytes under their relative names, replacing older ones only when all have been written.
-
-    Returns
-    -------
-    dict
-        Relative name → path.
+    """Write texts and bytes, by relative name, into ``folder``, made if need be; older files are replaced once all are
+    written. Returns the path by name. Raises an input error if that fails, and removes the folders made.
     """
     made: list[Path] = []
     try:
@@ -76,7 +64,7 @@ def write_files(folder: Path, texts: dict[str, str | bytes]) -> dict[str, Path]:
 
 
 def _make(folder: Path, made: list[Path]) -> None:
-    """Make a folder and its parents; each new one is appended to ``made``."""
+    """Make a folder and its parents where they do not exist; each new one is appended to ``made``, outermost first."""
     if folder.is_dir():
         return
     if folder.parent != folder:
@@ -86,7 +74,9 @@ def _make(folder: Path, made: list[Path]) -> None:
 
 
 def check_target(path: str | Path, ending: str = ".toml") -> Path:
-    """The path, if it can be one of an action file or a plan, or of a file with another ending."""
+    """The path of a file to write, if it has the ``ending``, lies in an existing writable folder and is no folder; else
+    an input error is raised. The file is not made.
+    """
     target = Path(path)
     if target.suffix != ending:
         raise ValidationInputError(f"{target}: ending found {target.suffix!r}, allowed {ending}")

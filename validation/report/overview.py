@@ -30,7 +30,9 @@ NOTE = (
 
 
 def verdict_parts(result: ValidationResult) -> tuple[str, str]:
-    """The sentence of the verdict that leads a page, the error of the model with its interval, and the rest."""
+    """Two texts from the verdict's sentence: what leads a page, the model error with its interval (the outcome where it
+    agrees or none is named), and the rest.
+    """
     parts = re.split(r"(?<=[.)]) (?=[A-Z0-9])", result.sentence)
     lead = next((part for part in parts if part.startswith(ERROR)), parts[0])
     if result.outcome == AGREES:
@@ -74,10 +76,11 @@ def make_forest(
     note: str,
     scales: Sequence[str] = (),
 ) -> Forest:
-    """A forest of rows: cells, value, ends of the interval, limit on both sides or NaN, and whether it is resolved.
+    """Forest plot as data, one row for each of ``found``: cells of text, value, lower and upper end of its interval,
+    limit on both sides (NaN without) and whether it is resolved; ``scales``: name of each row's scale, one for all if
+    empty.
 
-    ``head``: of the columns of cells; ``note``: below them; ``scales``: name of each row's scale, one for all where
-    left out.
+    ``head``: of the columns of cells; ``note``: below them.
     """
     names = list(scales) or [""] * len(found)
     reach: dict[str, float] = {}
@@ -105,10 +108,10 @@ def make_forest(
 
 
 def forest(results: Sequence[ValidationResult]) -> Forest | None:
-    """Events of a session; each quantity has one scale for all its rows.
+    """Forest plot of the model errors of a session's events with their 95 % intervals and limits, one row for each
+    event, condition and model (``results``: one a model); None where none has an interval.
 
-    Its numbers are those of `ValidationResult.quantities`. Where nothing was drawn the plain difference stands for the
-    error.
+    Its numbers are those of `ValidationResult.quantities`.
     """
     several = len(results) > 1
     rows, scales = [], []
@@ -134,7 +137,9 @@ def forest(results: Sequence[ValidationResult]) -> Forest | None:
 
 
 def quantity_rows(result: ValidationResult) -> list[tuple[str, str, str, str]]:
-    """The primary quantities, the most important first: name, error with its interval, limit, reading."""
+    """Texts of each primary quantity with an interval, the most important first: name with unit, model error with its
+    95 % interval, limit, reading; those not tested are left out.
+    """
     if not len(result.quantities):
         return []
     rows = []

@@ -76,7 +76,8 @@ LOST, LARGEST = -(2**15), 2**15 - 1
 
 
 def page_data(view: SessionView) -> str:
-    """JSON of a session's curves for the page.
+    """JSON text of a session's curves for the page's scripts: times, s, and for each channel measured and predicted
+    curves (degrees, N) thinned and packed, marks of the trials and sentences on them.
 
     Conventions: degrees with the thesis's signs and N; all curves at the same, unevenly spaced times; a curve is base
     64 (the alphabet for addresses, without slashes) of 16-bit integers (little-endian) times its channel's scale,
@@ -123,8 +124,9 @@ def _rotation(result: ValidationResult, trial: int, channel: str, kind: str, at:
 
 
 def _pack_curves(curves: dict[str, Any]) -> dict[str, Any]:
-    """Curves of one channel (``m`` measured, ``p`` predicted, ``limit``) as base-64 text of 16-bit integers, with their
-    common scale."""
+    """Curves of one channel (``m``: measured, ``p``: predicted by model, ``limit``: repeatability limit, if any) as
+    base-64 text of 16-bit integers, by the same names, with their common ``scale``.
+    """
     every = np.concatenate([np.ravel(np.asarray(part, dtype=float)) for part in curves.values() if len(part)])
     known = np.abs(every[np.isfinite(every)])
     scale = float(known.max()) / LARGEST if known.size and known.max() > 0 else 1.0
@@ -147,7 +149,8 @@ ELSEWHERE = ("What to do: ", "Plain difference", "Alone", "RMSE: ", "ISO 18571",
 
 
 def session_section(view: SessionView, is_first: bool = True) -> dict[str, Any]:
-    """Values of one session by the template's names.
+    """Values, by the names of the page's template, of one session: figures, tables, curves and texts; ``is_first``:
+    whether it is the first on the page, whose caption explains what is drawn.
 
     Tables that depend on the model are made for each, their caption names it; ids lead with the session's prefix.
     """
@@ -177,8 +180,9 @@ def _lines_left(result: ValidationResult) -> list[str]:
 
 
 def angles_caption(view: SessionView, is_first: bool = True) -> str:
-    """Caption of the five angles: intervals and limits; of the first session also what is drawn, which holds for
-    all."""
+    """Caption of the five angles: trials left out, widths of the intervals and limits; for the first session on a page
+    (``is_first``) also how measured and predicted curves are drawn.
+    """
     n = len(view.first.traces)
     trials = "the trial" if n == 1 else f"all {n} trials"
     if n > MOST_LINES:
@@ -227,7 +231,9 @@ def is_simulated(result: ValidationResult) -> bool:
 
 
 def _warnings(view: SessionView) -> list[str]:
-    """Warnings that are no findings; one that not every model raises names its model."""
+    """Warnings of a session's results that are not findings, each once, as sentences; one that not every model raises
+    is led by the names of those that do.
+    """
     said: dict[str, list[str]] = {}
     for r in view.results:
         shown = set(r.findings["text"])
@@ -249,9 +255,8 @@ ANIMATION = "animation.html"
 
 
 def render_html(side: SideBySide, *, animation: bool = False) -> str:
-    """The report as one HTML page without outside addresses; no script but its own may run.
-
-    ``animation``: the folder of the page has an `ANIMATION` to link.
+    """The report as the text of one HTML page without outside addresses, in which only its own scripts may run;
+    ``animation``: whether to link the file ``animation.html`` in the page's folder.
     """
     several = len(side.sessions) > 1
     sections = [

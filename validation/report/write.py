@@ -94,9 +94,8 @@ SPREAD = ("mean_rad", "s_r_rad", "band95_rad", "difference_rad", "difference_u95
 
 
 def curve_files(side: SideBySide) -> Iterator[tuple[str, str | bytes]]:
-    """Name and content of every file of curves.
-
-    Conventions: SI and rad on the one time base; CSV holds at most `MOST_TRIALS` trials, netCDF all of them.
+    """Yield name and content of every file of curves: netCDF for each result with all trials, and for each session and
+    channel a CSV text with at most eight trials; SI, rad.
     """
     for name, result in zip(netcdf_names(side), side.results, strict=True):
         yield name, result.curves_netcdf()
@@ -110,7 +109,9 @@ def curve_files(side: SideBySide) -> Iterator[tuple[str, str | bytes]]:
 
 
 def view_curves(view: SessionView) -> dict[str, dict[str, Array]]:
-    """Columns of every channel that has a curve; a second model's columns end in its number."""
+    """Columns (n,) by channel (``force`` and bodies) and column name: time, measured and predicted curves of at most
+    eight trials, mean and bands, SI and rad; columns of the second model end in ``_m2``, and so on.
+    """
     first = view.first
     base = first.base_s
     out: dict[str, dict[str, Array]] = {channel: {"time_s": base} for channel in ("force", *BODIES)}
@@ -147,7 +148,8 @@ def _texts(values: Array) -> list[str]:
 
 
 def write_report(result: ValidationResult | SideBySide, folder: str | Path) -> ValidationResult | SideBySide:
-    """Write the report of one result, or of several, into a folder and return it with its file names.
+    """Write the report of one result, or of several, into ``folder``, made if need be, replacing the files of an older
+    report; returns a copy of it that names the files written.
 
     Parameters
     ----------
@@ -178,7 +180,9 @@ def write_report(result: ValidationResult | SideBySide, folder: str | Path) -> V
 
 
 def write_side_by_side(side: SideBySide, folder: Path) -> SideBySide:
-    """Write the page, the results for programs, every table and the curves; curves of an older report do not stay."""
+    """Write page, results, tables and curves of a comparison into ``folder``, replacing those of an older report, whose
+    further curves are deleted; returns a copy that names the files. Raises an input error where it cannot be written.
+    """
     check_folder(folder)
     texts: dict[str, str | bytes] = {f"tables/{name}.csv": table_csv(table) for name, table in side.tables.items()}
     texts.update(curve_files(side))

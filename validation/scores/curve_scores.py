@@ -23,7 +23,9 @@ PAIR_SEED = 20260101
 
 
 def score_curve(time_s: Array, trial: Array, model: Array) -> dict[str, float]:
-    """RMSE, bias, scatter and largest difference, rad, of a prediction on a measurement's time base, as they are.
+    """RMSE, bias, scatter and largest difference, rad, its time, RMSE over the trial's range and numbers of samples, by
+    name, of ``model`` − ``trial`` (n,), rad, at times (n,), s; samples that are NaN in either do not count; NaN where
+    none is left.
 
     Parameters
     ----------
@@ -57,8 +59,9 @@ def score_curve(time_s: Array, trial: Array, model: Array) -> dict[str, float]:
 
 
 def choose_trial_pairs(n: int, seed: int = PAIR_SEED, kinds: Sequence[int] | None = None) -> list[tuple[int, int]]:
-    """Pairs (i, j) of column indices of n trials, both of one kind of stroke: all of them, or a seeded sample of
-    `MOST_PAIRS`."""
+    """Pairs (i, j), i < j, of the indices of ``n`` trials, both of one kind of stroke (``kinds``: number of each
+    trial's kind; all alike if None): all of them, or 200 drawn with ``seed``, in order.
+    """
     pairs = [(i, j) for i, j in combinations(range(n), 2) if kinds is None or kinds[i] == kinds[j]]
     if len(pairs) <= MOST_PAIRS:
         return pairs
@@ -67,13 +70,9 @@ def choose_trial_pairs(n: int, seed: int = PAIR_SEED, kinds: Sequence[int] | Non
 
 
 def compute_pair_rmse(curves: Array, *, kinds: Sequence[int] | None = None) -> tuple[float, int]:
-    """Root mean square difference of one trial against another, which repeatability sets, and the number of pairs;
-    ``curves``: (n_samples, n_trials).
-
-    Parameters
-    ----------
-    curves : (n_samples, n_trials)
-    kinds : number of the kind of stroke of each trial; trials of different kinds are no pair
+    """Root mean square difference between two trials, over all pairs of one kind or 200 of them, and the number of
+    pairs; ``curves``: (n_samples, n_trials), NaN where lost, ``kinds``: number of each trial's kind. NaN and 0 without
+    a pair.
     """
     pairs = np.array(choose_trial_pairs(curves.shape[1], kinds=kinds), dtype=int).reshape(-1, 2)
     difference = curves[:, pairs[:, 0]] - curves[:, pairs[:, 1]]
@@ -83,9 +82,10 @@ def compute_pair_rmse(curves: Array, *, kinds: Sequence[int] | None = None) -> t
 
 
 def sprague_geers(measured: Array, computed: Array) -> tuple[float, float, float]:
-    """Sprague–Geers errors of magnitude and phase, and both combined, of curves (n,) at even times (dimensionless).
+    """Sprague–Geers errors of magnitude (signed) and phase, and both combined, dimensionless, of a ``computed`` curve
+    against a ``measured`` one, (n,) each, at even times; NaN where either is zero throughout.
 
-    M = √(I_cc/I_mm) − 1, P = acos(I_mc/√(I_mm I_cc))/π, C = √(M² + P²). NaN when either curve is zero throughout.
+    M = √(I_cc/I_mm) − 1, P = acos(I_mc/√(I_mm I_cc))/π, C = √(M² + P²).
     """
     m, c = np.asarray(measured, dtype=float), np.asarray(computed, dtype=float)
     mm, cc, mc = float(m @ m), float(c @ c), float(m @ c)
@@ -128,7 +128,9 @@ SCORES: dict[str, ScoreKind] = {
 def compute_scores(
     time: Array, trial: Array, model: Array, early: NDArray[np.bool_] | None = None, *, iso: bool = True
 ) -> dict[str, float]:
-    """Every score of `SCORES`, and ``iso_shift_s``.
+    """Every score of `SCORES` and ``iso_shift_s`` by name, of a curve ``model`` against ``trial``, (n,) rad, NaN where
+    lost; ``early`` (n,): mask of the samples before the impact. NaN where it cannot be stated, the ISO-style ones also
+    without ``iso``.
 
     Parameters
     ----------

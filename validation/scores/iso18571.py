@@ -41,8 +41,10 @@ class IsoScore:
 
 
 def iso_score(test: Array, cae: Array, step_s: float) -> IsoScore:
-    """ISO/TS 18571 ratings of a predicted curve ``cae`` against the measured ``test``, each (n,), n ≥ 9, finite,
-    sampled every ``step_s`` seconds."""
+    """ISO/TS 18571 ratings, 0 to 1 (1 is best), and shift in samples (positive: late) of a predicted curve ``cae``
+    against the measured ``test``, each (n,), n ≥ 9, sampled every ``step_s`` s; raises ValueError where one is shorter
+    or not finite.
+    """
     t, c = np.ascontiguousarray(test, dtype=float), np.ascontiguousarray(cae, dtype=float)
     if t.ndim != 1 or t.shape != c.shape or t.size < FEWEST_SAMPLES:
         raise ValueError(
@@ -63,8 +65,9 @@ def iso_score(test: Array, cae: Array, step_s: float) -> IsoScore:
 
 
 def corridor_score(t: Array, c: Array) -> float:
-    """Mean rating, 0 to 1, of the distance of the prediction ``c`` from the test ``t`` between an inner and an outer
-    corridor."""
+    """Mean corridor rating, 0 to 1, of a prediction ``c`` (n,) against the test ``t`` (n,): 1 where they differ by less
+    than 5 % of the largest magnitude of ``t``, 0 beyond 50 %, quadratic between.
+    """
     top = float(np.abs(t).max())
     inner, outer = INNER * top, OUTER * top
     error = np.abs(t - c)
@@ -83,10 +86,11 @@ TIE = 1e-12
 
 
 def find_best_shift(t: Array, c: Array) -> int:
-    """Shift of highest correlation, in samples, positive when the prediction ``c`` is later than the test ``t``.
+    """Shift of highest correlation of a prediction ``c`` (n,) with the test ``t`` (n,), in samples, a fifth of n at
+    most, positive when ``c`` is later; of equal ones the smallest.
 
-    Of equal ones the smallest, late before early. All correlations come from one Fourier transform, those that may be
-    the highest then from the samples themselves.
+    Of equal ones a late shift comes before an early one. All correlations come from one Fourier transform, those that
+    may be the highest then from the samples themselves.
     """
     shifts = np.arange(1, int(LARGEST_SHIFT * t.size) + 1)
     shifts = np.concatenate([[0], np.column_stack([shifts, -shifts]).ravel()])
@@ -150,7 +154,8 @@ def _magnitude_error(t: Array, c: Array) -> float:
 
 @njit(cache=True, nogil=True)
 def _warp(a: Array, b: Array, window: int) -> tuple[float, float]:
-    """Sum of |a − b| and of |b| along the cheapest warping path within a band (squared distance, equal steps).
+    """Sums of |a − b| and of |b| along the warping path of least squared distance between ``a`` and ``b`` (n,), which
+    deviates by ``window`` samples at most (dynamic time warping, equal steps).
 
     Cells are visited by diagonals i + j = s: those of one diagonal do not depend on each other, so that the compiler
     can take several at once. Costs are stored by i + 1. Cells that cost more than the path without warping lie on no

@@ -20,7 +20,9 @@ FALLS = 1e-3  # of a correlation, so that noise makes no peak
 
 
 def list_guard_notes(time: Array, trial: Array, model: Array, scores: Mapping[str, float]) -> list[str]:
-    """List the guards raised by a pair of curves and its ISO-style score.
+    """Sentences on what makes an ISO-style score doubtful (common offset, quiet ends, period, a trial that does not
+    move), in a list; ``trial``, ``model``: (n,) rad, ``scores``: as of `compute_scores`. Empty where nothing does or
+    there is no score.
 
     - *offset*: an offset common to both curves widens the corridor and raises the magnitude score;
     - *window*: quiet samples before or after the motion raise every average, and the phase score counts shifts against
@@ -55,8 +57,9 @@ def _find_offset(t: Array, extent: float) -> tuple[str, int, int, float]:
 
 
 def _find_quiet_ends(t: Array, c: Array, extent: float) -> tuple[str, int, int, float]:
-    """Note that both curves are quiet at the ends of the window (else empty), and the range of samples and zero (rad)
-    to score again."""
+    """Note that test ``t`` and prediction ``c`` (n,) are quiet at the ends of the window for over a quarter of it (else
+    empty), first sample and end of the rest, and zero, rad, to score it again with; ``extent``: range of ``t``.
+    """
     band = QUIET_SHARE * extent
     begin, end = _find_still(t, c, band), t.size - _find_still(t[::-1], c[::-1], band)
     quiet = 1 - max(end - begin, 0) / t.size
@@ -70,8 +73,9 @@ def _find_still(t: Array, c: Array, band: float) -> int:
 
 
 def _describe_periodicity(t: Array, c: Array, step: float, shift_s: float) -> str:
-    """Note that the correlation has a peak nearer than the shift found, or that this lies at the end of the search;
-    else empty."""
+    """Note that the correlation of test ``t`` and prediction ``c`` (n,) has a peak nearer than the shift ``shift_s``,
+    s, of the best one, or that this lies at the end of the search; else empty. ``step``: between samples, s.
+    """
     shift = round(shift_s / step)
     if shift == 0:
         return ""
@@ -87,7 +91,9 @@ def _describe_periodicity(t: Array, c: Array, step: float, shift_s: float) -> st
 
 
 def _climb_to_peak(t: Array, c: Array) -> int:
-    """Shift at which one arrives by climbing the correlation from no shift, in samples; positive: c is late."""
+    """Shift, in samples, of the first peak reached by climbing the correlation of test ``t`` and prediction ``c`` (n,)
+    from no shift; positive when ``c`` is late.
+    """
 
     def correlation(m: int) -> float:
         a, b = (t[: t.size - m], c[m:]) if m >= 0 else (t[-m:], c[:m])

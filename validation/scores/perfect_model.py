@@ -50,8 +50,9 @@ class Ceiling:
     nuisance: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=NUISANCE_COLUMNS))
 
     def row(self, channel: str, score: str, value_of_same: float) -> dict[str, object]:
-        """Cells of the score card: median and range over draws of a perfect model's score, their number, and how
-        ``value_of_same``, the model's score in the same trials, compares."""
+        """Cells of the score card for one channel and score: median and range over draws of a perfect model's score,
+        number of draws, and whether ``value_of_same``, the model's score in the same trials, is worse than all of them.
+        """
         known = self.scores.get((channel, score), np.empty(0))
         known = known[np.isfinite(known)]
         if not known.size:
@@ -89,10 +90,10 @@ def score_perfect_model(
     *,
     paired: bool = False,
 ) -> Ceiling:
-    """Draw the trials of a session from their predictions, and score the predictions against them.
+    """Scores of a perfect model: some trials drawn from their predictions with errors of force and sensors, pooled by
+    channel and score, one value a draw; pairs (trial, channel) ``without`` do not count. Simulates, unless stored.
 
     With ``paired`` the recorded trials are also scored against each draw, which only a comparison of models needs.
-    ``without``: (trial number, channel) of what is left out.
     """
     chosen = chosen_trials(trials, without)
     seed = session_seed(trials)
@@ -130,7 +131,9 @@ def _score_draws(
     draws: Sequence[JointDraw],
     paired: bool,
 ) -> list[list[dict[str, dict[str, float]]]]:
-    """Scores by name of each trial in each draw by channel; no channel where the draw cannot be run."""
+    """Scores of the predictions against drawn trials, nested trial → draw → channel → score; a draw that cannot be run
+    is empty. With ``paired`` also the recorded trials' scores against the draw, named ``moved_…``.
+    """
     times = [np.unique(np.concatenate([c.time_s for c in curves])) if curves else np.empty(0) for _, curves in trials]
 
     def scores(i: int, read: Array) -> dict[str, dict[str, float]]:
@@ -150,7 +153,9 @@ def _score_draws(
 
 
 def _select_curves(m: MeasuredTrial, traces: SessionTraces, without: Collection[tuple[int, str]]) -> list[_Curve]:
-    """Measured and predicted curves, rad, of a trial's channels in the window, but for those of ``without``."""
+    """Measured and predicted curves, rad, of a trial's encoders and film inside the window, one a channel, with times,
+    lost samples and those before the impact; without the pairs (trial, channel) ``without``.
+    """
     out = []
     for names, source in CHANNEL_GROUPS:
         frame = traces.select_source(source).get(m.number)

@@ -46,7 +46,9 @@ def score_session(predicted: PredictedSession, events: SessionEvents, store: Res
 
 
 def trace_session(predicted: PredictedSession, events: SessionEvents) -> SessionTraces:
-    """Traces of every trial."""
+    """Tables of measured and predicted curves of every trial, by number, on encoder and film times, with the evaluation
+    window and the times of the string impacts.
+    """
     encoder, film = {}, {}
     for m in predicted.trials:
         p = predicted.predictions[m.number]
@@ -61,8 +63,10 @@ def trace_session(predicted: PredictedSession, events: SessionEvents) -> Session
 def score_curves(
     traces: SessionTraces, u_encoder: dict[int, Array], channels: dict[int, tuple[str, ...]], store: ResultStore
 ) -> pd.DataFrame:
-    """One row of scores for each trial and channel that is compared, inside the window, with the rivals' scores;
-    ``u_encoder`` (3,), rad, and ``channels`` by trial number."""
+    """Table with a row for each trial and channel compared: scores inside the window of the model and its rivals;
+    ``u_encoder``: u of key, whippen and hammer, rad, ``channels``: names compared, both by trial number. Kept in
+    ``store``.
+    """
     jobs = [
         (number, name, i, source, frame)
         for names, source in CHANNEL_GROUPS
@@ -100,7 +104,9 @@ def score_curves(
 def _score_with_rivals(
     time: Array, trial: Array, model: Array, rivals: dict[str, Array], early: NDArray[np.bool_]
 ) -> dict[str, object]:
-    """Scores by name of one curve (n,), rad, against the model's and the rivals'; ``early``: before the impact."""
+    """Scores by name of the curve ``model`` against ``trial``, (n,) rad, and of each of the ``rivals`` (n,), whose
+    names lead theirs, with notes on the ISO-style score; ``early``: mask of the samples before the impact.
+    """
     whole = score_curve(time, trial, model)
     scores = compute_scores(time, trial, model, early)
     beside = ("bias_rad", "scatter_rad", "largest_rad", "largest_at_s", "n", "n_lost")

@@ -36,7 +36,9 @@ CONTACTS = {
 
 
 def find_contact_times(m: MeasuredTrial, events: dict[str, Event], channel: str) -> list[float]:
-    """Times at which the speed of a channel may jump, s, increasing."""
+    """Times, s, increasing, at which the body of ``channel`` (key, whippen or hammer) is struck, stopped or leaves the
+    string, so that its speed may jump; ``events``: the trial's, by name.
+    """
     times = [events[name].value for name in CONTACTS[channel] if np.isfinite(events[name].value)]
     if channel == "hammer":
         leaves = up_crossings(m.time_s, m.motion.hammer_height_m, 0.0)
@@ -56,8 +58,9 @@ def _slope_weights(window: int) -> Array:
 
 
 def _fit_slopes(values: Array, window: int) -> tuple[Array, Array]:
-    """Slope (n,) per sample of one stretch of samples (n,), and the factor (n,) by which the samples' noise enters
-    it."""
+    """Slope (n,), per sample, of ``values`` (n,) by cubics fitted over ``window`` (odd, n at most) samples, one-sided
+    at the ends, and the factor (n,) by which the noise of a sample enters it.
+    """
     weights, half = _slope_weights(window), window // 2
     gain = np.linalg.norm(weights, axis=1)
     slope, factor = np.empty(values.size), np.full(values.size, gain[half])
@@ -70,7 +73,8 @@ def _fit_slopes(values: Array, window: int) -> tuple[Array, Array]:
 def differentiate_between_contacts(
     time_s: Array, angle_rad: Array, contact_s: list[float], u_sample_rad: float
 ) -> tuple[Array, Array]:
-    """Speed and its standard uncertainty, rad/s, from samples on the same side of every contact.
+    """Speed (n,), rad/s, of ``angle_rad`` (n,) and its standard uncertainty (n,), from samples on the same side of
+    every contact at ``contact_s``, s, increasing; NaN where fewer than five lie between two.
 
     Conventions: rad/s, positive counter-clockwise, on the DAQ's sample times; NaN where fewer than five samples lie
     between two contacts. Source: a cubic fitted to 21 samples (Savitzky–Golay; shorter where a stretch is shorter),
@@ -104,7 +108,9 @@ def differentiate_between_contacts(
 
 
 def make_speed_table(m: MeasuredTrial, events: dict[str, Event]) -> pd.DataFrame:
-    """Speeds of key, whippen and hammer with their uncertainty: ``<channel>_rad_per_s``, ``<channel>_u_rad_per_s``."""
+    """Table of angular speeds of key, whippen and hammer at the trial's sample times: ``time_s`` and, for each,
+    ``<channel>_rad_per_s`` and standard uncertainty ``<channel>_u_rad_per_s``; counter-clockwise is positive.
+    """
     columns = {"time_s": m.time_s}
     for i, name in enumerate(ENCODER_CHANNELS):
         speed, u = differentiate_between_contacts(
@@ -142,7 +148,10 @@ class SessionTraces:
 def make_trace_table(
     m: MeasuredTrial, p: PredictedTrial, lifts: Sequence[KeyLift], speeds: pd.DataFrame
 ) -> pd.DataFrame:
-    """Force, angles, speeds and predicted angles of one trial on the DAQ's sample times; lifts of the key flagged."""
+    """Table of one trial at the DAQ's sample times: raw and corrected force, measured, predicted and rivals' angles
+    since rest, rad, ``speeds`` as of `make_speed_table`; samples inside ``lifts`` of the key are True in
+    ``key_marked``.
+    """
     columns: dict[str, NDArray[Any]] = {
         "time_s": m.time_s,
         "raw_force_n": m.raw_force_n,
@@ -160,7 +169,9 @@ def make_trace_table(
 
 
 def make_film_trace_table(m: MeasuredTrial, p: PredictedTrial) -> pd.DataFrame | None:
-    """Film angles, their uncertainty and predicted angles on the film's frame times; None when not filmed."""
+    """Table of one trial at the film's frame times: angles of jack and repetition lever relative to the whippen, their
+    standard uncertainty, the predicted and the rivals' ones, rad since rest; None when not filmed.
+    """
     if m.film is None:
         return None
     columns = {"time_s": m.film.time_s}

@@ -88,7 +88,9 @@ NOT_MADE = undecided_verdict("the uncertainties were not drawn")
 
 
 def rows(comparison: Comparison) -> pd.DataFrame:
-    """Repeatability and difference of every channel, its scores, and its skill against the best rival."""
+    """Table with the columns `COLUMNS`, a row for each channel: repeatability, difference from the model, scores, and
+    skill against the best rival.
+    """
     skill = comparison.rivals.skill
     table = add_scores(
         summary(comparison)[0], comparison.scored.scores, comparison.table("scorecard"), comparison.without
@@ -103,8 +105,9 @@ def rows(comparison: Comparison) -> pd.DataFrame:
 
 
 def summary(comparison: Comparison) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Channel summary without scores, and mean, s_r, bands and difference of each channel over time; made once and kept
-    in ``comparison.made``."""
+    """Table of the channels without scores, a row each, and table of mean, s_r, bands and difference of every channel
+    over time, rad; made once and kept in ``comparison.made``.
+    """
     c = comparison
     if "spread" not in c.made:
         u_sample = c.table("uncertainty").groupby("channel")["u_rad"].mean().to_dict()
@@ -123,11 +126,12 @@ def channel_tables(
     verdict: Verdict = NOT_MADE,
     kinds: Sequence[Collection[int]] = (),
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Channel summary without scores; mean, s_r, bands and paired difference over time, per channel.
+    """Table of the channels without scores, a row each, and table of each one's mean, s_r, bands and difference over
+    time, rad; ``u_sample``: by channel, rad, ``without``: pairs (trial, channel) not pooled, ``kinds``: trial numbers
+    of each kind of stroke.
 
-    ``u_sample`` is the standard uncertainty of one sample by channel; ``without`` the trials and channels not
-    pooled; ``verdict`` holds what the difference may be by chance; ``kinds`` the trials of each kind of
-    stroke, where there are two.
+    ``u_sample`` is the standard uncertainty of one sample; ``verdict`` holds what the difference may be by chance;
+    ``kinds`` is given where there are two or more.
     """
     base = traces.base_s
     rows: list[dict[str, object]] = []
@@ -158,7 +162,9 @@ def _summarise_channel(
     verdict: Verdict,
     kinds: Sequence[Collection[int]],
 ) -> tuple[dict[str, object], dict[str, Array]]:
-    """Row of one channel, and its curves for the spread table; frames by trial, ``u`` of a sample in rad."""
+    """Row by column of one channel, and its curves (n,), rad, for the table over time; ``base``: times (n,), s,
+    ``frames``: traces by trial number, ``u``: of a sample, rad, ``kinds``: trial numbers of each kind of stroke.
+    """
     curves = interpolate_to_base(base, frames, f"{name}_measured_rad")
     apart = interpolate_to_base(base, frames, f"{name}_predicted_rad") - curves
     mean, u_mean, judged = _mean_difference(base, apart, verdict, name)
@@ -202,8 +208,9 @@ COVERAGE = 1.96
 
 
 def _mean_difference(base: Array, apart: Array, verdict: Verdict, name: str) -> tuple[Array, Array, dict[str, object]]:
-    """Mean (n,) at times ``base`` of ``apart``, model − trial (n, trials), its standard uncertainty (n,), and cells of
-    the channel table; NaN where not known."""
+    """Mean (n,), rad, over trials of ``apart``, model − trial (n, trials), at times ``base`` (n,), s, its standard
+    uncertainty (n,), and cells of the channel ``name`` by column; NaN where not known, u wherever nothing was drawn.
+    """
     known = np.isfinite(apart).any(axis=1)
     mean, u = np.full((2, base.size), np.nan)
     row: dict[str, object] = dict.fromkeys(NAMES[-5:], np.nan)
@@ -231,7 +238,9 @@ def _mean_difference(base: Array, apart: Array, verdict: Verdict, name: str) -> 
 
 
 def _explain_missing(curves: Array) -> str:
-    """Reason why a channel has no repeatability; empty where it has one."""
+    """Reason why ``curves`` (n_samples, n_trials) have no repeatability or band: no frame tracked, one trial, too few
+    for a band; empty where they have both.
+    """
     if not np.isfinite(curves).any():
         return "no frame tracked"
     n = curves.shape[1]
@@ -243,7 +252,9 @@ def _explain_missing(curves: Array) -> str:
 def add_scores(
     channels: pd.DataFrame, scores: pd.DataFrame, scorecard: pd.DataFrame, without: LeftOut = ()
 ) -> pd.DataFrame:
-    """Copy of the channel table with RMSE, ISO score, their null model's, ceiling, and RMSE over range and over s_r."""
+    """Copy of the table ``channels`` with RMSE, ISO-style score, those of null and perfect model, and RMSE over range
+    and over s_r, from the tables ``scores`` and ``scorecard``; pairs (trial, channel) ``without`` do not count.
+    """
     counts = [pair not in without for pair in zip(scores["trial"], scores["channel"], strict=True)]
     rms = scores[counts].groupby("channel")["rmse_rad"].agg(lambda v: float(np.sqrt(np.mean(np.square(v)))))
     overall = scorecard[scorecard["score"] == "iso_overall"].set_index("channel")

@@ -19,7 +19,9 @@ from validation.tables.table import OF_ROW, UNIT, Column, Page, Row, Table
 
 
 def _count_words(column: str) -> Callable[[Row], str]:
-    """Formatter of a table cell: in how many trials of a row the event was found."""
+    """Formatter of a table cell: how many of a row's trials have the event, by the count in ``column``, with the
+    ambiguous ones where that is ``found_model``.
+    """
 
     def cell(row: Row) -> str:
         if not row["n_trials"]:
@@ -65,7 +67,8 @@ SEED = 2008
 
 
 def area_metric(model: Array, trial: Array) -> float:
-    """Area between two empirical distribution functions; NaN values are left out.
+    """Area between the empirical distribution functions of two samples (n,) and (m,), in their unit, 0 where they are
+    equal; NaN values are left out, NaN with fewer than two values in either.
 
     Conventions: in the unit of the event; the area between the two empirical distribution functions. Source: Ferson,
     Oberkampf and Ginzburg (2008); for equally many values it is the mean distance of the sorted values. Few trials put
@@ -80,7 +83,8 @@ def area_metric(model: Array, trial: Array) -> float:
 
 @lru_cache(maxsize=256)
 def area_floor(n_model: int, n_trial: int) -> tuple[float, float]:
-    """Mean and 95th percentile of the area metric of a perfect model, over the standard deviation of the trials.
+    """Mean and 95th percentile, over the standard deviation of the trials, of the area metric of a model without error
+    with ``n_model`` predictions and ``n_trial`` trials; simulated with a fixed seed. NaN where either is below two.
 
     >>> [round(v, 1) for v in area_floor(5, 5)]
     [0.7, 1.3]
@@ -93,8 +97,9 @@ def area_floor(n_model: int, n_trial: int) -> tuple[float, float]:
 
 
 def _area_between_distributions(model: Array, trial: Array) -> Array:
-    """Area (k,) between the empirical distribution functions of each row of ``model`` (k, n) and of ``trial`` (k,
-    m)."""
+    """Area (k,) between the empirical distribution functions of row i of ``model`` (k, n) and row i of ``trial`` (k,
+    m), in their unit.
+    """
     values = np.concatenate([model, trial], axis=1)
     order = np.argsort(values, axis=1, kind="stable")
     of_model = order < model.shape[1]
@@ -104,10 +109,9 @@ def _area_between_distributions(model: Array, trial: Array) -> Array:
 
 
 def event_summary(trial: dict[int, dict[str, Event]], model: dict[int, dict[str, Event]]) -> Iterator[dict[str, Any]]:
-    """Yield one row an event: its presence, means, and paired differences (model − trial) where both have it;
-    arguments: trial number → event name → event.
-
-    An event that a trial leaves out does not count in it.
+    """Yield for each event a row by column: in how many trials and predictions it happened, means, and paired
+    differences model − trial where both have it; arguments: trial number → event name → event. Events missing from
+    ``trial`` do not count.
     """
     for name, kind in EVENTS.items():
         t = [events[name] for events in trial.values() if name in events]

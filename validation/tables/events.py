@@ -35,7 +35,9 @@ def rows(comparison: Comparison) -> list[dict[str, Any]]:
 def event_rows(
     trial: Mapping[int, Mapping[str, Event]], model: Mapping[int, Mapping[str, Event]]
 ) -> Iterator[dict[str, Any]]:
-    """Yield one row a trial, source and event; an event that did not happen is NaN, and its ``status`` says so."""
+    """Yield a row by column for each trial, source (``trial``, then ``model``) and event: value, u, unit, status and
+    note; arguments: trial number → event name → event. The value of an event that did not happen is NaN.
+    """
     for source, events in (("trial", trial), ("model", model)):
         for number, found in events.items():
             for e in found.values():

@@ -17,7 +17,9 @@ SETS = {"before": "before", "identified": "identified", "null model": "null", "s
 
 
 def _score(column: str) -> Callable[[Row], str]:
-    """Formatter of a table cell: the RMS error of ``column`` in the unit shown."""
+    """Formatter of a table cell: the root mean square error ``<column>_rms`` of a row in the unit shown, with the
+    number of trials that have the event where not all do; a dash where it is NaN.
+    """
 
     def cell(row: Row) -> str:
         value, both = row[f"{column}_rms"], row[f"{column}_both"]
@@ -51,7 +53,9 @@ COLUMNS = (
 
 
 def rows(found: Any) -> Iterator[dict[str, object]]:
-    """Rows of event and angle scores of each set of trials of an identification."""
+    """Yield rows by column of the errors of events and angles, of each set of trials of an identification ``found``: of
+    values before, identified, null model and scatter.
+    """
     for name, curves in found.scores.items():
         events = found.events.get(name, {})
         for event in next(iter(events.values()), {}):

@@ -61,7 +61,8 @@ def rows(comparison: Comparison) -> list[dict[str, Any]]:
 
 
 def inside_rows(predicted: PredictedSession, tested: ModelUnderTest, *, is_drawn: bool) -> list[dict[str, Any]]:
-    """Rows of the largest loads and losses of a prediction; none for a stand-in, nor where the key drives.
+    """Rows by column of the largest loads, deformations and energies in the predicted blow of the trial of median peak
+    force, with u where ``is_drawn``; empty for a stand-in or where the key drives. Simulates, unless stored.
 
     Standard uncertainties, where they are drawn, are those of `OWN_DRAWS` draws of force and parameters
     (`validation.prediction.joint_draws`).
@@ -79,8 +80,9 @@ def inside_rows(predicted: PredictedSession, tested: ModelUnderTest, *, is_drawn
 
 
 def _make_rows(tested: ModelUnderTest, m: MeasuredTrial, draws: Sequence[JointDraw]) -> Iterator[dict[str, Any]]:
-    """Yield rows of the largest loads and losses of a trial, with standard uncertainties by simulating it in every
-    draw."""
+    """Yield rows by column of the largest loads, deformations and energies of a trial's predicted blow, with standard
+    uncertainties by simulating it in each of the ``draws`` (NaN without any).
+    """
     force, at = m.force, m.force.time_s  # the force bends there, and integrals stop at bends and outputs
     blow = tested.simulate(
         tested.action, force.time_s, force.force_n, tolerance=tested.tolerance, output_time_s=at,
@@ -110,7 +112,9 @@ def _energies(audit: model.EnergyAudit) -> dict[str, float]:
 
 
 def _list_parts(action: model.Action, blow: model.Solution) -> Iterator[tuple[str, dict[str, Any]]]:
-    """(name, row) of a blow's energies, contacts, joints and effects."""
+    """Yield name and row by column of each energy (J), contact, joint (N, J) and moving part (m) of a blow simulated
+    with inner forces and energy.
+    """
     seen, time = blow.inside, blow.time_s
     assert seen is not None and blow.energy is not None
     for name, energy in _energies(blow.energy).items():

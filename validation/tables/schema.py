@@ -132,7 +132,7 @@ EVENT = {
 
 
 def results_schema() -> dict[str, Any]:
-    """Return the JSON Schema (2020-12) of ``results.json``: every field with its type, unit and meaning.
+    """JSON Schema (2020-12), as plain values, of ``results.json``: every field with its type, unit and meaning.
 
     Returns
     -------

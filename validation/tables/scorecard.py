@@ -58,7 +58,8 @@ def rows(comparison: Comparison) -> list[dict[str, Any]]:
 def scorecard(
     scores: pd.DataFrame, traces: SessionTraces, ceiling: Ceiling = NO_CEILING, without: LeftOut = ()
 ) -> Iterator[dict[str, Any]]:
-    """Every score beside its ceiling, the null model, and the raw force; what cannot be stated is NaN.
+    """Yield a row by column for each channel and score: the model's value pooled over trials, that of a perfect model,
+    of the null model and under the raw force, NaN where not known; pairs (trial, channel) ``without`` do not count.
 
     Conventions: scores of several trials are pooled without those whose encoder is wired wrong. The *ceiling* is what a
     perfect model would score that knows each trial's force as well as it was measured

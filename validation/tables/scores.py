@@ -65,7 +65,8 @@ def rows(comparison: Comparison) -> pd.DataFrame:
 
 
 def add_repeatability(scores: pd.DataFrame, channels: pd.DataFrame, without: LeftOut = ()) -> pd.DataFrame:
-    """Scores with the RMSE over the channel's s_r, and whether figures of several trials count each row.
+    """Copy of the table ``scores`` with ``rmse_over_s_r``, by the ``s_r_rad`` of the table ``channels``, and
+    ``pooled``: whether figures of several trials count the row, which pairs (trial, channel) ``without`` do not.
 
     The column ``pooled`` is the one place where that is decided: every figure of several trials reads it.
     """

@@ -79,7 +79,9 @@ class Column:
         return f"{self.head} ({unit})" if unit and self.text is None else self.head
 
     def cell(self, row: Row) -> str:
-        """Text of this column's cell of a row."""
+        """Text of this column's cell of a row (by column name), in the unit shown, with its uncertainty where the
+        column has one; a dash where the value is missing.
+        """
         if self.text is not None:
             return self.text(row)
         value = row[self.name]
@@ -207,8 +209,9 @@ def page_table(table: Table, page: Page, results: Sequence[ValidationResult], pr
 def make_page_table(
     table: Table, page: Page, rows: Sequence[tuple[str, Row]], named: bool = False, prefix: str = ""
 ) -> PageTable | None:
-    """Table of text from rows, less columns without a value; each row with the name of its model, which stands in the
-    first column where ``named``; None without rows."""
+    """Table of text from ``rows``, pairs of model name and row, less columns without any value; the model's name stands
+    first where ``named``, ``prefix`` leads the table's id. None without rows.
+    """
     if not rows:
         return None
     columns = [c for c in table.columns if (c.name in page.columns if page.columns else c.head)]

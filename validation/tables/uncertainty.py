@@ -32,7 +32,9 @@ def rows(comparison: Comparison) -> list[dict[str, Any]]:
 def uncertainty_rows(
     measurements: Sequence[MeasuredTrial], film: Mapping[int, pd.DataFrame]
 ) -> Iterator[dict[str, Any]]:
-    """Rows of the uncertainty budget: encoders by step, stated u and u of scale; film as tracked."""
+    """Yield rows by column for each trial and channel: u by the sensor's step and u of a sample, rad, relative u of the
+    scale; of films, whose tables are in ``film`` by trial number, the median u over frames alone.
+    """
     names = [column.name for column in COLUMNS]
     for m in measurements:
         steps = m.resolution_rad / np.sqrt(12)

@@ -42,7 +42,9 @@ def five_angles(view: SessionView) -> list[tuple[str, str, bool]]:
 
 
 def angles_svg(results: Sequence[ValidationResult]) -> str:
-    """The five angles of a session, one result for each model, as text of an SVG file."""
+    """Text of an SVG file with the five angles of a session, measured and predicted, in degrees, and below model −
+    trial; ``results``: of one session, one for each model.
+    """
     view = SessionView(tuple(results))
     chart = Chart(
         (WIDTH + 12) * len(BODIES), HEIGHT + 20, ROWS, len(BODIES), 30, 6, 41, 27, 20, 32, FONT
@@ -55,7 +57,9 @@ def angles_svg(results: Sequence[ValidationResult]) -> str:
 
 
 def band_words(view: SessionView) -> str:
-    """Half width of the 95 % band of each measured angle, in degrees, at its widest; empty where none was drawn."""
+    """Text with the largest half width, in degrees, of the 95 % interval of the mean difference of each angle; empty
+    where none was drawn.
+    """
     parts = []
     for channel in BODIES:
         reach = spread_of(view.first, channel, "difference_u95")
@@ -80,7 +84,9 @@ def _picture(view: SessionView, channel: str) -> str:
 
 
 def _draw(top: Panel, low: Panel, view: SessionView, channel: str) -> None:
-    """Draw one body's angle, measured and predicted, into ``top`` and model − trial into ``low``."""
+    """Draw into ``top`` the rotation of the body ``channel``, measured in all trials and predicted, and into ``low``
+    model − trial, in degrees with the thesis's signs; sets the panels' axes and titles.
+    """
     first = view.first
     base, color = first.base_s, BODY_COLORS[channel]
     measured = curves_of(first, channel, "measured")
@@ -117,7 +123,9 @@ def _draw(top: Panel, low: Panel, view: SessionView, channel: str) -> None:
 
 
 def _words(view: SessionView, channel: str) -> str:
-    """Text alternative of a channel's picture."""
+    """Text alternative of the picture of the body ``channel``: its largest mean difference from the trials, in degrees,
+    with its time, for each model, and the limit of relevance.
+    """
     said = []
     for name, result in zip(view.names, view.results, strict=True):
         difference = _mean(_difference(result, channel))

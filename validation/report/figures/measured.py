@@ -45,7 +45,8 @@ CHARTS = ("hammer_speed", "check_height", "key_release")
 
 
 def control_charts(view: SessionView) -> ReportFigure | None:
-    """Peak force, RMSE of the hammer and three events of every trial over its number; None below `FEWEST` trials.
+    """Control charts over the trial number of peak force, hammer RMSE and three events, with limits at mean ± 2.66
+    times the mean difference of neighbours; None with fewer than six trials.
 
     Individuals chart: centre line the mean, limits mean ± 2.66 times the mean difference of neighbouring trials; from
     `FEWEST` trials on, because from fewer the limits mean nothing. Source: Shewhart; ISO 7870-2.
@@ -92,7 +93,9 @@ def _select_event(events: pd.DataFrame, name: str) -> tuple[Array, Array]:
 
 
 def _draw_chart(panel: Panel, trials: Array, values: Array) -> list[int]:
-    """Draw one control chart; returns the numbers of the trials beyond its limits."""
+    """Draw one control chart of ``values`` (n,) over the trial numbers ``trials`` (n,) into a panel; returns the
+    numbers of the trials beyond its limits, empty below six trials.
+    """
     mean, reach = _limits(values)
     panel.level(mean, Pen(FORCE, 0.9))
     beyond = np.zeros(values.size, dtype=bool)
@@ -108,7 +111,9 @@ def _draw_chart(panel: Panel, trials: Array, values: Array) -> list[int]:
 
 
 def force_from_motion(view: SessionView, i: int) -> ReportFigure:
-    """Measured force, and the force the i-th model needs for the measured motion of the key."""
+    """Figure of the measured force, N, and of the force that the i-th model needs for the measured motion of the key,
+    with its uncertainty, and their difference; that model's result must have a motion trace.
+    """
     result = view.results[i]
     trace, row = result.motion_trace, result.motion_driven.iloc[0]
     assert trace is not None
@@ -136,7 +141,7 @@ def force_from_motion(view: SessionView, i: int) -> ReportFigure:
 
 
 def force_of_all_trials(view: SessionView) -> ReportFigure:
-    """Corrected force of every trial (thesis 3.9)."""
+    """Figure of the corrected force, N, of every trial over time, of many their quantiles (thesis 3.9)."""
     result = view.first
     curves = np.column_stack([force_on_base(result.base_s, frame) for frame in result.traces.values()])
     chart = Chart(WIDTH, 216)
@@ -155,7 +160,9 @@ def _quantiles(curves: Array) -> str:
 
 
 def rotation_of_all_trials(view: SessionView, channel: str) -> ReportFigure:
-    """One measured body of every trial, with s_r(t) below (thesis 3.10–3.12)."""
+    """Figure of the measured rotation of the encoder body ``channel`` in all trials, degrees, with the 95 % band of
+    their mean, and below s_r(t) (thesis 3.10–3.12).
+    """
     result, color = view.first, BODY_COLORS[channel]
     base, curves = result.base_s, curves_of(result, channel, "measured")
     chart = Chart(WIDTH, 245, rows=(3, 1))

@@ -58,7 +58,7 @@ THESIS = {
 
 
 def force_of_one_trial(view: SessionView) -> ReportFigure:
-    """Corrected and raw force of one trial (thesis 4.1, 4.5, 4.12)."""
+    """Figure of the force of the shown trial over time, N, as recorded and corrected (thesis 4.1, 4.5, 4.12)."""
     result, trial = view.first, view.shown_trial()
     f = window(result, result.traces[trial])
     chart = Chart(WIDTH, 216, top=LETTERS)
@@ -75,7 +75,9 @@ def force_of_one_trial(view: SessionView) -> ReportFigure:
 
 
 def model_against_trial(view: SessionView, channel: str) -> ReportFigure:
-    """One body of one trial with every prediction, and the residuals of all trials (thesis 3.13, 4.2–4.15)."""
+    """Figure of the body ``channel`` in the shown trial with every model's prediction, degrees, and below, for each
+    model, model − trial of all trials (thesis 3.13, 4.2–4.15).
+    """
     result = view.first
     trial = view.shown_trial(channel)
     f = window(result, traces_of(result, channel)[trial])
@@ -116,7 +118,9 @@ def model_against_trial(view: SessionView, channel: str) -> ReportFigure:
 
 
 def trial_words(view: SessionView, channel: str, trial: int) -> str:
-    """RMSE and largest difference of one trial with every model, in a sentence."""
+    """Sentence with RMSE and largest difference, degrees, of the body ``channel`` in the trial numbered ``trial``, for
+    each model; says so where it was not compared.
+    """
     parts = []
     for name, other in zip(view.names, view.results, strict=True):
         own = other.scores[(other.scores["trial"] == trial) & (other.scores["channel"] == channel)]
@@ -149,8 +153,10 @@ def limit_of_trial(result: ValidationResult, channel: str, time: Array) -> Array
 
 
 def _residuals(panel: Panel, result: ValidationResult, channel: str, trial: int, number: int) -> float:
-    """Draw model minus trial of all trials, with the band of their mean; returns the band's largest half width,
-    degrees, 0 where there is none."""
+    """Draw model − trial of all trials of the body ``channel`` into a panel, the one numbered ``trial`` in black, with
+    the 95 % band of their mean; returns its largest half width, degrees, 0 without band. ``number``: place of the
+    model.
+    """
     base = result.base_s
     differences = differences_of(result, channel)
     draw_trials(panel, base, differences, BODY_COLORS[channel])

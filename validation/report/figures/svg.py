@@ -91,7 +91,9 @@ class Panel:
         self, x: Array, low: Array, high: Array, look: tuple[str, float] = (GREY, 0.35), label: str = "", *,
         name: str = "", columns: int = BAND_COLUMNS,
     ) -> None:  # fmt: skip
-        """Draw the area between two curves in a colour and opacity, with gaps where one is NaN."""
+        """Add the area between the curves ``low`` and ``high`` (n,) over ``x`` (n,), in colour and opacity ``look``,
+        with gaps at NaN; ``label``: in the legend, ``name``: its id for scripts, ``columns``: places it is thinned to.
+        """
         if not np.isfinite(low + high).any():
             return
         at, lower = decimate(x, low, columns=columns, keep="min")
@@ -122,7 +124,9 @@ class Panel:
             self.legend.setdefault(label, f'<rect y="-3.5" width="{HANDLE:g}" height="7" {fill}/>')
 
     def y_limits(self) -> tuple[float, float]:
-        """Limits that hold every curve, band and level, with a margin; (0, 1) where there is none."""
+        """Lower and upper limit of the vertical axis: those set, else from all curves, bands and levels with a margin
+        of 5 %; (0, 1) without any, (0.1, 1) on a logarithmic axis.
+        """
         if self.y is not None:
             return self.y
         ends = [s.y for s in (*self.shapes, *self.areas)] + [s.upper for s in self.areas if s.upper is not None]
@@ -169,10 +173,10 @@ class Chart:
         return [panel for row in self.grid for panel in row]
 
     def svg(self, key: str, title: str, description: str, window_s: tuple[float, float] | None = None) -> str:
-        """SVG text for a page: role img, title and description, unique ids, no addresses.
+        """SVG element as text for a page, with title and description for screen readers and ids led by ``key``;
+        ``window_s``: begin and end of the time axis of panels without their own, which scripts may then zoom.
 
-        Where ``window_s`` is given, it is the x axis of panels without their own, and scripts may zoom: these panels
-        stand in the attribute ``data-panels``, with their frames and limits.
+        Panels that scripts may zoom stand in the attribute ``data-panels``, with their frames and limits.
         """
         entries: dict[str, str] = {}
         for panel in self.panels:
@@ -211,7 +215,9 @@ class Chart:
         return f"{head}{end}{shown}{body}\n"
 
     def _frames(self, legend_height: float) -> Iterator[tuple[Panel, tuple[float, float, float, float], bool]]:
-        """Each panel with left, right, top and bottom of its frame, and whether its time axis is labelled."""
+        """Yield each panel, row after row, with left, right, top and bottom of its frame, points, and whether its time
+        axis is labelled; ``legend_height``: points kept free above.
+        """
         top = self.top + legend_height
         inside = self.height - top - self.bottom - self.between * (len(self.rows) - 1)
         width = (self.width - self.left - self.right - self.beside * (self.columns - 1)) / self.columns
@@ -256,7 +262,9 @@ class _Frame:
         return np.asarray(self.left + (self.right - self.left) * share / (self.x[1] - self.x[0]))
 
     def at_y(self, y: Array) -> Array:
-        """Places of y, points; infinite values stand at the edges."""
+        """Vertical places in the chart, points, downwards, of values ``y`` in the panel's unit; infinite values lie at
+        the edges, NaN and, on a logarithmic axis, values of 0 or less are NaN.
+        """
         low, high = self.y
         y = np.clip(y, low, high) if np.isinf(y).any() else y
         if self.is_log:
@@ -265,7 +273,9 @@ class _Frame:
         return np.asarray(self.bottom - (self.bottom - self.top) * (y - low) / (high - low))
 
     def draw(self, panel: Panel, is_lowest: bool) -> str:
-        """SVG text of the whole panel: curves, frame, ticks, marks, title and labels."""
+        """SVG text of a whole panel in this frame: curves, frame, ticks, marks, title and labels; ``is_lowest``:
+        whether the time axis has numbers.
+        """
         clip, width, height = f"{self.id}-clip", self.right - self.left, self.bottom - self.top
         curves = "".join(self._path(shape) for shape in (*panel.areas, *panel.shapes))
         box = f'x="{self.left:.2f}" y="{self.top:.2f}" width="{width:.2f}" height="{height:.2f}"'
@@ -296,8 +306,9 @@ class _Frame:
         return "".join(parts) + "</g>"
 
     def _path(self, shape: _Shape) -> str:
-        """SVG path of a line, of dots, or of the area between two curves; empty where a shape without a name has no
-        point."""
+        """SVG path of a shape: a line, dots, or the area up to its upper edge, with gaps at NaN; empty text for a shape
+        with neither a point nor a name.
+        """
         x, y = self.at_x(shape.x), self.at_y(shape.y)
         if shape.upper is not None:
             d = "".join(
@@ -316,7 +327,7 @@ class _Frame:
         return f'<path{named} d="{d}" {shape.attributes}{effect}/>'
 
     def _x_ticks(self, panel: Panel, is_lowest: bool) -> str:
-        """SVG text of grid lines and ticks of the time axis, with labels on the lowest panel."""
+        """SVG text of grid lines and ticks of the horizontal axis, with numbers where ``is_lowest``."""
         most = min(panel.intervals, max(1, int((self.right - self.left) / (3 * self.font))))
         text = ""
         for value, label in linear_ticks(*self.x, most, has_integers=panel.has_integers):
@@ -342,8 +353,9 @@ class _Frame:
         return text
 
     def _marks(self, panel: Panel) -> str:
-        """SVG text of a line at every mark; positions of the thesis are solid, and labelled above a panel that has
-        letters."""
+        """SVG text of a vertical line at every mark of a panel inside its time axis, solid at positions of the thesis
+        and dotted at events; the former have their letters above where the panel says so. Empty without any.
+        """
         text = ""
         for mark in panel.marks:
             if not self.x[0] <= mark.time_s <= self.x[1]:
@@ -358,7 +370,9 @@ class _Frame:
 
 
 def linear_ticks(low: float, high: float, most: int, *, has_integers: bool = False) -> list[tuple[float, str]]:
-    """Round values from low to high, at most so many intervals, each with its label."""
+    """Round values from ``low`` to ``high``, in steps of 1, 2, 2.5 or 5 times a power of ten that make ``most``
+    intervals at most, each with its label; steps are whole numbers where ``has_integers``.
+    """
     rough = max((high - low) / most, 1e-300)
     power = 10.0 ** math.floor(math.log10(rough))
     step = next((m * power for m in STEPS if m * power >= rough * (1 - 1e-9)), 10 * power)
@@ -370,7 +384,9 @@ def linear_ticks(low: float, high: float, most: int, *, has_integers: bool = Fal
 
 
 def log_ticks(low: float, high: float) -> list[tuple[float, str]]:
-    """Powers of ten from low to high; with 2 and 5 times them where there are fewer than two."""
+    """Powers of ten from ``low`` to ``high``, both above 0, each with its label; with 2 and 5 times them where fewer
+    than two lie there.
+    """
     powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     for factors in ((1,), (1, 2, 5)):
         found = [f * 10.0**p for p in powers for f in factors if low <= f * 10.0**p <= high]
@@ -385,7 +401,9 @@ def escape(text: str) -> str:
 
 
 def set_math(label: str) -> str:
-    r"""A label of ours, its formulas between dollars set with ``\theta``, subscripts of one letter and minus signs."""
+    r"""Label as SVG text, escaped; in formulas between dollar signs ``\theta``, subscripts of one letter and minus
+    signs are typeset.
+    """
     parts = html.escape(label).split("$")
     for i in range(1, len(parts), 2):
         formula = parts[i].replace(r"\theta", "θ").replace("-", "−")
@@ -407,7 +425,9 @@ def _pairs(x: Array, y: Array) -> str:
 
 
 def _legend(entries: dict[str, str], width: float) -> tuple[str, float]:
-    """One legend above all panels, in as many centred lines as it needs, and its height."""
+    """SVG text of the legend above all panels, centred in ``width`` points, in as many lines as it needs, and its
+    height, points (0 without ``entries``); ``entries``: label → SVG of its sample.
+    """
     lines: list[list[tuple[float, str, str]]] = [[]]
     filled = 0.0
     for label, handle in entries.items():
