@@ -36,7 +36,7 @@ MOST_CONDITION = 1e9  # of the scaled Jacobian: beyond it the target does not fi
 GRID_PX = 10.0  # from point to point of the block: choice
 EDGE = 0.15  # of the spanned part, that the block's middle keeps from its edge: choice
 AT_REST_PX = 0.3  # frames whose points moved less than this since the last view are averaged with it
-MAX_VIEWS = 40  # of the target that are used, spread over the film
+MAX_VIEWS = 40  # that are used, evenly spread over those found: the fit has three unknowns for each
 MISTAKEN = 3.0  # residual of a view, over the usual one, above which it is left out
 CORRELATED = 2.0
 """Neighbouring points have correlated errors: variance of the parameters over that from independent points, as found on
@@ -86,7 +86,7 @@ class Calibration:
     residual_px : float
         Root mean square distance of the points from the fitted view, per axis.
     n_points, n_views, n_frames : int
-        Points in all views; views that differ; frames in which the target was found.
+        Points in the views that were used; these views, which differ; frames in which the target was found.
     coverage : float
         Share of the picture that the points span.
     effect_rad : float
@@ -161,14 +161,15 @@ def calibrate(film: FrameSource, target: Target, every: int = 1) -> Calibration:
         n_frames += 1
         if views and np.abs(points - views[-1][0]).max() < AT_REST_PX:
             views[-1].append(points)
-        elif len(views) < MAX_VIEWS:
+        else:
             views.append([points])
     if not views:
         raise VisionInputError(
             f"{film.path}: no {target.kind} of {target.columns} x {target.rows} points found in "
             f"{len(range(0, film.n_frames, every))} frames; count inner corners, and keep all of it in view"
         )
-    seen = [np.mean(view, axis=0) for view in views]
+    used = np.linspace(0, len(views) - 1, min(len(views), MAX_VIEWS)).round().astype(int)
+    seen = [np.mean(views[i], axis=0) for i in used]
     camera, residual_px, rest = _fit_camera(film, target, seen)
     # a view in which a point was mistaken for another spoils the fit; its residual stands out
     spread = np.sqrt(np.mean(rest**2, axis=(1, 2)))

@@ -103,6 +103,20 @@ def test_parameters_lie_within_their_uncertainty(kind: str, seeds: int) -> None:
     assert np.abs(scale_z).max() < 4.0
 
 
+def test_views_of_a_long_film_are_spread_over_it() -> None:
+    """The target moves along the picture in more views than are used; those at its end are among them."""
+    lens = Projection(150, 60)
+    places = np.linspace(30.0, 119.0, 56)
+    frames = []
+    for i, x in enumerate(places):
+        picture = target_picture(lens, "checkerboard", (3, 3), 12.0, turn_rad=0.02 * (i % 3), place_px=(x, 29.5))
+        frames.append(Sensor(2.0, 8, i).expose(picture))
+    found = calibrate(ArrayFilm(np.stack(frames), 1000.0), Target("checkerboard", 3, 3, 5e-3))
+    assert found.n_frames > 40 >= found.n_views > 35
+    width, height = places[-1] - places[0] + 24.0, 24.0
+    assert found.coverage * 150 * 60 == pytest.approx(width * height, rel=0.1)
+
+
 def bar_through(lens: Projection, turn_rad: float = 0.35) -> tuple[ArrayFilm, list[Body], np.ndarray]:
     """A bar that turns about an off-centre point of the plane, filmed through a lens; its true angle."""
     body = SyntheticBody("bar", box(-40.0, -25.0, 110.0, 25.0), speckle((-46.0, -31.0, 116.0, 31.0), 5))
