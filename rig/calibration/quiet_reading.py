@@ -11,9 +11,8 @@ from rig.configuration.rig_file import RigConfig
 def read_quiet(
     backend: Backend, config: RigConfig, block_s: float, longest_s: float, take: Callable[[Block, float], bool]
 ) -> None:
-    """Read blocks of ``block_s`` without a motor task until ``take``, given each and the sample rate, has enough.
-
-    The backend is stopped safely in any case; at most ``longest_s`` are read.
+    """Read blocks of ``block_s``, the motor off, until ``take(block, sample_rate_hz)`` returns True, at most for
+    ``longest_s``; the backend is stopped safely in any case.
     """
     timing = backend.configure(config.model_copy(update={"camera": None, "watchdog": None}), None)
     rate = timing.sample_rate_hz

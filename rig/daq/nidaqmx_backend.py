@@ -153,7 +153,8 @@ class NidaqmxBackend(SafeBench, Backend):
         return Capabilities(self._name, self._simulated, description, watchdog=True, hardware=True)
 
     def identify(self, config: RigConfig) -> None:
-        """Read product, serial numbers and driver version of the rig's devices; refuse another product than stated.
+        """Read product, serial numbers and driver version of the rig's devices and keep them for `capabilities`; refuse
+        another product than the rig file states.
 
         Raises
         ------
@@ -186,7 +187,10 @@ class NidaqmxBackend(SafeBench, Backend):
         return find_devices(self._channel)
 
     def configure(self, config: RigConfig, command_v: ArrayLike | None) -> Timing:
-        """Make outputs safe, reserve channels, load the command (n,), V, start the watchdog; return the real timing."""
+        """Check the command (n,), V (None: no motor task), make the outputs safe, reserve all channels, start the
+        watchdog, load the command; return the timing that the device gave. Nothing moves; a failure leaves the bench
+        safe.
+        """
         if command_v is not None:
             command_v = as_numbers(command_v, "motor command", 1)
             tasks.check_command(config, command_v)
@@ -242,7 +246,9 @@ class NidaqmxBackend(SafeBench, Backend):
         return delay
 
     def _make_tasks(self, config: RigConfig, *, motor: bool) -> Timing:
-        """Make every task of the rig file, the motor's only if asked; return their timing. Nothing is reserved yet."""
+        """Make every task of the rig file, the motor's only if ``motor``, reserving nothing; return the timing that the
+        device gave. Refuse a sample rate that the device does not have.
+        """
         frame_rate_hz = first_pulse_s = None
         with translate_faults("configure", config.force.channel):
             inputs = tasks.inputs_task(self._tasks.make, config)
@@ -271,7 +277,9 @@ class NidaqmxBackend(SafeBench, Backend):
         return Timing(rate, config.force.group_delay(rate), frame_rate_hz, first_pulse_s, force_device_scaling=scaling)
 
     def arm(self, *, enable_drive: bool = True) -> None:
-        """Start all slaves, which wait for the master's clock and trigger; enable the drive last, at 0 V."""
+        """Start all tasks but the master, on whose clock and trigger they wait; enable the drive last, at 0 V, where
+        there is a motor task and ``enable_drive`` is true. A failure leaves the bench safe.
+        """
         config = self._require_configured()
         with self._safe_on_failure():
             for name in self._tasks:

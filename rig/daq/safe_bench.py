@@ -48,7 +48,9 @@ _LEFT_OPEN: list[WatchdogTask] = []
 
 
 def make_watchdog(channel: grpc.Channel | None, config: RigConfig) -> WatchdogTask:
-    """Make a rig's watchdog timer, not started, with its outputs' safe states; errors are those of ``nidaqmx``."""
+    """Make a rig's watchdog timer, not started; on expiry the motor goes to 0 V and the drive-enable line low, as far
+    as the timer reaches. ``channel`` None is this computer's driver; errors are those of ``nidaqmx``.
+    """
     timeout_s = config.watchdog.timeout_s if config.watchdog else 0.5
     options = session_options(channel, WATCHDOG, NEW)
     timer = WatchdogTask(config.device.name, WATCHDOG, timeout=timeout_s, grpc_options=options)

@@ -93,7 +93,9 @@ class TaskSet:
             self.clear(name)  # e.g. a generation that failed reports it when it is stopped
 
     def clear(self, name: str) -> None:
-        """Clear a task; when the driver refuses it is tried again before another of the name is made."""
+        """Clear the task of this name, if any, and forget it; where the driver refuses the error is raised, and its
+        session is ended before another of the name is made.
+        """
         task = self._tasks.pop(name, None)
         if task is not None:
             self._left.add(name)
@@ -116,7 +118,9 @@ MASTER = "force"
 
 
 def inputs_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
-    """AI on load cell and further channels, in this order: the master, whose clock goes out to wired devices."""
+    """Make the master task, by ``new_task`` from its name: analog inputs of the load cell, then of the further
+    channels, continuous on its own clock, which is exported to devices joined by a wire.
+    """
     task = force_task(new_task, config)
     for further in config.channels:
         ends_v = _interpolate_line(np.array([further.least, further.most]), further.physical, further.electrical)
@@ -128,7 +132,9 @@ def inputs_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
 
 
 def force_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
-    """AI on the load cell alone, continuous, on its own clock."""
+    """Make the task of the load cell's analog input alone, in N for a bridge and V for a voltage, continuous on its own
+    clock; unread samples are never overwritten.
+    """
     task = new_task(MASTER)
     force = config.force
     if force.kind == "bridge":
@@ -221,7 +227,9 @@ def encoder_task_name(encoder: EncoderConfig) -> str:
 
 
 def encoder_task(new_task: NewTask, config: RigConfig, encoder: EncoderConfig) -> nidaqmx.Task:
-    """One counter on one encoder: X4 ticks, latched on the AI sample clock from the AI start trigger on."""
+    """Make the task of one encoder's counter, X4 ticks of its A and B terminals, latched on the AI sample clock and
+    armed by the AI start trigger where that reaches its device.
+    """
     task = new_task(encoder_task_name(encoder))
     channel = task.ci_channels.add_ci_ang_encoder_chan(
         encoder.counter,
@@ -265,7 +273,9 @@ def _latch_on_ai(task: nidaqmx.Task, config: RigConfig, counter: str) -> None:
 
 
 def motor_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
-    """AO of the motor's command, which :func:`prepare_command` and :func:`load_command` give it."""
+    """Make the task of the motor's analog output, V, within the rig file's voltage limit, without clock or samples;
+    `prepare_command` and `load_command` give it these.
+    """
     task = new_task(MOTOR)
     limit = config.motor.voltage_limit_v
     task.ao_channels.add_ao_voltage_chan(
@@ -321,7 +331,9 @@ def camera_task(new_task: NewTask, config: RigConfig, camera: CameraConfig) -> t
 
 
 def edge_task(new_task: NewTask, config: RigConfig, counter: str, terminal: str) -> nidaqmx.Task:
-    """One counter counting rising edges on a terminal, latched on the AI sample clock from the AI start trigger on."""
+    """Make the task in which ``counter`` counts rising edges on ``terminal`` up from 0, latched on the AI sample clock
+    and armed by the AI start trigger where that reaches its device.
+    """
     task = new_task(EDGES)
     channel = task.ci_channels.add_ci_count_edges_chan(
         counter,
@@ -378,7 +390,9 @@ def read_inputs(open_tasks: TaskSet, config: RigConfig, first_sample: int, n_sam
 
 
 def _read_ticks(open_tasks: TaskSet, name: str, n_samples: int, timeout_s: float) -> NDArray[np.int64]:
-    """Read samples of a counter in ticks (n_samples,)."""
+    """Return the next ``n_samples`` ticks, (n_samples,), of the counter task ``name``, waiting at most ``timeout_s``;
+    HardwareFault where they are not whole numbers.
+    """
     ticks = np.empty(n_samples)
     with translate_faults("read", name):
         reader = CounterReader(open_tasks[name].in_stream)
@@ -391,7 +405,9 @@ def _read_ticks(open_tasks: TaskSet, name: str, n_samples: int, timeout_s: float
 
 
 def read_positions(open_tasks: TaskSet, config: RigConfig) -> dict[str, tuple[int, int]]:
-    """Return by input task the samples per channel the driver has handed out and acquired since its start."""
+    """Return by the name of each input task the samples per channel that the driver has handed out and those that it
+    has acquired since its start, (handed out, acquired).
+    """
     found = {}
     encoders = map(encoder_task_name, config.encoders)
     for name in (MASTER, *encoders, OPPOSITE, EDGES):

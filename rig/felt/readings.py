@@ -103,7 +103,9 @@ def _pressing_force(trial: TrialData, quiet: int) -> tuple[Array, float]:
 
 
 def _phase_span(moved: Array, start: int, top: int, low: float) -> tuple[int, int]:
-    """First sample after the last with a way below ``low`` between ``start`` and ``top`` (samples), and ``top``."""
+    """Return first sample and end of a phase: from just after the last one with a way ``moved`` (n,) below ``low``,
+    both m, between the samples ``start`` and ``top``, up to ``top``; refuse fewer than 30.
+    """
     below = np.flatnonzero(moved[start:top] < low)
     first = start + (int(below[-1]) + 1 if below.size else 0)
     fewest = FEWEST_POINTS * FEWEST_SAMPLES

@@ -54,7 +54,8 @@ class FeltSession:
 
 
 def record_felt(out: str | Path, order: FeltOrder, **keywords: Unpack[RecordingKeywords]) -> FeltSession:
-    """Press a felt, or the block, with the motor arm into a new session, and evaluate the presses.
+    """Press a felt with the motor arm into a new session folder, a ramp, then each speed and peak of ``order``, whose
+    curves are written; or press the steel block and find the arm's compliance, with a new rig file's text.
 
     Parameters
     ----------
@@ -162,7 +163,9 @@ class _Press:
         record_entries(session, backend, self.config, entries, options or self.options, first_number=first)
 
     def record_block(self, session: Session, backend: Backend) -> FeltSession:
-        """Record presses of the block; return them with the rig file's text for the compliance that they give."""
+        """Record three presses of the steel block in the session; return the compliance of arm and load cell with the
+        text of a rig file that has it, which is not written.
+        """
         self.record_presses(session, backend, [make_ramp(max(self.order.peaks_n))] * BLOCK_PRESSES, 1)
         found = measure_compliance([trial.read() for trial in session.trials], self.setup)
         values = {"compliance_m_per_n": found.m_per_n, "u_compliance_m_per_n": found.u_m_per_n}
@@ -171,7 +174,9 @@ class _Press:
         return FeltSession(session, compliance=found, rig_text=text)
 
     def record_felt(self, session: Session, backend: Backend) -> FeltSession:
-        """Record a ramp, then presses at each speed and peak shaped by it; write the curve of each at once."""
+        """Record a ramp, then presses at each speed and peak of the order, shaped by the ramp's curve, in the session;
+        write the loading curve of each as soon as it is recorded, and return them.
+        """
         order = self.order
         self.record_presses(session, backend, [make_ramp(max(order.peaks_n))], 1)
         moved, force = _read_loading_curve(session, self.setup)

@@ -163,7 +163,9 @@ def make_target(
 
 
 def _resample_force(force_n: NDArray[np.float64], interval_s: float, rate_hz: float) -> NDArray[np.float64]:
-    """Force (m,) on the clock of ``rate_hz``, (n,): linear between samples, averaged where it was sampled faster."""
+    """Return a force (m,), sampled every ``interval_s`` s, at the times (n,) of a clock of ``rate_hz``: linear between
+    samples, or the mean over one interval of the clock where it was sampled faster.
+    """
     time_s = np.arange(force_n.size) * interval_s
     n = int(np.floor(time_s[-1] * rate_hz + 1e-6)) + 1
     wanted = np.arange(n) / rate_hz

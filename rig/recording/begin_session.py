@@ -23,12 +23,12 @@ from rig.session.info import ActionInfo, FileInfo, RoomInfo, SessionInfo
 def new_session(
     out: str | Path, options: RecordingOptions, rig: Rig
 ) -> Iterator[tuple[Backend, Callable[..., Session]]]:
-    """Yield the backend of ``options``, opened here where it is an address, and the function that creates the session
-    of a rig file; close what was opened, and remove a session without trials, at the end.
+    """Yield the backend of ``options``, opened here from an address, and ``create(copies, **stated)``, which makes the
+    session in folder ``out``; at the end close what was opened here and remove a session without a trial or journal.
 
-    That takes the copies to keep beside ``session.toml`` and, as keywords, what this kind of session states of itself
-    (:class:`SessionInfo`). At the end what was opened here is closed; a session in which nothing was recorded leaves no
-    folder behind, one that was there before stays, empty.
+    ``create`` takes the texts to keep beside ``session.toml``, by file name, and, as keywords, what this kind of
+    session states of itself (:class:`SessionInfo`). A session in which nothing was recorded leaves no folder behind;
+    one that was there before stays, empty.
     """
     folder, given = Path(out), options.backend
     existed, made = folder.is_dir(), list[Session]()

@@ -148,7 +148,9 @@ class StrokeDetector:
         return max(self._quiet_from, trigger - self._pre)
 
     def _find_trigger(self, new: int) -> bool:
-        """Return whether a stroke begins in the ``new`` newest samples; if so, note where."""
+        """Return whether in the ``new`` newest samples force or key have left their level of before for 2 ms; if so,
+        note first sample and trigger of the stroke that begins.
+        """
         force_n, count = self._level
         at = max(self._force.size - new - self._sustained + 1, 0)
         is_beyond = np.abs(self._force[at:] - force_n) > self._s.trigger_n
@@ -161,7 +163,9 @@ class StrokeDetector:
         return True
 
     def _finish_at_rest(self) -> Stroke | None:
-        """Return the stroke if it has ended, at rest or by its longest duration, and wait for the next one."""
+        """Return the stroke under way if it has ended, at rest with the key back, or because it is too long, and wait
+        for the next one; None while it goes on.
+        """
         assert self._begun is not None
         first, trigger = self._begun
         back = np.abs((self._count[-1, 0] - self._level[1][0]) * self._rad[0]) <= BACK * self._s.trigger_rad
@@ -208,7 +212,8 @@ def record_passive(
     duration_s: float | None = None,
     **keywords: Unpack[RecordingKeywords],
 ) -> Session:
-    """Record in a new session the strokes that somebody plays on the key, the motor off.
+    """Record in a new session folder the strokes that somebody plays on the key, the motor off; end after ``strokes``
+    of them, or ``duration_s`` of the device's time, without either by Ctrl-C. Return the session.
 
     Parameters
     ----------
@@ -283,7 +288,9 @@ class _Stream:
         self._clocks = ClockWatch(options.wall_s, options.now_s)
 
     def run(self, max_strokes: int, duration_s: float) -> None:
-        """Record until ``max_strokes`` strokes are sealed or ``duration_s`` has passed."""
+        """Record until ``max_strokes`` strokes are sealed or ``duration_s`` of the device's time have passed; then stop
+        the bench, seal the stroke under way, and raise what ended the recording early.
+        """
         backend, config = self._backend, self._config
         error: BaseException | None = None
         with termination_as_interrupt():

@@ -43,7 +43,8 @@ class Recovered:
 
 
 def recover(path: str | Path, out: str | Path | None = None) -> list[Recovered]:
-    """Recover every trial of a session that was not sealed, seal again what lost its seal, name what is unreadable.
+    """Seal every trial that a session has only in a journal, which is then removed, and seal again what lost its seal;
+    with ``out`` do so in a copy there and change nothing here. Return what became of each, and what is unreadable.
 
     Parameters
     ----------

@@ -97,7 +97,9 @@ def _cut_blocks(blocks: Iterator[Block], first: int, end: int) -> Iterator[Block
 
 
 def _assemble_parts(head: TrialHead, blocks: Iterator[Block]) -> Iterator[TrialData]:
-    """Parts of a trial of at least `PART_SAMPLES`, from blocks in order."""
+    """Yield the parts of a trial, at least 5000 samples each but the last, from its blocks in order; ``head``: what the
+    trial states of itself.
+    """
     waiting: list[Block] = []
     first = samples = 0
     for block in blocks:

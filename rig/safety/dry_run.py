@@ -124,8 +124,9 @@ def free_arm(arm: ArmConfig, force_n: NDArray[np.float64], sample_rate_hz: float
 
 
 def _refuse_above_limits(where: str, config: RigConfig, predicted: PredictedBlow) -> dict[str, float | str]:
-    """Return a blow's largest force, rate of force, travels, speeds and pulse rates by name; refuse one above its
-    limit."""
+    """Return the largest force, rate of force, and travel, speed and pulse rate of each body of a predicted blow, by
+    names with units; refuse one above its limit, naming the profile ``where`` and the time.
+    """
     limits, force_n = config.limits, predicted.force_n
 
     def largest(what: str, unit: str, values: NDArray[np.float64], limit: float, key: str) -> float:

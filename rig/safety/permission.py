@@ -74,7 +74,9 @@ def permit(
     ask: Callable[[str], str | None] | None,
     now: datetime | None = None,
 ) -> Permission:
-    """Ask for everything that recording on hardware needs: a valid self-test first, then the confirmation.
+    """Return the permission to move the motor at ``address``: find a valid self-test of this rig file in ``selftests``,
+    then let the operator confirm by ``ask``, or by ``yes`` where the rig file allows it. NotPermitted otherwise;
+    nothing moves.
 
     Parameters
     ----------

@@ -54,7 +54,9 @@ def clear_task(device: DeviceState, name: str) -> None:
 
 
 def start_task(device: DeviceState, task: SimulatedTask) -> None:
-    """Start a task: reserve what it needs, then go live or wait for its trigger."""
+    """Start a task: reserve its hardware, begin its counts anew, then go live or wait for its trigger; a watchdog task
+    starts its timer. Refuse a running one, a clocked output without samples, and hardware that another task holds.
+    """
     task.refuse_while_running()
     if task.name in device.watchdogs:
         start_watchdog(device, task)
@@ -75,7 +77,9 @@ def start_task(device: DeviceState, task: SimulatedTask) -> None:
 
 
 def stop_task(device: DeviceState, task: SimulatedTask) -> None:
-    """Stop a task; an output keeps the value it has."""
+    """Stop a task and give its hardware back unless a client has committed it; an output keeps the value it has.
+    Nothing happens to a task that does not run.
+    """
     if task.state != "running":
         return
     task.progress.live = False
@@ -88,7 +92,9 @@ def stop_task(device: DeviceState, task: SimulatedTask) -> None:
 
 
 def reset_device(device: DeviceState, which: Inventory | None = None) -> None:
-    """Clear all tasks that use a device, and put its outputs where they are after power-up; by default the main one."""
+    """Clear all tasks of a device (None: the main one), put its outputs at 0 V and low as after power-up, end its
+    exported signals, and unlock a chassis whose watchdog has expired.
+    """
     inventory = device.inventory
     reset = inventory if which is None else which
     for name, task in list(device.tasks.items()):

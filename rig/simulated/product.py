@@ -243,7 +243,9 @@ class PhysicalChannel:
 
 
 def channel_names(text: str) -> list[str]:
-    """Return the channels a list such as ``Dev1/ai0:2, Dev1/ai7`` names, in its order."""
+    """Return the names in a list such as ``Dev1/ai0:2, Dev1/ai7``, its ranges expanded, in its order; refuse an empty
+    list. Whether a channel exists is not checked.
+    """
     names: list[str] = []
     for part in filter(None, (part.strip() for part in text.split(","))):
         if match := re.fullmatch(r"(.*?)(\d{1,3}):(?:\1)?(\d{1,3})", part):
@@ -323,7 +325,9 @@ class Inventory:
         return one is other or {one.name, other.name} <= self._linked
 
     def channel(self, name: str, kind: Kind) -> PhysicalChannel:
-        """Look up a physical channel and refuse a wrong device, name or kind as the driver does."""
+        """Return the physical channel of a full name such as ``Dev1/ai0``, in capitals or small letters; refuse, as the
+        driver does, an unknown device or name, and a channel of another kind.
+        """
         device = name.split("/", 1)[0]
         named = device.lower()
         if not named.startswith(self.name.lower()) and named not in map(str.lower, self.devices()):
@@ -341,7 +345,9 @@ class Inventory:
         return [channel.name for channel in self._channels.values() if channel.kind in kinds]
 
     def lines(self, text: str) -> list[PhysicalChannel]:
-        """Return the digital lines a list such as ``Dev1/port0/line0:7`` or ``Dev1/port0`` names."""
+        """Return the digital lines that a list such as ``Dev1/port0/line0:7`` names, of ``Dev1/port0`` all lines of the
+        port; refuse, as the driver does, a name that is no line.
+        """
         found: list[PhysicalChannel] = []
         for name in channel_names(text):
             inside = [c for key, c in self._channels.items() if key.startswith(name.lower() + "/line")]
@@ -406,7 +412,9 @@ class Inventory:
         return relative
 
     def _canonical_name(self, relative: str) -> str:
-        """Return a terminal as the product spells it; the driver does not tell capitals from small letters."""
+        """Return a terminal's name within the device in the product's own capitals and small letters, which the driver
+        does not tell apart; whether the terminal exists is not checked.
+        """
         for known in self.product.internal:
             if known.lower() == relative.lower():
                 return known

@@ -116,7 +116,9 @@ def _makes_time_pass(task: SimulatedTask) -> bool:
 
 
 def go_live(device: DeviceState, task: SimulatedTask) -> None:
-    """Let a task's clock tick from now on, and those of the tasks that waited for it; the first begins a trial."""
+    """Let a task sample or put out pulses from now on, and with it the tasks that wait for its start trigger; the first
+    task that makes time pass begins a new trial of the bench, at rest.
+    """
     if _makes_time_pass(task) and not any(t.progress.live and _makes_time_pass(t) for t in device.tasks.values()):
         _begin_trial(device, task)
     progress = task.progress
@@ -142,7 +144,9 @@ def go_live(device: DeviceState, task: SimulatedTask) -> None:
 
 
 def _begin_trial(device: DeviceState, task: SimulatedTask) -> None:
-    """Begin a trial of the bench at the rate of the task's clock; edges are counted anew from here."""
+    """Begin the bench's next trial, at rest, at the rate of the task's sample clock, edges counted from 0. The virtual
+    operator may act where the motor's samples are all 0 V, the virtual pianist where none were written.
+    """
     bench, clock = device.bench, task.clock
     rate_hz = clock.rate_hz if clock is not None else bench.rate_hz
     device.trial += 1
@@ -184,7 +188,9 @@ def check_triggers(device: DeviceState) -> None:
 
 
 def advance_bench(device: DeviceState, n: int) -> None:
-    """Advance the bench by ``n`` edges: generate outputs, fill the buffers of the live input tasks."""
+    """Advance the bench by ``n`` edges: generate the outputs of live tasks, move the plant (at 0 V while the drive is
+    disabled), fill the buffers of live input tasks. Triggers and watchdogs are not looked at.
+    """
     bench, edge = device.bench, device.bench.edge
     clocked = [
         (task, engine)
@@ -249,7 +255,9 @@ def edges_in(device: DeviceState, duration_s: float) -> int:
 
 
 def advance(device: DeviceState, n: int) -> int:
-    """Let at most n edges of the bench pass, return how many did; none do when no task has anything left to do."""
+    """Let at most n edges of the bench pass, looking after triggers and watchdogs and giving other clients a turn;
+    return how many did, fewer where no task that makes time pass has anything left to do.
+    """
     left = n
     stretch = edges_in(device, STRETCH_S) if device.bench.clock.paced else n
     while left > 0:
@@ -268,7 +276,9 @@ def advance(device: DeviceState, n: int) -> int:
 
 
 def _edges_to_expiry(device: DeviceState) -> float:
-    """Return how many edges pass before the next watchdog expires; on a paced clock each stretch looks by itself."""
+    """Number of edges until the next watchdog expires; infinite where none runs, and on a paced clock, where watchdogs
+    are checked after every stretch.
+    """
     clock = device.bench.clock
     left_s = [
         timer.timeout_s - (clock.elapsed_s - timer.reset_at_s)
@@ -279,7 +289,9 @@ def _edges_to_expiry(device: DeviceState) -> float:
 
 
 def _edges_to_end(device: DeviceState) -> float:
-    """Return how many edges pass before the last task that makes time pass has ended."""
+    """Number of edges until the last live task that makes time pass, by a sample clock of its own or by pulses, has
+    ended; 0 without one, infinite for one without end.
+    """
     left = 0.0
     for task in device.tasks.values():
         if not task.progress.live:
@@ -315,7 +327,9 @@ def wait_for_samples(device: DeviceState, task: SimulatedTask, missing: int, tim
 
 
 def wait_for_timeout(device: DeviceState, task: SimulatedTask, timeout_s: float) -> None:
-    """Let a timeout pass for a task for which nothing ticks; other clients get a turn, and may end it."""
+    """Let ``timeout_s`` (negative: no end) pass on the clock, but no edge, for a running task for which nothing ticks;
+    other clients get a turn, and may end it.
+    """
     if timeout_s < 0:
         timeout_s = float(ENDLESS) / device.bench.rate_hz
     while timeout_s > 0 and task.state == "running" and not task.progress.error:
@@ -326,7 +340,9 @@ def wait_for_timeout(device: DeviceState, task: SimulatedTask, timeout_s: float)
 
 
 def _edges_to_sample(device: DeviceState, task: SimulatedTask, wanted: int) -> float:
-    """Return after how many edges of the bench to check whether a task has acquired ``wanted`` samples."""
+    """Number of edges to let pass before looking whether a task has acquired ``wanted`` samples since its start: up to
+    that sample, to the next trigger where it waits for one, else a short poll.
+    """
     poll = edges_in(device, POLL_S)
     if not task.progress.live:
         to_trigger = edges_to_trigger(device)
@@ -338,7 +354,9 @@ def _edges_to_sample(device: DeviceState, task: SimulatedTask, wanted: int) -> f
 
 
 def wait_until_done(device: DeviceState, task: SimulatedTask, timeout_s: float) -> None:
-    """Let time pass until a task is done, at most ``timeout_s``; a negative one has no end."""
+    """Let time pass until a task is done or has failed, at most ``timeout_s`` (negative: no end), and only while
+    something runs; nothing is raised.
+    """
     allowed = _edges_of_timeout(device, timeout_s)
     while allowed > 0 and not task.is_done and not task.progress.error:
         passed = advance(device, int(min(edges_in(device, CALL_S), allowed)))
@@ -363,7 +381,9 @@ def let_pass(device: DeviceState, duration_s: float) -> None:
 
 
 def pass_due_time(device: DeviceState) -> None:
-    """Let the time pass that is due by the wall clock, on a paced clock; on the virtual one none is."""
+    """On a paced clock let the time pass by which the bench is behind it, at most 0.5 s at once, if a task is live; on
+    the virtual clock do nothing.
+    """
     clock = device.bench.clock
     if not clock.paced:
         return
@@ -386,7 +406,9 @@ def question_asked(device: DeviceState, *, again: bool) -> None:
 
 
 def settle_on_demand(device: DeviceState) -> None:
-    """Let the bench go on before a reading on demand when no clock runs: outputs written on demand act."""
+    """Before a reading on demand let a little time pass, so that outputs written on demand act: 1 ms, on a paced clock
+    what is due; do nothing where a live task makes time pass.
+    """
     if any(task.progress.live and _makes_time_pass(task) for task in device.tasks.values()):
         return
     clock, rate_hz = device.bench.clock, device.bench.rate_hz

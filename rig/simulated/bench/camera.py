@@ -403,7 +403,9 @@ class _Exposures:
         self._instants = np.clip(np.ceil(blur / MAX_BLUR_STEP_PX), 1, MAX_INSTANTS).astype(int)
 
     def frames(self) -> Iterator[NDArray[Any]]:
-        """Yield the exposed frames in order, with noise and flicker, and report each to ``progress``."""
+        """Yield the frames (height, width) in order, as exposed with noise and flicker, and report (frames done, frames
+        in all) to ``progress`` after each.
+        """
         settings = self.settings
         sensor = _FastSensor(settings.noise_grey, settings.bit_depth, 1000 * self.seed + 98)
         # mean of the ripple over the exposure
@@ -414,7 +416,9 @@ class _Exposures:
                 self.progress(i + 1, self.times.size)
 
     def _lights(self) -> Iterator[NDArray[np.float32]]:
-        """Yield noise-free pictures in order, drawn on threads while the ones before become frames and go to disk."""
+        """Yield the noise-free picture (height, width), grey, of each frame in order, drawn ahead on two threads; one
+        serves again while no body has moved.
+        """
         with ThreadPoolExecutor(2) as pool:
             drawn: deque[Future[NDArray[np.float32]]] = deque()
             shown = np.full((1, 3), np.inf)

@@ -112,7 +112,9 @@ class ActionPlant:
         return self.action.with_values(changed), gain
 
     def start_trial(self, trial: int) -> None:
-        """Put everything at rest and draw the scatter of ``trial``."""
+        """Put action and arm at rest for trial number ``trial``, draw its scatter from the seed and that number, and
+        forget the truth of the trial before.
+        """
         self._specimen, self._gain = self.draw_specimen(trial)
         scene = model.build_scene(self._specimen, self.choice)
         self._names = scene.bodies

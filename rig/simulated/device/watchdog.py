@@ -25,7 +25,9 @@ WITHOUT_HARDWARE = re.compile(
 
 
 def refuse_bad_timer(owner: Inventory, name: str, timeout_s: float) -> None:
-    """Refuse a watchdog timer task the product does not have, or with a timeout out of range."""
+    """Refuse the watchdog timer task ``name`` on a device without a timer, or with a timeout, s, below 1 ms or above
+    the longest of its product.
+    """
     refuse_any(
         (not owner.product.watchdog_reach, Code.WATCHDOG_TIMER_NOT_SUPPORTED, f"Task: {name}"),
         (

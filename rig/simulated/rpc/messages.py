@@ -125,7 +125,9 @@ class Metadatum(NamedTuple):
 
 
 def rpc_status(error: Exception) -> tuple[grpc.StatusCode, str, tuple[Metadatum, ...]]:
-    """Return the gRPC status, text and trailing metadata by which a client sees one of :data:`REFUSALS`."""
+    """Return the gRPC status, text and trailing metadata (NI's error code, samples read) by which a client sees a
+    refusal of the driver or server, or a server that is gone; any other exception is raised again.
+    """
     if isinstance(error, DaqStatusError):
         numbers = {"ni-error": error.code, "ni-samps-per-chan-read": error.samples_read}
         metadata = tuple(Metadatum(key, str(number)) for key, number in numbers.items() if number is not None)
