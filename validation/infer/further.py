@@ -203,7 +203,7 @@ def _discrepancy_columns(planned: Marginal, new: Block) -> Array:
 
 
 TRIALS = 5  # choice: strokes of a kind to be recorded, as a plan's default
-TOLD, MOST_TOLD = 3, 8  # strokes that are rehearse_stroke: at least; until the best of all is one of them, at most
+REHEARSED, MOST_REHEARSED = 3, 8  # strokes that are rehearsed: at least; until the best of all is one of them, at most
 OF_ANOTHER_KIND = 0.2
 """Standard deviation of the logarithm of a shrink by a kind of stroke not played so far, beside all that is computed:
 measured (`python -m benchmarks record_next_sizes`, seed 1, the first six experiments of seed 2)."""
@@ -229,9 +229,9 @@ class Prospect:
     trials: int = 0  # how many of it
     # name of a parameter -> standard deviation of the logarithm of its shrink, from what the new strokes may teach
     # about the sizes of noise, from how far the rehearsal is from the Fisher information, and `OF_ANOTHER_KIND`; empty
-    # where the stroke was not rehearse_stroke
+    # where the stroke was not rehearsed
     u_sizes: Mapping[str, float] = field(default_factory=dict)
-    # the shrink by the Fisher information alone; empty where the stroke was not rehearse_stroke
+    # the shrink by the Fisher information alone; empty where the stroke was not rehearsed
     fisher: Mapping[str, float] = field(default_factory=dict)
 
     def range(self, name: str) -> tuple[float, float]:
@@ -325,15 +325,15 @@ def prospects(
 
 def _add_best_rehearsed(found: Sequence[Prospect], rehearse: Callable[[Prospect], Prospect]) -> list[Prospect]:
     """Prospects, the best (least mean shrink) first; the best strokes are replaced by ``rehearse(prospect)`` in turn,
-    at least `TOLD` and at most `MOST_TOLD`, until the best stroke of all is a rehearsed one.
+    at least `REHEARSED` and at most `MOST_REHEARSED`, until the best stroke of all is a rehearsed one.
     """
     ranked = sorted(found, key=lambda p: p.mean)
     done = 0
     while True:
         strokes = [i for i, p in enumerate(ranked) if p.candidate is not None]
         waiting = [i for i in strokes if not ranked[i].u_sizes]
-        enough = done >= TOLD and bool(ranked[strokes[0]].u_sizes)
-        if not waiting or enough or done >= MOST_TOLD:
+        enough = done >= REHEARSED and bool(ranked[strokes[0]].u_sizes)
+        if not waiting or enough or done >= MOST_REHEARSED:
             return ranked
         ranked[waiting[0]] = rehearse(ranked[waiting[0]])
         ranked.sort(key=lambda p: p.mean)

@@ -233,9 +233,9 @@ class Responses:
         ]
         missing = [one for one in dict.fromkeys(runs) if one not in self._turned]
         self._turned.update(zip(missing, self._run_all(missing), strict=True))
-        return [self._read_encoders(self._turned[run], place, t) for run, (place, t) in zip(runs, asked, strict=True)]
+        return [self._read_encoders(self._turned[run], place) for run, (place, _) in zip(runs, asked, strict=True)]
 
-    def _read_encoders(self, turned: Array | None, place: _Place, t: int) -> Array | None:
+    def _read_encoders(self, turned: Array | None, place: _Place) -> Array | None:
         """Encoder readings (3 m,), rad since rest, of the model's angles ``turned``, with the scale and zero errors of
         a place; delays are in ``turned`` already. None where ``turned`` is.
         """
