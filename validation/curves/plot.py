@@ -57,7 +57,9 @@ def _draw(axes: Axes, time: Array, values: Array, label: str | None = None, **st
 
 
 def _finish_axes(axes: Axes, ylabel: str, *, bottom: bool = True) -> None:
-    """Set label, grid and margins; the time axis is labelled on the lowest panel only."""
+    """Set the vertical label ``ylabel``, grid and margins of ``axes``, and the label of the time axis where ``bottom``,
+    else hide its numbers.
+    """
     axes.set_ylabel(ylabel)
     axes.grid(True, color="#DDDDDD", linewidth=0.6)
     axes.margins(x=0)

@@ -22,10 +22,8 @@ from validation.errors import ValidationInputError
 
 
 def interpolate_to_base_times(base_s: Array, time_s: Array, values: Array) -> Array:
-    """``values`` (n,) at ``time_s`` (n,) interpolated to ``base_s`` (n_base,) by straight lines; NaN outside the
-    record.
-
-    Sample times that agree to 1 ns are taken as they are; others are interpolated by straight lines.
+    """``values`` (n,) at increasing times ``time_s`` (n,), s, interpolated linearly to times ``base_s`` (n_base,), s:
+    (n_base,), NaN outside the record; times that agree to 1 ns are taken as they are.
     """
     if time_s.size >= base_s.size:
         first = int(np.searchsorted(time_s, base_s[0] - 1e-9))

@@ -391,7 +391,9 @@ def _make_bent_crossing(name: str, value: float, u: float, time: Array, signal: 
 
 
 def find_events(motion: Motion, quiet_stop: int, read: LevelReading = read_level_with_uncertainty) -> dict[str, Event]:
-    """Find every event of `validation.events.definitions.EVENTS` in one keystroke.
+    """Find all events of one keystroke: name → event, in the order of `EVENTS`, one that did not happen as an absent
+    event; ``quiet_stop``: number of samples at rest before the blow, ``read``: how the time at a level and its
+    uncertainty are found.
 
     Parameters
     ----------

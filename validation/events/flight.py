@@ -206,9 +206,9 @@ def _has_vibration(age: Array, residual: Array, sigma: float) -> bool:
 def _fit_shaken_flight(
     stretch: Stretch, sigma: float, slowing: float, side: int
 ) -> tuple[float, float, float, float, float, str] | None:
-    """Speed (m/s), its u, way (m), its u, deceleration (m/s²) at age 0, and a note: rigid flight with one vibration
-    over the longest of 3 to 6 ms of ``stretch`` that it describes; ``side``: −1 before the contact, +1 after. None if
-    none.
+    """Speed, its u, way, its u, deceleration (SI) at age 0 and a note: rigid flight with one vibration over the longest
+    of 3 to 6 ms it describes, or None; ``sigma``: u of a way, ``slowing``: expected deceleration, ``side``: −1 before,
+    +1 after contact.
 
     Parameters
     ----------
@@ -245,9 +245,9 @@ def _vibration(age: Array, frequency: Array, damping: Array, side: int) -> Array
 def _fit_vibration(
     age: Array, position: Array, sigma: float, slowing: float, side: int
 ) -> tuple[float, float, float, float, float, str] | None:
-    """Speed (m/s), its u, way (m), its u, deceleration (m/s²) at age 0, and a note: rigid flight with a damped
-    vibration through ``position`` (n,), m, of u ``sigma``; ``side``: −1 before the contact, +1 after. None where a
-    chi-square test rejects it.
+    """Speed, its u, way, its u, deceleration (SI) at age 0 and a note: rigid flight with a damped vibration through
+    ``position`` (n,), m, of u ``sigma``; ``slowing``: expected deceleration, ``side``: −1 before, +1 after contact.
+    None where rejected.
     """
     rigid = np.column_stack([np.ones(age.size), age, age**2 / 2])
     weight = np.zeros(len(PARAMETERS))  # of what is known beforehand, and what that is

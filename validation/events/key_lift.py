@@ -116,8 +116,9 @@ def find_lifts(
     release_s: float,
     rail: Callable[[], list[RailPull]] | None = None,
 ) -> list[KeyLift]:
-    """Intervals in which the capstan gap by the encoders of key and whippen exceeds the model's by more than 0.2 mm
-    though the capstan is loaded: the key lifts off its rail; joined, in order of time, empty if none.
+    """Lifts of the key off its rail: intervals in which the capstan gap from ``measured_rad`` (n, 5), absolute angles,
+    exceeds that from ``predicted_rad`` by over 0.2 mm though the capstan is loaded; ``rail`` returns when the model's
+    rail would pull it.
 
     Parameters
     ----------

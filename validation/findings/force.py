@@ -298,9 +298,9 @@ def _extend(values: Array, by: int) -> Array:
     {"force lag": "Measure the delay of the force channel against the encoders and state it in the {settings}."}
 )
 def find_force_lags(lags: Mapping[int, tuple[float, float]]) -> list[SessionFinding]:
-    """One finding for all trials whose force lags by more than its limit, s, positive when late; empty where none does
-    or fewer than half have a lag. ``lags``: trial number → lag and limit, s, NaN where unclear, by
-    `estimate_force_lag`.
+    """One finding for all trials whose lag is beyond its limit in either sense (value: mean lag, s, positive when the
+    force is late); empty where none is or fewer than half have a lag. ``lags``: trial number → lag, NaN where unclear,
+    and limit, s.
 
     Conventions: s, positive when the force comes late after the declared delay was taken off. The motor's own inertia
     makes force and acceleration rise together, whatever the friction; both are filtered alike, 30 to 400 Hz, and the

@@ -184,7 +184,8 @@ def find_outlying_trials(
 
 def _measure_distances(curves: Array) -> Array:
     """Root mean square distance (trials,) of each column of ``curves`` (n, trials) from the median column, over the
-    median's range."""
+    median's range; rows with a NaN are skipped, NaN where none is left or the median does not vary.
+    """
     known = curves[np.isfinite(curves).all(axis=1)]
     if known.size == 0:
         return np.full(curves.shape[1], np.nan)

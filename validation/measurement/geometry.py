@@ -202,8 +202,9 @@ def motion_of(
     u_dip_zero_m: float = 0.0,
     u_scale_relative: Array | None = None,
 ) -> Motion:
-    """Build a `Motion` from changes since rest (n, 3), rad, of key, whippen and hammer, and the standard uncertainties
-    (3,) of a sample, of the zero and of the scale.
+    """Key dip, hammer height and way over ``time_s`` (n,) from changes since rest (n, 3), rad, of key, whippen, hammer,
+    with uncertainties from those (3,) of a sample, zero and scale, and of the levels at rest (``u_height_zero_m``,
+    ``u_dip_zero_m``).
 
     Parameters
     ----------

@@ -60,8 +60,9 @@ def conditions_of(session: Session) -> list[str]:
 def list_usable_trials(
     session: Session, read: Callable[[Trial, TrialData], MeasuredTrial], only: int | None = None
 ) -> tuple[list[MeasuredTrial], dict[int, str]]:
-    """Trials for which ``read`` succeeds (of all, or of the one numbered ``only``), and by number why each other one is
-    not used; warns of files that cannot be read."""
+    """Trials for which ``read`` succeeds (of all, or the one numbered ``only``), and by number why each other one is
+    not used (rejected, unreadable, refused by ``read``); warns of files that cannot be read.
+    """
     found, refused = [], {}
     for trial in session.trials if only is None else (session.trial(only),):
         if trial.rejected is not None:
@@ -84,8 +85,9 @@ def measure_session(
     calibration: SensorCalibration = BY_RULER,
     only: int | None = None,
 ) -> MeasuredSession:
-    """Measure every usable trial with the action's geometry at its preload (N); the others are listed with the reason.
-    Raises an input error where trials are of several conditions.
+    """Usable trials measured with the action's ``geometry`` at the preload, N, and by number why others are not used;
+    ``u_rest_level_m``: u of heights at rest, ``by_motion``: the key drives. Raises an input error where conditions
+    differ, none chosen.
 
     Parameters
     ----------

@@ -163,8 +163,8 @@ def _measure_displacement(data: TrialData, name: str, body: str) -> Displacement
 
 
 def _count_rest_samples(data: TrialData, reading: Array, info: ChannelInfo, period_s: float) -> int:
-    """Number of samples at rest with which a trial begins, from one position reading (n,) and the period of the mains,
-    s.
+    """Number of samples at rest with which a trial begins, 0.25 s at most, from the ``reading`` (n,) of one position
+    channel, its ``info`` and the period of the mains, s; 0 where the record is too short.
 
     Rest ends a period of the mains before the trigger, or before the mean over a period, which holds no hum, leaves
     that of the first period for good by more than its noise and the ruler explain.

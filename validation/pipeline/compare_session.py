@@ -190,7 +190,7 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
 def name_all_parts(
     findings: SessionFindings, verdict: Verdict, action: model.Action
 ) -> tuple[SessionFindings, Verdict]:
-    """Findings and verdict with names of parts instead of parameter paths in their text."""
+    """Copies of findings and verdict whose texts name the parts of the action instead of its parameters' paths."""
     faults = tuple(replace(fault, text=name_parts(fault.text, action)) for fault in findings.faults)
     inputs = [name_parts(text, action) for text in verdict.quantities["main_input"]]
     named = replace(

@@ -164,7 +164,9 @@ def _score_lines(scored: pd.DataFrame) -> list[str]:
 
 
 def _describe_events(events: pd.DataFrame) -> list[str]:
-    """Sentences on events that differ, are missing, not counted or ambiguous, from the event table."""
+    """Sentences on the events that only trials or only model have, that neither has, that no trial counts and that are
+    ambiguous, from the table ``event_summary``; empty if nothing is to be said.
+    """
     differ, doubtful, missing, uncounted = [], [], [], []
     for row in events.itertuples():
         kind = EVENTS[str(row.event)]

@@ -296,7 +296,7 @@ def _driven_words(side: SideBySide) -> str:
 
 
 def _window_words(side: SideBySide) -> str:
-    """The evaluation window of each session."""
+    """Text with begin and end of the evaluation window, s, and their rules, of each session."""
     parts = []
     for name, results in side.sessions.items():
         w = results[0].window
@@ -352,7 +352,9 @@ BY_KEY = (
 
 
 def _limits_of(result: ValidationResult) -> list[str]:
-    """Limits of what one session shows, as sentences."""
+    """Sentences on what the trials of one session cannot show: by what drives the model, films, number of trials,
+    simulation.
+    """
     limits = [BY_KEY if result.provenance.get("driven_by") == "key" else BY_FORCE]
     filmed = len(result.film_traces)
     if filmed == 0:

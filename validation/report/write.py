@@ -26,11 +26,12 @@ from validation.tables.schema import SCHEMA, SCHEMA_VERSION
 
 
 def results_json(side: SideBySide) -> str:
-    """The results as JSON text.
+    """The results of all sessions and models as JSON text: verdicts, warnings, provenance and all tables, SI; NaN and
+    infinities are null. Nothing is written.
 
-    Conventions: SI units and radians. One of ``results`` for each session and model; ``tables`` hold the rows of all,
-    led by ``session`` and ``model``. Every field, its meaning and unit: `validation.results_schema` (JSON Schema
-    2020-12), as a page ``docs/results.md``. NaN and infinities become null, so that every JSON reader accepts it.
+    Conventions: radians. One of ``results`` for each session and model; ``tables`` hold the rows of all, led by
+    ``session`` and ``model``. Every field, its meaning and unit: `validation.results_schema` (JSON Schema 2020-12), as
+    a page ``docs/results.md``.
     """
     content = {
         "schema": SCHEMA,

@@ -70,8 +70,10 @@ def compare_rivals(
     tested: ModelUnderTest,
     without: Collection[tuple[int, str]],
 ) -> Rivals:
-    """Score the rivals that ``tested`` names, and locate each trial in the training domain; pairs (trial, channel) of
-    ``without`` do not count."""
+    """RMSE of the rivals that ``tested`` names, for each trial and channel, skill by channel, position of each trial in
+    the training domain, and sentences on them; pairs (trial, channel) ``without`` do not count. Simulates values before
+    a fit.
+    """
     posterior = posterior_of(tested.action)
     compared = {m.number: m.channels for m in predicted.trials}
     faulty = {number for number, name in without if name in (*compared.get(number, ()), *FILM_CHANNELS)}
@@ -166,10 +168,8 @@ def _locate_trials(trials: Collection[MeasuredTrial], posterior: Posterior | Non
 def _compute_skills(
     table: pd.DataFrame, places: pd.DataFrame, without: Collection[tuple[int, str]]
 ) -> dict[str, Skill]:
-    """Skill by channel over the trials not fitted, or all where none is left; ``places`` is of `_locate_trials`.
-
-    ``table`` has a row a trial and channel with the RMSE of the model and its rivals, rad; pairs (trial, channel) in
-    ``without`` do not count.
+    """Skill by channel, from the ``table`` of RMSE of model and rivals, a row a trial and channel, over the trials that
+    ``places`` does not call fitted, or all where none is left; pairs (trial, channel) ``without`` do not count.
     """
     fitted = set(places["trial"][places["fitted"]])
     out = {}

@@ -75,8 +75,9 @@ def compute_skill(model: Array, rivals: Mapping[str, Array]) -> Skill | None:
 
 
 def describe_skills(skill: Mapping[str, Skill], fitted: str) -> tuple[str, ...]:
-    """One sentence on the skills of all channels, in a tuple, empty without skills; ``fitted`` names what the black
-    boxes were fitted to."""
+    """One sentence, in a tuple, on the skills by channel with their intervals and best rivals; empty without skills.
+    ``fitted``: text that says what the black boxes were fitted to.
+    """
     if not skill:
         return ()
     of = []

@@ -156,13 +156,8 @@ class Table:
         return [column.name for column in self.columns]
 
     def make(self, source: Any) -> pd.DataFrame:
-        """The rows made from ``source``, a comparison or what else the field `of` names, as a data frame with all
-        columns in their order.
-
-        Raises
-        ------
-        ValueError
-            A column that is not described, or is missing: a defect of the table's module.
+        """Data frame of the rows made from ``source`` (a comparison, or what the field `of` names), with all columns of
+        the table in their order; raises ValueError where a data frame of rows has other columns.
         """
         rows = self.rows(source)
         if isinstance(rows, pd.DataFrame):

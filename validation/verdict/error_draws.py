@@ -194,8 +194,8 @@ def session_errors(
     conditions: Sequence[Collection[int]] = (),
     u_rest_level_m: float = 0.0,
 ) -> SessionErrors | None:
-    """Errors ``found`` (by trial number) averaged over the trials of each of the ``conditions`` on its usual branch,
-    and draws of what they would be if the model were right. Simulates one trial a condition in every draw, unless
+    """Errors ``found``, by trial number, averaged over each of the ``conditions`` on its usual branch, and draws of
+    them if the model were right; ``u_rest_level_m``: u of heights at rest. Simulates a trial a condition, unless
     stored. None without trials.
 
     Parameters
@@ -333,8 +333,9 @@ class _TrialDrawing:
         return _TrialDraws(values[:n], values[n:], np.array(stored["branch"], dtype=np.int64), curves)
 
     def _run(self) -> dict[str, Any]:
-        """Errors, branches and curves of the trial in every draw, by name, as the store keeps them (arrays in
-        base64)."""
+        """Errors (``values``), branches (``branch``) and errors over time (``curves``, by channel) of the trial in
+        every draw, as the store keeps them, arrays in base64; simulates each draw.
+        """
         tested, m = self.tested, self.m
         every = [*(replace(d, has_own_errors=False) for d in self.common), *self.own[1:]]
         n, sparse = len(self.common), _sparse(m.time_s.size)
@@ -364,7 +365,9 @@ class _TrialDrawing:
         }
 
     def _angle_means(self, apart: Array) -> Array:
-        """Mean (k,), rad, of each of `ANGLES` over its samples, of differences (n, channels), rad."""
+        """Means (k,), rad, one for each of `ANGLES`, of the differences ``apart`` (n, channels), rad, over that angle's
+        samples; NaN where the trial does not have it.
+        """
         out = np.full(len(ANGLES), np.nan)
         for k, q in enumerate(ANGLES):
             if q.name in self.masks:
@@ -374,7 +377,9 @@ class _TrialDrawing:
         return out
 
     def _read_events(self, draw: JointDraw, read: Array) -> tuple[Array, int]:
-        """Event values (k,), and the branch, that drawn readings (m, channels), rad, of the trial give."""
+        """Event values, as of `event_values`, and number of the branch of the motion, that readings ``read`` (n,
+        channels) of the trial give, rad since rest, with the levels at rest moved as in ``draw``.
+        """
         m = self.m
         motion = m.read_motion(m.time_s, read[:, : len(ENCODER_CHANNELS)])
         hammer, key = (self.u_rest_level_m * z for z in draw.z_levels)

@@ -191,8 +191,9 @@ def quantile_by_rank(drawn: Array, share: float) -> float:
 
 
 def interval_by_rank(found: Array, drawn: Array, share: float) -> tuple[Array, Array]:
-    """Ends (V,) of the interval of each model error of coverage ``share``, from what was found (V,) and drawn (N, V);
-    NaN with fewer than `FEWEST_FOR_INTERVAL` finite draws."""
+    """Lower and upper ends (V,) of intervals of coverage ``share`` for the model errors, from the errors ``found`` (V,)
+    and draws of them without a model error, ``drawn`` (N, V); NaN with fewer than 39 finite draws.
+    """
     low, high = np.full((2, found.size), np.nan)
     for v in range(found.size):
         known = np.sort(drawn[np.isfinite(drawn[:, v]), v])
@@ -257,8 +258,9 @@ def divide_variance(errors: Array, inputs: Array, middle: Array, lower: Array, u
 
 
 def strongest_inputs(errors: Array, inputs: Array, names: Sequence[str]) -> list[str]:
-    """Name of the input (N, q) that explains most of each quantity's draws ``errors`` (N, V) by rank correlation, where
-    that is `LEAST_SHARE` or more; else empty."""
+    """For each column of ``errors`` (N, V) the name of the column of ``inputs`` (N, q) with the largest squared rank
+    correlation, empty where that is below 0.2 or there are fewer than 39 draws; ``names``: of the q inputs.
+    """
     known = np.isfinite(errors)
     enough = known.sum(axis=0) >= FEWEST_FOR_INTERVAL
     if not len(names) or not enough.any():

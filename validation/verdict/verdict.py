@@ -339,7 +339,9 @@ def _largest_ends(ordered: pd.DataFrame) -> str:
 
 
 def _untested_words(rows: Sequence[Any]) -> str:
-    """Text on quantities that these trials do not test, with the smallest detectable error."""
+    """Text on the quantities of these rows of `quantity_table`, which the trials do not test, with the least error that
+    would be shown, in the unit shown.
+    """
     parts = []
     for row in rows:
         q = QUANTITIES[INDEX[str(row.quantity)]]

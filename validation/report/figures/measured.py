@@ -187,7 +187,9 @@ def rotation_of_all_trials(view: SessionView, channel: str) -> ReportFigure:
 
 
 def all_figures(view: SessionView) -> dict[str, list[ReportFigure]]:
-    """Figures of a session by section: ``trials`` (thesis 4.1–4.15, 3.13) and ``repeatability`` (3.9–3.12)."""
+    """Figures of a session by section of the page: ``trials`` (shown trial against the models; thesis 4.1–4.15, 3.13)
+    and ``repeatability`` (all trials, control charts; 3.9–3.12).
+    """
     trials = compared_figures(view)
     trials += [force_from_motion(view, i) for i, r in enumerate(view.results) if r.motion_trace is not None]
     repeatability = [force_of_all_trials(view)] if view.has_force else []
