@@ -50,7 +50,9 @@ class LazyGroup(TyperGroup):
         self.commands: Any = dict.fromkeys(self.table)  # the names, also for "Did you mean …?"
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """The command or group of this name, a command's module imported now; None where there is none."""
+        """The command or group of this name for typer, with its old spellings; its module is imported only now. None
+        where there is none.
+        """
         if cmd_name not in self.table:
             return None
         if cmd_name in commands.GROUPED:
@@ -72,7 +74,9 @@ class LazyGroup(TyperGroup):
         return super().parse_args(ctx, args or ["--help"])
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Find a command; one that is misspelt gets a suggestion, in every version of typer."""
+        """Find the command that ``args[0]`` names, for typer; a retired or misspelt one ends with a usage error that
+        says what replaced it or comes near.
+        """
         name = f"{self.prefix} {args[0]}".strip() if args else ""
         if name in commands.RETIRED_COMMANDS:
             ctx.fail(f"There is no command {name!r} any more: {commands.RETIRED_COMMANDS[name]}.")
@@ -85,7 +89,8 @@ class LazyGroup(TyperGroup):
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """List the commands in groups with their first lines, without importing them."""
+        """Write the list of commands into typer's help, by heading, each with its first line; no command is imported.
+        """
         width = max(map(len, self.table))
         headings = {"Commands": list(self.table)} if self.prefix else commands.groups()
         if not self.prefix:
@@ -105,7 +110,9 @@ class LazyGroup(TyperGroup):
 
 
 def _group(name: str) -> LazyGroup:
-    """The commands of a group, loaded when one of them is called."""
+    """The group ``name`` of commands (such as ``calibrate``) for typer; the module of a command is imported when that
+    is called.
+    """
     return LazyGroup(
         name,
         name=name,
@@ -150,13 +157,17 @@ def _set_global_options(
         False, "--version", help="Show the version and exit.", callback=_print_version, is_eager=True
     ),
 ) -> None:
+    """Set the environment variable ``PIANORIG_DEBUG`` for ``--debug``, by which errors show their traceback;
+    ``--version`` prints and ends.
+    """
     if debug:
         os.environ["PIANORIG_DEBUG"] = "1"
 
 
 def _make_warning_printer() -> Callable[..., None]:
-    """Return a replacement of `warnings.showwarning` that prints each text once, on standard error, without our source
-    line."""
+    """Return a replacement of `warnings.showwarning` that prints ``warning: text`` on standard error, each text once,
+    without the line of source.
+    """
     shown: set[str] = set()
 
     def show(message: Warning | str, *where: Any, **more: Any) -> None:
@@ -169,7 +180,8 @@ def _make_warning_printer() -> Callable[..., None]:
 
 
 def refuse_shadowed_packages() -> None:
-    """Check, without importing them, that Python finds our packages beside this one.
+    """CommandInputError where Python would find one of our packages (``model``, ``rig``, …) anywhere but beside this
+    one; nothing is imported.
 
     They have common names (``model``, ``rig`` …): a file ``model.py`` in the current folder, or another project
     installed beside this one, would be imported in place of ours (docs/explanation/page.md).
@@ -188,7 +200,9 @@ def refuse_shadowed_packages() -> None:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the command line; exits the process."""
+    """Run the command line with ``arguments`` (None: those of the process; none given: the help), print errors as one
+    line, and end the process with the exit code: it never returns.
+    """
     given = (sys.argv[1:] if arguments is None else arguments) or ["--help"]
     as_json = "--json" in given[: given.index("--") if "--" in given else None]
     write_what_the_terminal_can()

@@ -82,8 +82,9 @@ def attach_film(
     frame_rate_hz: float | None = None,
     author: str = "unknown",
 ) -> FilmRecord:
-    """Check a film against trial ``number``, copy it beside it, write its record and a note in the annotations; nothing
-    stays after a failure."""
+    """Check that a film fits trial ``number`` of a session, copy it beside the trial's file, write its record and a
+    note in the annotations; return the record. CommandInputError where it does not fit; nothing stays then.
+    """
     # start-up: 0.5 s of h5py and pandas that --help does not need
     from rig.session.annotation_file import utc_now
     from rig.session.film_record import FilmRecord, count_clock_pulses, record_path, write_record
@@ -146,7 +147,9 @@ def attach_film(
 
 
 def _check_unused(session: rig.Session, trial: rig.Trial, data: Path, digest: str) -> None:
-    """Raise where a trial of the session but ``trial`` has the film ``data`` already, of this SHA-256."""
+    """CommandInputError where the film file ``data``, of SHA-256 ``digest``, is attached to another trial of the
+    session already.
+    """
     for other in session.trials:
         film = other.film
         if film is None or other.number == trial.number or film.stat().st_size != data.stat().st_size:
@@ -159,8 +162,9 @@ def _check_unused(session: rig.Session, trial: rig.Trial, data: Path, digest: st
 
 
 def _first_frame(film: Path, stated: int | None, option: int | None) -> int:
-    """First frame counted from the trigger, as the film's header states it or the option gives it; `CommandInputError`
-    for neither, or two that differ."""
+    """Number of the film's first frame, counted from the trigger: as its header has ``stated`` it, or the command's
+    ``option``; `CommandInputError` for neither (None), or two that differ.
+    """
     if stated is not None and option is not None and stated != option:
         raise CommandInputError(
             f"{film}: its header says first frame {stated}, --first-frame {option}; leave out the option"
@@ -180,7 +184,9 @@ def _check_rate(film: Path, trial: rig.Trial, camera: rig.CameraInfo, rate: floa
 
 
 def _check_range(film: Path, trial: rig.Trial, camera: rig.CameraInfo, first: int, last: int) -> None:
-    """Refuse a film whose frames (numbers from the trigger) are not all among those of the trial."""
+    """CommandInputError where the film's frames ``first`` to ``last``, counted from the trigger, are not all among
+    those that the trial's clock counted.
+    """
     if first < 0:
         raise CommandInputError(f"{film}: begins {-first} frames before the trigger; save it from the trigger on")
     if last >= camera.n_frames:
@@ -191,7 +197,9 @@ def _check_range(film: Path, trial: rig.Trial, camera: rig.CameraInfo, first: in
 
 
 def _say_gaps(film: Path, steps: NDArray[np.int64]) -> None:
-    """Warn of frames that the film lacks; ``steps`` (n,) are its frames' numbers in the clock."""
+    """Warn of frames that the clock counted and the film lacks; ``steps`` (n,): number of each frame in the clock, from
+    0.
+    """
     import numpy as np  # start-up: 0.1 s that --help does not need
 
     gaps = np.flatnonzero(np.diff(steps) > 1)

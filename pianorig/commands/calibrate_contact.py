@@ -80,7 +80,9 @@ class PadOrder:
 def calibrate_contact(
     order: PadOrder, rig_name: str, backend: str, out: Path, action: str, ask: Callable[[str], object]
 ) -> dict[str, Any]:
-    """Let a body swing without and with the pad; write the action ``out`` and a record beside it; return the facts."""
+    """Let a body swing on the bench without and with a pad on a drum, find the pad's coefficient of friction, write an
+    action with it to ``out`` and a record beside; return the facts by name. ``ask`` shows a question to the operator.
+    """
     record = workflows.calibration_record(out, "pad")
     workflows.check_swings(order.body, order.swings)
     u = order.u_load_n, order.u_radius_m
@@ -123,8 +125,9 @@ def calibrate_contact(
 def contact_friction(
     order: PadOrder, action: model.Action, bare: workflows.Swings, braked: workflows.Swings
 ) -> dict[str, Any]:
-    """Coefficient of friction from swings without and with the pad, its uncertainty and what it is made of;
-    `CommandInputError` where the slip was too slow."""
+    """Facts by name: coefficient of friction ``friction`` from swings ``bare`` and ``braked`` by the pad, its standard
+    uncertainty, and what both are made of; `CommandInputError` where the pad slipped too slowly.
+    """
     # start-up: --help needs none of it
     from rig.calibration.joint_friction import MOVING_SHARE
 

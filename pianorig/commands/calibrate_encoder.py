@@ -65,7 +65,9 @@ def command(
 def calibrate_encoder(
     body: str, angles_rad: ArrayLike, u_angle_rad: float, rig_name: str, backend: str, out: Path
 ) -> dict[str, Any]:
-    """Read an encoder at reference angles, up and down; write the rig file ``out`` and a record beside it."""
+    """Read the encoder of ``body`` at reference angles, rad, up and down, write a rig file corrected by it to ``out``
+    and a record beside; return what was found by name. ``u_angle_rad``: standard uncertainty of a reference.
+    """
     # start-up: --help needs none of it
     from rig.calibration import encoder_scale
     from rig.configuration.rig_file import BODIES

@@ -82,7 +82,9 @@ class CalibrationOrder:
 def calibrate_force(
     rig_name: str, backend: str, out: Path, order: CalibrationOrder, ask: Callable[[str], object]
 ) -> dict[str, Any]:
-    """Calibrate, write the rig file ``out`` and beside it the record; return what was found."""
+    """Calibrate the force channel with weights, by its zero or its shunt, as ``order.kind`` says; write a rig file with
+    the result to ``out`` and a record beside; return what was found by name. ``ask`` waits for the operator.
+    """
     # start-up: --help needs none of it
     from rig.calibration import load_cell
     from rig.configuration.rig_file_edit import rewrite_table

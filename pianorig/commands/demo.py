@@ -116,7 +116,9 @@ class Figures:
     peak_memory_mib: float | None
 
     def facts(self) -> dict[str, Any]:
-        """The figures by name, as plain data."""
+        """The measured figures by name with units in it (ms, rad, frames/s, s, MiB), as plain data; ``seconds`` by
+        stage, the tracking error over its bound by body.
+        """
         return {
             "simulation_ms": self.simulation_s * 1e3,
             "simulation_error_rad": self.simulation_error_rad,
@@ -137,8 +139,9 @@ class Demo:
 
 
 def tracking_errors(result: vision.TrackResult, truth: FilmTruth) -> tuple[TrackingError, ...]:
-    """Errors (rad) of the tracked angles of jack and repetition lever against the film's exposure-mean truth, both from
-    the still frames."""
+    """For jack and repetition lever: RMS error of the tracked angle relative to its parent against the film's true one
+    (rad), the lower bound, the stated uncertainty, and the number of frames lost.
+    """
     import numpy as np  # start-up: 0.1 s that --help does not need
 
     out = []
@@ -164,7 +167,9 @@ def tracking_errors(result: vision.TrackResult, truth: FilmTruth) -> tuple[Track
 def measure_simulation(
     time_s: NDArray[np.float64], force_n: NDArray[np.float64], tolerance: float = DEFAULT_TOLERANCE
 ) -> tuple[float, float, int]:
-    """Warm run time (s, best of 5), error against a run at 1e-9 (rad), and steps of one simulation."""
+    """Simulate the built-in action under a force (n,), N, at times (n,), s; return the best of five run times (s), the
+    largest error of an angle against a run at 1e-9 (rad), and the number of steps.
+    """
     action = model.load_action()
     fine = model.simulate(action, time_s, force_n, tolerance=1e-9)
     best = float("inf")
@@ -187,8 +192,9 @@ def peak_memory_mib() -> float | None:
 
 
 def run_demo(out: Path, *, trials: int, profile: str = "forte", quiet: bool = True) -> Demo:
-    """Record ``trials`` blows on the virtual bench, film one, track it, compare with the model, write the report;
-    measure speed and errors."""
+    """Record ``trials`` blows on the virtual bench into the new folder ``out``, film and track the first, compare all
+    with the model and write the report; return all results with measured speed, errors and memory.
+    """
     # on a first run the bench's own scene compiles here, and what comes after it on the other processor
     whole = model.load_scene("whole")
     beside = model.compile_ahead([whole], loop=True, then="pianorig.workflows.first_run:call_once")
@@ -257,7 +263,9 @@ def _name_session_on_interrupt(folder: Path) -> Iterator[None]:
 
 
 def describe_demo(demo: Demo) -> list[str]:
-    """What the demo did and found, in plain sentences."""
+    """Three paragraphs for the terminal: what the demo recorded and tracked, how the model was compared, what the
+    report shows.
+    """
     trials = len(demo.session.trials)
     lost = sum(error.lost for error in demo.figures.tracking)
     return [
@@ -282,7 +290,9 @@ def next_commands(session: Path) -> list[tuple[str, str]]:
 
 
 def figure_lines(figures: Figures) -> list[str]:
-    """Table of what the demo measured: times, errors, memory, as lines of text."""
+    """Lines of a table of what the demo measured: run time and error of a simulation, tracking speed and errors, run
+    time by stage, memory.
+    """
     mdeg = 1e3 * 180 / math.pi
     rows = [
         ("simulation of 0.7 s of trial 1, warm", f"{figures.simulation_s * 1e3:.0f} ms"),

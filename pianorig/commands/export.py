@@ -40,8 +40,9 @@ def command(
 
 
 def export_session(path: Path, form: str, *, trials: list[int] | None = None, out: Path | None = None) -> list[Path]:
-    """Write trials (by number; None: all) of a session, or the one of a trial's file, in one form into ``out`` (None:
-    ``export`` inside it); return the files."""
+    """Write trials of a session (by number; None: all readable), or the trial file ``path``, as ``form`` (csv, mat,
+    tdms, parquet, or force) into ``out`` (None: ``export`` in the session); return the files. None is overwritten.
+    """
     from rig.session.trial_export import FORMATS, export_trial  # start-up: 0.5 s of h5py and pandas
 
     if form not in (*FORMATS, FORCE):
@@ -60,7 +61,9 @@ def export_session(path: Path, form: str, *, trials: list[int] | None = None, ou
 
 
 def _choose_trials(path: Path, numbers: list[int] | None) -> list[rig.Trial]:
-    """Trials of a session folder, all readable ones or those with numbers, or the one of a trial's file."""
+    """Trials of the session folder ``path`` with these numbers (None or none: all that can be read, also rejected
+    ones), or the one trial of the file ``path``, which takes no numbers.
+    """
     if path.suffix == ".h5":
         found = [trial for trial in rig.Session.open(path.parent).trials if trial.path.name == path.name]
         if not found or numbers:

@@ -84,7 +84,9 @@ def command(
 
 
 def _versions() -> dict[str, str]:
-    """Versions of Python, the platform and the packages this tool rests on."""
+    """Versions by name of Python, the platform and the packages this tool rests on, ``not installed`` where one is
+    absent.
+    """
     found = {"python": platform.python_version(), "platform": platform.platform()}
     for package in PACKAGES:
         try:
@@ -95,7 +97,9 @@ def _versions() -> dict[str, str]:
 
 
 def session_facts(path: Path) -> dict[str, Any]:
-    """Name, date, profile and trials of a session; trials as a list of rows, an unreadable one with its problem."""
+    """Facts of a session by name: folder, operator, date, action, profile; ``trials``: a dict each of number, status,
+    peak force (N), film, …, of an unreadable one with its problem.
+    """
     session = rig.Session.open(path)
     rows = []
     for trial in session.trials:
@@ -138,7 +142,8 @@ def _peak_force(data: rig.TrialData) -> float | str:
 
 
 def backend_facts(backend: str, rig_name: str | None) -> dict[str, Any]:
-    """What answers at a backend address: devices with serial numbers, versions, and what a rig file makes of them.
+    """Facts by name of what answers at a backend address: driver, devices with serial numbers, and, given a rig file
+    (name or path), whether hardware moves, watchdog, sample rate, force delay (s). Nothing moves.
 
     Without a rig file only the devices are listed; ``sim://`` has those of the built-in one.
     """
@@ -177,7 +182,9 @@ def _rows(devices: list[FoundDevice]) -> list[dict[str, Any]]:
 
 
 def write_proposal(backend: str, path: Path, rig_name: str | None = None) -> dict[str, Any]:
-    """Write a rig file for the devices behind an address; the file is checked before it is written."""
+    """Write a rig file proposed for the devices behind a backend address to ``path``, where no file may be, once it
+    passes the check of rig files; return its path, device and product by name.
+    """
     # start-up: 0.2 s of nidaqmx, which --help does not need
     from rig.atomic_write import write_text
     from rig.daq.address import discover

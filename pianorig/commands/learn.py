@@ -110,8 +110,9 @@ def command(
 
 
 def draw_recorded(path: Path, targets: Sequence[rig.TargetForce]) -> None:
-    """Write a picture (PNG) of the recorded forces over time, one line each, key bottoms marked (after Fig. 3.6), to
-    ``path``."""
+    """Write a PNG picture to ``path``: recorded forces, N, over time, s, one line a target, a dot where the key reaches
+    its bottom (after Fig. 3.6).
+    """
     # start-up: 0.5 s of NumPy and matplotlib that --help does not need
     import numpy as np
     from matplotlib.figure import Figure
@@ -130,7 +131,9 @@ def draw_recorded(path: Path, targets: Sequence[rig.TargetForce]) -> None:
 
 
 def draw_learned(folder: Path, learned: rig.Learned) -> None:
-    """Write a picture of pianist and motor (after Figs 3.7, 3.8) and of the error of each blow into ``folder``."""
+    """Write ``pianist_and_motor.png`` into ``folder``: target, measured force and command of the best blow (after Figs
+    3.7, 3.8), and below the error of each blow.
+    """
     from matplotlib.figure import Figure  # start-up: 0.4 s that --help does not need
 
     from rig.learning.target_force import FADE_S  # start-up: scipy.signal, as above
@@ -157,7 +160,9 @@ def draw_learned(folder: Path, learned: rig.Learned) -> None:
 
 
 def _draw_errors(axes: Any, learned: rig.Learned) -> None:
-    """Draw the error of each blow, percent of the peak, and the goal."""
+    """Draw into matplotlib ``axes`` the RMS error of each blow, percent of the target's peak, over its number, and the
+    goal as a line.
+    """
     numbers = [blow.number for blow in learned.blows]
     axes.plot(numbers, [100 * blow.error for blow in learned.blows], "o-", ms=4)
     axes.axhline(100 * learned.goal, color="C2", lw=1.0, label=f"goal, {100 * learned.goal:g} %")
@@ -178,7 +183,8 @@ def load_target(
     separator: str = ",",
     decimal: str = ".",
 ) -> rig.TargetForce:
-    """A recorded force as a target of learning on a rig; CSV, LVM, TDMS, HDF5 or a sealed trial.
+    """Read a recorded force (CSV, LVM, TDMS, HDF5, sealed trial) times ``scale``, N per unit, as a target of learning
+    at the sample rate of a rig; ``key_bottom_s``: when the key reaches bottom, None: found in the force.
 
     A file that states its own sample interval needs no time channel; one that states another unit than N needs a
     scale.
@@ -249,7 +255,9 @@ def learn_profile(
 
 
 def learning_summary(learned: rig.Learned) -> dict[str, Any]:
-    """Facts of a learned profile for ``--json``: errors in percent of the target's peak, times in s."""
+    """Facts of a learned profile by name, as ``--json`` prints them: errors in percent of the target's peak, times in
+    s, forces in N, whether it follows, else the obstacle.
+    """
     best = learned.best
     return {
         "target": learned.target.name,
@@ -267,7 +275,9 @@ def learning_summary(learned: rig.Learned) -> dict[str, Any]:
 
 
 def _write_results(out: Path, learned: rig.Learned) -> None:
-    """Write ``profile.toml`` of the best blow and ``learning.json`` into the folder ``out``."""
+    """Write ``profile.toml`` (profile of the best blow) and ``learning.json`` (`learning_summary`) into the folder
+    ``out``, replacing what is there.
+    """
     best = learned.best
     found = f"{100 * best.error:.2f} % RMS of the peak before key bottom in blow {best.number}"
     text = best.profile.text.replace(

@@ -64,8 +64,9 @@ def check_bench(
     ask: Callable[[str], str | None],
     show: Callable[[rig.SelftestFinding], None] = lambda finding: None,
 ) -> tuple[Path, rig.SelftestRecord]:
-    """Test a bench, ``show`` each finding, and write the record into a folder; the motor pushes gently, so hardware
-    needs confirmation. Its path, and the record."""
+    """Test a bench by gentle pushes of its motor, ``show`` each finding, write the record into the folder ``out``;
+    return its path and the record. Hardware moves only after ``ask`` confirmed it, or ``yes``.
+    """
     from rig.safety.interrupts import termination_as_interrupt  # start-up: 0.2 s of nidaqmx that --help does not need
     from rig.safety.permission import confirm  # start-up: as above
 

@@ -76,8 +76,9 @@ def command(
 
 
 def _find_force_file(blow: Path, trial: int | None) -> Path:
-    """File of the force: of a session folder that of a trial (number), by default its first that is not rejected; of a
-    file itself."""
+    """File of the force: ``blow`` itself where it is a file; of a session folder that of trial ``trial``, by default
+    the first that can be read and is not rejected.
+    """
     if not blow.is_dir():
         if trial is not None:
             raise CommandInputError(f"--trial {trial}: goes with a session; {blow} is no folder")
@@ -96,7 +97,9 @@ def _find_force_file(blow: Path, trial: int | None) -> Path:
 def _local_sensitivities(
     action: model.Action, driving: workflows.DrivingForce, names: list[str] | None, quiet: bool
 ) -> model.sensitivity.LocalTable:
-    """Elasticities of a blow's results to parameters; all that have an effect where ``names`` is None."""
+    """Elasticities (percent per percent) of a blow's results to the parameters ``names``, paths such as
+    contact04.friction.A; None: all that have an effect. ``quiet``: no progress.
+    """
     for name in names or ():
         if name.endswith(DIRECTION) and name in action.quantities:
             raise CommandInputError(

@@ -67,7 +67,8 @@ def command(
 
 
 def draw_curve(values: NDArray[np.float64], width: int, height: int, braille: bool = True) -> list[str]:
-    """Draw evenly spaced values as ``height`` lines of ``width`` characters, minimum to maximum within each column.
+    """Draw evenly spaced values (n,), n from 1, as ``height`` lines of ``width`` characters, from their least at the
+    bottom to their largest at the top; each column spans minimum to maximum of its values.
 
     The lowest value is at the bottom, the highest at the top; a constant is a line in the middle. Without ``braille``
     the signs are ``'``, ``.`` and ``:``, the upper, the lower and both halves of a cell.
@@ -95,7 +96,9 @@ def draw_curve(values: NDArray[np.float64], width: int, height: int, braille: bo
 
 
 def view_facts(view: LiveView) -> dict[str, Any]:
-    """Facts of a recording for ``--json``: trial, state, and its last raw force (N) and angles (rad)."""
+    """Facts of what a session shows now, as ``--json`` prints them: trial, state, samples, last raw force and its peak,
+    N, last angle of each body, rad since the first sample.
+    """
     from rig.session.trial_data import absent_bodies  # start-up: 0.4 s of h5py
 
     return {
@@ -116,7 +119,8 @@ HEIGHT = 6  # lines of a curve: three of them and the title fit 24 lines
 
 
 def view_text(view: LiveView, width: int, *, braille: bool = True) -> str:
-    """Force and the last body's angle, the hammer's, over time as lines of text of at most ``width`` characters.
+    """Text for the terminal, lines of at most ``width`` characters: state of the recording, and curves over time of the
+    raw force, N, and the angle of the last body, degrees (the hammer's, where it was recorded).
 
     Without ``braille`` the curves are drawn with signs that every terminal has.
     """
@@ -151,8 +155,8 @@ def follow_session(
     once: bool = False,
     wait: Callable[[float], None] = time.sleep,
 ) -> LiveView | None:
-    """Show a session whenever there is something new, until its plan is complete or nobody plays any more; return the
-    last view.
+    """Call ``show`` with each new view of a session, looking every ``every_s``, until its plan is complete, its
+    recording has ended or, with ``once``, after one look; return the last view, None where there was none.
     """
     from rig.session.live_view import SessionFollower  # start-up: 0.4 s of h5py
 
@@ -170,7 +174,9 @@ def follow_session(
 
 
 def draw_view(path: Path, view: LiveView) -> None:
-    """Write force and angles over time to ``path`` as a PNG, whole or not at all."""
+    """Write a PNG picture to ``path``, replaced whole: raw force, N, and angles of the recorded bodies, degrees, over
+    time.
+    """
     # start-up: 0.5 s that text needs not
     import numpy as np
     from matplotlib.figure import Figure

@@ -22,7 +22,8 @@ FIGURE_ENDINGS = (".svg", ".pdf", ".png")
 
 
 def check_writable(path: Path | None, *endings: str) -> None:
-    """Refuse, before any work is done, a file that could not be written in the end, or ends in none of ``endings``.
+    """CommandInputError, before any work is done, for a path that cannot be written, or that ends in none of
+    ``endings`` (none given: any); an existing file may be replaced, None is fine.
 
     None, an option that was not given, is fine.
     """
@@ -63,7 +64,9 @@ def _write_csv(path: Path, columns: Mapping[str, NDArray[np.float64]]) -> None:
 def run_attributes(
     action: model.Action, choice: model.SceneChoice, scene: str, tolerance: float, method: str
 ) -> dict[str, Any]:
-    """What a file of columns says about the run that it came from; ``scene`` is what its ``choice`` is called."""
+    """What a file of columns says about the run that it came from, by name: action, changed values, tolerance (rad),
+    method, scene (as ``scene`` calls ``choice``), effects.
+    """
     laws = {path: law for path, law in action.structure.items() if path.endswith(f".{LAW}")}
     return {
         "action": action.name,
@@ -81,7 +84,8 @@ def write_columns(
     attributes: Mapping[str, Any] | None = None,
     long_names: Mapping[str, str] | None = None,
 ) -> None:
-    """Write columns of equal length to ``path`` (.csv, or .h5 with units and a time scale), whole or not at all.
+    """Write columns (n,) of equal length, by name, to ``path`` (.csv, or .h5 with units and a time scale), replacing a
+    file there, whole or not at all.
 
     ``attributes`` of the file and ``long_names`` of columns go into .h5 only.
     """
@@ -102,7 +106,9 @@ def write_table(path: Path, table: pd.DataFrame) -> None:
 
 
 def read_table(path: Path, advice: str, columns: Iterable[str] = ()) -> pd.DataFrame:
-    """Read a CSV; refuses one that cannot be read or lacks a column, in one line that ends with ``advice``."""
+    """Read a CSV file into a table; CommandInputError, one line that ends with ``advice``, where it cannot be read or
+    lacks one of ``columns``.
+    """
     import pandas as pd  # start-up: 0.3 s that only a table needs
 
     try:

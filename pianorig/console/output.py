@@ -19,7 +19,9 @@ def _to_plain(value: Any) -> Any:
 
 
 def _make_json_ready(content: Any) -> Any:
-    """Copy of nested content in which arrays are lists, and numbers that are not finite None, as JSON wants."""
+    """Copy of nested content in which arrays and tuples are lists, and numbers that are not finite None, which JSON
+    does not know.
+    """
     if hasattr(content, "tolist"):
         content = content.tolist()
     if isinstance(content, float):
@@ -71,7 +73,8 @@ MOST_COLUMNS, MOST_ROWS = 80, 20
 
 
 def table_lines(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """A table of at most 80 columns and 20 rows: the first column to the left, numbers to the right.
+    """Lines of a table under ``head``, at most 80 characters wide and 20 lines long: first column to the left, others
+    to the right, cells cut where needed; the last line counts rows left out.
 
     Where it would be wider, the widest column is cut; of more rows the first are shown, and how many there are.
     """

@@ -34,7 +34,8 @@ class _OnImport(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Spec of numba's events, found by the other finders, whose loader then registers the notice; else None.
+        """Import hook: where ``fullname`` is numba's event module, its spec, whose loader afterwards registers the
+        notice of compilation; None for every other module.
 
         The finder takes itself off ``sys.meta_path``.
         """
@@ -55,7 +56,9 @@ class _OnImport(MetaPathFinder):
 
 
 def _listener(events: Any) -> Any:
-    """Listener to numba's events that speaks at the first compilation that is not part of another one."""
+    """A listener to numba's compile events that says one line at the first outermost compilation of this process;
+    ``events``: the module ``numba.core.event``.
+    """
     inside, said = threading.local(), threading.Event()
 
     class Listener(events.Listener):  # type: ignore[misc]
@@ -98,7 +101,9 @@ def clock(seconds: float) -> str:
 
 
 def bar_text(label: str, done: int, total: int, spent_s: float, columns: int) -> str:
-    """The line of a bar, from the most telling to the least, as far as ``columns`` go."""
+    """Text of a progress line: ``label done/total``, then a drawn bar and the time left, each only where it fits into
+    ``columns`` characters; ``spent_s``: time since the beginning.
+    """
     text = f"{label} {done}/{total}"
     left = f"  {clock(spent_s * (total - done) / done)} left" if 0 < done < total and spent_s > 1.0 else ""
     filled = BAR * done // total if total else 0
@@ -111,8 +116,9 @@ def bar_text(label: str, done: int, total: int, spent_s: float, columns: int) ->
 
 @contextmanager
 def bar(label: str, quiet: bool = False, what: str = "frames") -> Iterator[Callable[[int, int], None] | None]:
-    """Yield ``update(done, total)``, which draws a bar; ``what`` is the plural of what is counted; nothing is drawn
-    before work is reported. None when quiet."""
+    """Context that yields ``update(done, total)``, which draws a bar on standard error, or None when quiet; without a
+    terminal one line is printed after 5 s; ``what``: plural of what is counted.
+    """
     if quiet:
         yield None
         return
@@ -143,8 +149,9 @@ def bar(label: str, quiet: bool = False, what: str = "frames") -> Iterator[Calla
 
 @contextmanager
 def working(text: str, quiet: bool = False) -> Iterator[Callable[[str], None]]:
-    """Say ``text`` while the block works and nothing else is reported, on a terminal with the seconds; yields a
-    function that replaces the text."""
+    """Context that shows ``text`` on standard error while its block works, on a terminal with the time spent, else once
+    after 5 s; yields a function that replaces the text.
+    """
     if quiet:
         yield lambda words: None
         return
@@ -180,7 +187,8 @@ def working(text: str, quiet: bool = False) -> Iterator[Callable[[str], None]]:
 
 @contextmanager
 def recording_line(quiet: bool = False, title: str = "") -> Iterator[Callable[[Any], None] | None]:
-    """Follow a recording: trial, time, largest force so far, time left; yields the recorder's callback.
+    """Context that yields the callback for a recorder's progress (None when quiet), which shows trial, time, largest
+    raw force so far and time left; ``title`` is said with the first block.
 
     The ``title`` is said when the first block arrives: a recording that is refused has none. Elsewhere than on a
     terminal a trial that begins is a line once the recording has taken a while.

@@ -74,7 +74,7 @@ class LiveLine:
                 self._draw("")
 
     def say(self, text: str) -> None:
-        """Print lines that stay; what was drawn comes back below them."""
+        """Print text of one or several lines that stays on standard error; a line drawn by `show` returns below it."""
         with self._lock:
             drawn = self._drawn
             self.clear()
