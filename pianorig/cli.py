@@ -89,8 +89,7 @@ class LazyGroup(TyperGroup):
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write the list of commands into typer's help, by heading, each with its first line; no command is imported.
-        """
+        """Write the list of commands into typer's help, by heading, each with its first line; none is imported."""
         width = max(map(len, self.table))
         headings = {"Commands": list(self.table)} if self.prefix else commands.groups()
         if not self.prefix:

@@ -42,7 +42,9 @@ class Access:
         return f"http://{LOOPBACK}:{self.port}/"
 
     def check(self, method: str, path: str, headers: Mapping[str, str]) -> None:
-        """Raise `Refused` for another host name, another origin, or a request that another site's page began."""
+        """Raise `Refused` (HTTP 403) for a request whose Host or Origin is not this page's, or that another site's page
+        began; ``headers``: those of the request, by name.
+        """
         hosts = {f"{name}:{self.port}" for name in NAMES}
         host = headers.get("Host", "")
         if host.lower() not in hosts:

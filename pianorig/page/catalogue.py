@@ -58,7 +58,9 @@ class SessionRow:
 
 
 def read_row(folder: Path) -> SessionRow:
-    """The row of a folder; one that cannot be read has a ``problem``."""
+    """Row of the list of sessions for the one in ``folder``; where that cannot be read, a row with its name and the
+    ``problem`` in words.
+    """
     try:
         session = open_session(folder)
         trials = session.trials
@@ -81,8 +83,8 @@ def read_row(folder: Path) -> SessionRow:
 
 
 def open_session(folder: Path) -> Session:
-    """Open a session; `ValueError` where its text files are too large to be what they say, or something in it is no
-    plain file.
+    """Open the session in ``folder``, also without trials; ValueError where its text files are too large, or something
+    in it is no plain file. RigInputError as `Session.open`.
 
     A pipe or a device in place of a trial, a film or a table would hold whoever reads it for ever.
     """
@@ -132,7 +134,9 @@ def trial_status(trial: Trial) -> str:
 
 
 def session_detail(folder: Path) -> dict[str, Any]:
-    """Trials and annotations of a session, as plain values."""
+    """Trials (number, status, reason of a rejection or None, film, whether tracked) and annotations of the session in
+    ``folder``, as lists of plain dicts.
+    """
     session = open_session(folder)
     return {
         "trials": [
@@ -165,7 +169,9 @@ def _status(trials: tuple[Trial, ...], unsealed: bool) -> str:
 
 
 def results_of(path: Path, trials: tuple[Trial, ...]) -> dict[str, Any]:
-    """What a report's ``results.json`` says, as fields of the session's row; none where there is no such file."""
+    """Fields of a session's row from a report's ``results.json``: verdict, findings, whether it is stale by the
+    session's ``trials``; empty without that file, a ``problem`` where it cannot be read.
+    """
     if not path.is_file():
         return {}
     try:
@@ -184,8 +190,8 @@ def results_of(path: Path, trials: tuple[Trial, ...]) -> dict[str, Any]:
 
 
 def _results(content: dict[str, Any], trials: tuple[Trial, ...]) -> dict[str, Any]:
-    """Verdict and findings of a report's content, and ``stale``: whether trials were added, exchanged, rejected or
-    accepted since it was made.
+    """Verdict, first sentence and findings (the first few, and their number) of a report's content, and ``stale``:
+    whether trials were added, exchanged, rejected or accepted since.
 
     By what the report itself says of them: times of files do not survive a copy.
     """
@@ -261,7 +267,9 @@ class Catalogue:
         return self._list_names(self.root, lambda path: (path / SESSION_FILE).is_file())
 
     def rows(self) -> list[SessionRow]:
-        """One row a session, newest first; sessions without a date last."""
+        """Rows of all sessions below the root, newest first, those without a date last; a row is read again only where
+        its folder has changed.
+        """
         found = []
         for name in self.names():
             fingerprint = self._fingerprint(name)
@@ -303,8 +311,9 @@ class Catalogue:
 
     @staticmethod
     def _served_file(report: Path, path: str) -> tuple[Path, str]:
-        """File ``path`` in the folder ``report``, and its media type; `UnknownName` for a name outside it or another
-        kind."""
+        """Path of the file ``path`` in the folder ``report`` and its media type; `UnknownName` for a path that leads
+        out of it, or a kind that is not served.
+        """
         folder, name = report.resolve(), report.name
         try:
             file = (folder / path).resolve()

@@ -59,8 +59,9 @@ class Jobs:
         return "" if busy is None else f"{busy.command} of {busy.subject}"
 
     def begin(self, subject: str, arguments: list[str]) -> dict[str, Any]:
-        """Start ``pianorig`` with ``arguments`` about a session, in a process; return the job's state; refused while
-        another runs."""
+        """Start ``pianorig`` with ``arguments`` in a process of its own, as a job about the session ``subject``, and
+        return the job's state; CommandInputError while another runs.
+        """
         with self._lock:
             if busy := self.running:
                 raise CommandInputError(f"{busy} is running; wait, or stop it")
@@ -89,7 +90,9 @@ class Jobs:
 
     @staticmethod
     def _state(job: _Job) -> dict[str, Any]:
-        """State of a job for the page: number, session, command, running, failed, lines printed."""
+        """State of a job for the page by name: number, session, command, whether it is running, whether it failed, and
+        the lines printed so far.
+        """
         return {
             "job": job.number,
             "session": job.subject,

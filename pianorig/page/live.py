@@ -37,7 +37,8 @@ class LiveStream:
         self._judged: dict[str, Any] | None = None
 
     def poll(self) -> tuple[dict[str, Any] | None, bytes]:
-        """State where it has changed, else None; new samples, empty where there are none.
+        """State of the recording, or None where it has not changed since the last call, and the samples received since
+        as bytes, empty for none.
 
         Samples: number of the first one (float64), then one row a sample of 32-bit numbers, in the order of the
         state's ``channels``.
@@ -50,7 +51,9 @@ class LiveStream:
         return state, samples
 
     def _samples(self) -> bytes:
-        """Samples that the journal received since the last call, packed for the page; empty where there are none."""
+        """Samples that the journal received since the last call as bytes: number of the first (float64), then rows of
+        float32, little-endian; empty where there are none.
+        """
         journals = self.session.journals
         if not journals:
             self._journal = None
@@ -69,8 +72,9 @@ class LiveStream:
         return struct.pack("<d", new[0].first_sample) + _live_rows(part, follower.first_count).tobytes()
 
     def _recording_state(self) -> dict[str, Any]:
-        """State of the recording for the page: trial, plan, channels, disk; peaks of newly sealed trials are read once
-        and kept."""
+        """State of the recording for the page by name: trial, plan, channels, sample rate, last judgement, free disk,
+        and key figures of the last sealed trials, which are read once and kept.
+        """
         head = None if self._journal is None else self._journal.head
         sealed = self.session.trials
         for trial in sealed[-MOST_FIGURES:]:
@@ -97,7 +101,8 @@ class LiveStream:
         }
 
     def _last_judged(self, sealed: Sequence[Trial]) -> dict[str, Any] | None:
-        """What the model says of the last judged trial (`validation.TrialJudgement.content`); None of none.
+        """What the model says of the last judged among the ``sealed`` trials, as `validation.TrialJudgement.content`
+        wrote it; None where none was judged.
 
         `pianorig.workflows.judge_trials` writes it while ``record --action MODEL`` runs, whole files one a trial.
         """
@@ -114,7 +119,9 @@ class LiveStream:
 
 
 def _channels(head: TrialHead) -> list[dict[str, Any]]:
-    """Name, unit and colour of each column of the samples."""
+    """Columns of the samples, in their order, a dict each of name, title, unit (angles in degrees) and colour: force,
+    encoders, motor command, further channels.
+    """
     columns = [{"name": "force", "title": "Raw force", "unit": "N", "color": ""}]
     for i, encoder in enumerate(head.encoders):
         title = TITLE.get(encoder.name, encoder.name)
@@ -128,8 +135,9 @@ def _channels(head: TrialHead) -> list[dict[str, Any]]:
 
 
 def _live_rows(part: TrialData, first_count: Any) -> np.ndarray:
-    """Rows (n, k) float32: raw force, N, degrees turned since ``first_count`` (a count each encoder), command, V,
-    further channels."""
+    """Rows (n, k) float32: raw force, N; degrees turned since ``first_count`` (1, encoders), with the page's sign;
+    command, V; further channels.
+    """
     sign = np.array([SIGN.get(encoder.name, 1.0) for encoder in part.encoders])
     columns = [
         part.raw_force_n[:, None],
@@ -142,7 +150,9 @@ def _live_rows(part: TrialData, first_count: Any) -> np.ndarray:
 
 
 def _trial_figures(number: int, path: Path) -> dict[str, Any]:
-    """Read the key figures of a sealed trial: raw forces, turns, status; only its status where it cannot be read."""
+    """Key figures of a sealed trial by name: status, reason, raw peak and rest force, N, largest turn of each body,
+    degrees; force None and status ``unreadable`` where it cannot be read.
+    """
     row: dict[str, Any] = {"trial": number, "status": "unreadable", "reason": ""}
     row |= {"raw_peak_force_n": None, "raw_rest_force_n": None, "turned_deg": {}}
     try:

@@ -43,7 +43,7 @@ class FilmSubject:
         return SessionFilm(self.path, self.bodies, frame_rate_hz, allow_truncated=True)
 
     def angles(self) -> Found | None:
-        """Tracked angles and how they were found; None before tracking."""
+        """Table of tracked angles and its attributes (none for a film without a session); None before tracking."""
         if self.owner is not None:
             session, trial = self.owner
             return session.read_derived(STEP, trial.number)
@@ -57,7 +57,9 @@ class FilmSubject:
 
 
 def subject_of(catalogue: Catalogue, owner: str, number: int) -> FilmSubject:
-    """Film of trial ``number`` of the session ``owner``; for number 0 the film of that name, which has no session."""
+    """The film of trial ``number`` of the session ``owner``, or, for number 0, the film named ``owner``, which has no
+    session; UnknownName where there is none.
+    """
     if number == 0:
         path = catalogue.film(owner)
         return FilmSubject(path, path.with_suffix(".bodies.toml"), None)
@@ -77,7 +79,9 @@ WORST = 12  # frames that are offered to look at: one screen
 
 
 def outlines_of(subject: FilmSubject) -> dict[str, Any]:
-    """The film, its saved outlines, and the worst of the tracked frames."""
+    """Film, saved outlines, worst tracked frames, and doubt about the film's times, as plain data for the page; no
+    outlines before any were saved.
+    """
     bodies = vision.load_bodies(subject.bodies) if subject.bodies.is_file() else []
     return {
         "film": subject.view(),
@@ -110,7 +114,9 @@ def save_outlines(subject: FilmSubject, rows: Any) -> dict[str, Any]:
 
 
 def _parse_body(row: Any) -> vision.Body:
-    """Parse an outline that the page sent."""
+    """Make a body of the outline that the page sent, a dict of name, parent (empty for none), layer (whole number),
+    points (pairs x, y, px); CommandInputError for anything else.
+    """
     if not isinstance(row, dict):
         raise CommandInputError(f"outline {str(row)[:60]!r}: allowed a table of name, parent, layer, points")
     name, parent, layer, points = (row.get(key) for key in ("name", "parent", "layer", "points"))
@@ -127,7 +133,9 @@ def _parse_body(row: Any) -> vision.Body:
 
 
 def worst_frames(subject: FilmSubject) -> list[dict[str, Any]]:
-    """Frames to look at first, with what is wrong: most bodies lost, then lowest correlation."""
+    """Tracked frames to look at first, a dict each of its number and what is wrong in words: most bodies lost, then
+    lowest correlation; empty before tracking.
+    """
     found = subject.angles()
     if found is None:
         return []
@@ -148,8 +156,9 @@ def worst_frames(subject: FilmSubject) -> list[dict[str, Any]]:
 
 
 def track_again(subject: FilmSubject, frame: Any, places: Any) -> dict[str, Any]:
-    """Fit one frame again, bodies from ``places`` (name -> angle rad, x px, y px) where given, and put it into table
-    and session; the bodies lost in it."""
+    """Fit one frame again, each body from its place in ``places`` (angle rad, x px, y px) where given, and write it
+    into table and session; return its number and the bodies lost in it.
+    """
     if type(frame) is not int or not isinstance(places, dict):
         raise CommandInputError("allowed a frame number, and the places of bodies")
     read = {}

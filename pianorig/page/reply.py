@@ -144,8 +144,9 @@ class Reply(Guarded):
         return control
 
     async def _answer(self, method: str, names: Sequence[str], content: dict[str, Any]) -> None:
-        """Do the work of this address for ``method`` in a thread and send what it returns; an error that a user can
-        cause is sent as one line."""
+        """Do this address's work for ``method`` in a thread and send what it returns; an unknown name is answered by
+        404, an error that a user can cause by 400 and one line, another method by 405.
+        """
         work = self._work[method]
         if work is None:
             raise HTTPError(405)
@@ -165,7 +166,9 @@ class Reply(Guarded):
             self.send(found)
 
     def send(self, content: Any) -> None:
-        """Send JSON, in which a number that is none is null, or a file."""
+        """Send a `Sent` as it is, with its headers, anything else as JSON, in which a number that is not finite is
+        null; ends the request.
+        """
         if isinstance(content, Sent):
             for name, value in content.headers.items():
                 self.set_header(name, value)
@@ -175,7 +178,9 @@ class Reply(Guarded):
         self.finish(json_text(content))
 
     def body(self) -> dict[str, Any] | None:
-        """The JSON object that was sent; None after a refusal."""
+        """The JSON object of the request; None where it was refused (already answered): not allowed in, another media
+        type, or no object.
+        """
         if not self.let_in():
             return None
         if self.request.headers.get("Content-Type", "").split(";")[0] != "application/json":

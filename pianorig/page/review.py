@@ -47,7 +47,8 @@ class FilmShelf:
         self._lock = threading.Lock()
 
     def frames(self, path: Path, first: int, count: int) -> bytes:
-        """Some frames one after the other, a byte a pixel, row by row; of deeper films the upper eight bits.
+        """Grey values of ``count`` frames from ``first`` on, fewer at the film's end, frame after frame, row by row, a
+        byte a pixel; of deeper films the upper eight bits.
 
         Not encoded: on the loopback a byte is cheaper than what it takes to compress it.
         """
@@ -61,7 +62,9 @@ class FilmShelf:
         return b"".join(frame.tobytes() for frame in grey)
 
     def _film(self, path: Path) -> tuple[vision.Film, threading.Lock]:
-        """An open film with its lock; opens it anew where the file changed, closes those unused longest."""
+        """The film at ``path``, kept open, and the lock to hold while reading it; it is opened anew where the file
+        changed, and those unused longest are closed.
+        """
         stat = path.stat()
         key = (path, stat.st_size, stat.st_mtime_ns)
         with self._lock:
@@ -83,7 +86,8 @@ class FilmShelf:
 
 
 def film_view(session: Session, trial: Trial) -> dict[str, Any] | None:
-    """Size, frame times and outlines of a trial's film; None where it has none.
+    """Size, frame times (s on the trial's clock) and tracked outlines of a trial's film, as plain data for the page;
+    None where it has none.
 
     Times come from the trial's frame clock; a film that cannot be tied to it has a ``note`` and no times.
     """
@@ -93,8 +97,9 @@ def film_view(session: Session, trial: Trial) -> dict[str, Any] | None:
 
 
 def outlined_film(film: SessionFilm, found: tuple[pd.DataFrame, dict[str, Any]] | None) -> dict[str, Any]:
-    """Size, frame times and tracked outlines of a film; ``found``: table of tracked angles and its attributes, None
-    before tracking."""
+    """Size, frame times, s, and tracked outlines of a film as plain data for the page; ``found``: table of tracked
+    angles and its attributes, None before tracking; a ``note`` says why times are None.
+    """
     with vision.open_film(film.path, allow_truncated=True) as source:
         note = ""
         try:
@@ -124,8 +129,9 @@ def outlined_film(film: SessionFilm, found: tuple[pd.DataFrame, dict[str, Any]] 
 def _outlines(
     outlines_file: Path, source: vision.Film, table: pd.DataFrame, attributes: dict[str, Any]
 ) -> tuple[list[dict[str, Any]], str]:
-    """Outlines of each body about its centre, with its pose by tracked frame, from its outlines file and the table;
-    then what to doubt, as text, or empty."""
+    """Outline of each tracked body, px about its centre, with its pose and whether it was lost, by tracked frame, as
+    plain data; and a text on what to doubt, empty for nothing.
+    """
     if not outlines_file.is_file():
         return [], f"{outlines_file.name} is missing; the tracked outlines cannot be drawn"
     if "frame" in table:
@@ -170,8 +176,9 @@ _Predicted = tuple[ModelUnderTest, PredictedAngles]
 
 
 def trial_view(session: Session, number: int, actions: Sequence[str]) -> dict[str, Any]:
-    """Everything about a trial but its film, measured and predicted by built-in ``actions`` (at most two), as plain
-    data."""
+    """Everything about a trial but its film as plain data: status, notes, events, measured curves, and those predicted
+    by built-in ``actions`` (the first two) with drawings; only the recorded curves where it cannot be compared.
+    """
     trial = session.trial(number)
     data = trial.read()
     tested = [ModelUnderTest(model.load_action(name), DEFAULT_TOLERANCE) for name in actions[:MOST_MODELS]]
@@ -216,7 +223,9 @@ def _force(measured: MeasuredTrial) -> dict[str, Any]:
 
 
 def _recorded_curves(data: TrialData) -> dict[str, Any]:
-    """Force and encoders as they stand in the file, where a trial cannot be compared."""
+    """Raw force, N, and angles since the first sample, degrees with the page's sign, of a trial that cannot be
+    compared, packed for the page.
+    """
     angle = data.angle_rad
     curve: dict[str, Any] = {
         encoder.name: {
@@ -268,7 +277,9 @@ def _channels(measured: MeasuredTrial, predicted: list[_Predicted]) -> dict[str,
 
 
 def _events(measured: MeasuredTrial, predicted: list[_Predicted]) -> list[dict[str, Any]]:
-    """Moments of the trial and of the first model, in the order of time."""
+    """Events that are a moment in time, of the measured trial and of the first model in ``predicted``, as rows of the
+    page's table, in the order of time.
+    """
     sources = [("measured", find_events(measured.motion, measured.quiet.stop))]
     for tested, angles in predicted[:1]:
         motion = make_predicted_motion(angles, tested.geometry_at(measured.force.preload_n), tested.tolerance)
@@ -282,7 +293,7 @@ def _is_moment(event: Event) -> bool:
 
 
 def _event_row(source: str, event: Event) -> dict[str, Any]:
-    """A row of the page's table of events."""
+    """Row of the page's table of events: ``source`` (measured or model), name, title, time, s, meaning."""
     kind = EVENTS[event.name]
     return {
         "source": source,
@@ -294,7 +305,9 @@ def _event_row(source: str, event: Event) -> dict[str, Any]:
 
 
 def _animate_trial(measured: MeasuredTrial, tested: ModelUnderTest) -> dict[str, Any]:
-    """Simulate a trial; return the moving drawing of the model's action with the measured bodies over it."""
+    """Simulate the model under the trial's corrected force, from its rest under the preload; return the moving drawing,
+    with the measured bodies over it.
+    """
     load = tested.load(measured.force.preload_n)
     start = max(float(measured.force.time_s[0]), float(measured.time_s[0]))
     times = drawing_times(start, float(min(measured.force.time_s[-1], measured.time_s[-1])))

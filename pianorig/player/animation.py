@@ -41,7 +41,9 @@ class Animation:
 
 
 def animation_html(animation: Animation) -> str:
-    """Text of the animation's HTML file; it spans the times of the first drawing."""
+    """Text of an HTML file that plays the animation without a network: drawings, curves, events; it spans the times of
+    the first drawing.
+    """
     first = animation.drawings[0][1]
     times, pose = unpack(first["time_s"]), unpack(first["pose"])
     data = {
@@ -89,8 +91,9 @@ def motion_start_s(time_s: NDArray[Any], pose: NDArray[Any]) -> float:
 
 
 def thin_motion(motion: SeenMotion, row_indices: NDArray[np.int64]) -> SeenMotion:
-    """The rows of a motion at ``row_indices``; each shows the largest force since the one before, so that no short peak
-    is lost."""
+    """The motion at the rising ``row_indices`` alone; the contact forces of each row are the largest since the row
+    before it, so that no short peak is lost.
+    """
     starts = np.concatenate([[row_indices[0]], row_indices[:-1] + 1])
     peak = np.maximum.reduceat(motion.normal_n, np.minimum(starts, len(motion.normal_n) - 1), axis=0)
     return replace(
@@ -107,7 +110,9 @@ View = dict[str, Any]
 
 
 def trial_animation(view: View) -> Animation | None:
-    """A trial as `pianorig.page.review` gives it: measured beside model; None where nothing is drawn."""
+    """Animation of a trial, measured beside model, from the dict that `pianorig.page.review.trial_view` gives; None
+    where that has no drawings.
+    """
     if not view["drawings"]:
         return None
     curves = [{"title": "Force on the key", "color": "", **view["force"]}]
@@ -125,7 +130,9 @@ def trial_animation(view: View) -> Animation | None:
 
 
 def blow_animation(name: str, changes: list[str], view: View) -> Animation:
-    """A blow on the action as it is set, as `pianorig.page.action` gives it."""
+    """Animation of a simulated blow on a changed action, from the dict that `pianorig.page.action.live_blow` gives;
+    ``name`` and ``changes`` (path=value) make its title.
+    """
     times = view["time_s"]
     curves = [{"title": "Force on the key", "unit": "N", "color": "", "time_s": times, "value": view["force_n"]}]
     for channel in view["channels"].values():
@@ -142,8 +149,9 @@ BLOW_RATE_HZ = 2_000.0  # poses a second: choice; a blow of half a second has a 
 def write_blow_animation(
     action: model.Action, solution: model.Solution, force_n: NDArray[np.float64], path: Path
 ) -> None:
-    """Write a simulated blow, whose solution has an inside view, as an HTML file; ``force_n`` (m,) is its input at the
-    same times."""
+    """Write a simulated blow as an HTML file that plays it; the solution needs an inside view (``inside=True``, else
+    InputError); ``force_n`` (m,): the scene's input at the solution's times.
+    """
     inside = solution.inside
     if inside is None:
         raise model.InputError("animation: the solution has no inside view; simulate with inside=True")

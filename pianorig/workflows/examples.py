@@ -52,7 +52,9 @@ def key_motion(blow: model.Solution) -> Table:
 
 
 def felt_loading() -> Table:
-    """One press and release of the felt at the key front: its cubic (eq. 2.5), a loop about it, noise of the cell."""
+    """Columns of one press and release of the felt at the key front: displacement, m, and force, N: its cubic (eq.
+    2.5), a loop about that, noise of the cell.
+    """
     action = model.load_action()
     a, b, c = (action[f"contact02.normal.{name}"] for name in "abc")
     pressed = np.linspace(0.0, FELT_DEPTH_M, 60)
@@ -63,7 +65,9 @@ def felt_loading() -> Table:
 
 
 def felt_presses() -> dict[str, Table]:
-    """Presses of a felt that remembers: three speeds to three depths, with the noise of the cell."""
+    """Presses of a hereditary felt at several speeds to several depths, by name, columns each: time, s, displacement,
+    m, force, N, with noise of the cell.
+    """
     action, rng = model.load_action(), np.random.default_rng(4)
     a, b, c = (action[f"contact02.normal.{name}"] for name in "abc")
     law = model.felt.Hysteresis(a, b, c, PRESS_BETA, PRESS_ETA)
@@ -81,7 +85,9 @@ def felt_presses() -> dict[str, Table]:
 
 
 def lab_recording(blow: model.Solution) -> Table:
-    """The blow as another program would have recorded it: newtons and encoder counts, a quiet time first."""
+    """Columns of the forte blow as another program would have recorded it: times, s, force, N, with noise, encoder
+    counts of each body; a quiet time comes first.
+    """
     rate_hz = 1.0 / float(blow.time_s[1] - blow.time_s[0])
     quiet = round(QUIET_S * rate_hz)
     _, force_n = model.force_table("forte")
@@ -114,8 +120,9 @@ SUBPIXELS = 4  # a side of a pixel's mean: edges are right to a sixteenth of the
 
 
 def write_blow_film(path: Path, bodies: Path, blow: model.Solution, frames: int = FRAMES) -> None:
-    """Film the blow with the virtual camera, from its trigger on (``path`` and its header), and write the outlines of
-    its bodies."""
+    """Render ``frames`` frames of a blow by the virtual camera, from its trigger on, into the film ``path`` (with its
+    header beside), and write the outlines of its bodies to ``bodies``.
+    """
     column = [model.BODIES.index(name) for name in ("whippen", "jack", "repetition")]
     relative = blow.angle_rad[:, column]  # jack and lever from the whippen, as the camera wants them
 
@@ -140,7 +147,9 @@ def write_target_film(path: Path) -> None:
 
 
 def _target_frames() -> Iterator[NDArray[np.uint8]]:
-    """Views of a checkerboard moved and turned in the picture, for the calibration of the camera."""
+    """Yield pictures (height, width), 8 bits, of a checkerboard moved and turned in its plane, with noise, for the
+    calibration of the camera.
+    """
     random = np.random.default_rng(4)
     pitch_px = PITCH_M * CAMERA.scale_px_per_m
     room = 0.5 * np.array([CAMERA.width, CAMERA.height]) - 0.5 * pitch_px * (np.array(GRID) + 1.5)
@@ -153,7 +162,8 @@ def _target_frames() -> Iterator[NDArray[np.uint8]]:
 
 
 def _draw_checkerboard(centre_px: NDArray[np.float64], turn_rad: float, pitch_px: float) -> NDArray[np.float64]:
-    """Draw the calibration target as a picture of the camera's (height, width), each pixel the mean of points within.
+    """Draw the calibration target, turned by ``turn_rad`` (as x turns to y, which points down), as a noiseless picture
+    (height, width) of grey values, each pixel averaged over points within it.
 
     ``centre_px`` (x, y) is the middle of the target, ``pitch_px`` the width of a square.
     """
@@ -259,7 +269,9 @@ def write_examples(folder: Path, working: Callable[[str], None] = lambda words: 
 
 
 def _copy_session(name: str, target: Path) -> None:
-    """Copy a session that comes with the package, without what can be made from it again."""
+    """Copy the session folder ``name`` that comes with the package to ``target``: its own files and tracked angles, not
+    what can be made from them again.
+    """
     package = Path(__file__).parents[1]
     source = next(path for path in (package / name, package.parent / name) if path.is_dir())  # a wheel's, a checkout's
     for file in sorted(source.rglob("*")):

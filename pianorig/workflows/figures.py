@@ -24,7 +24,9 @@ FEWEST_QUIET = 10  # samples of rest that a level is read from
 
 
 def draw_session(session: rig.Session, path: Path) -> None:
-    """Draw the force and the angles of all trials of a session that can be read, a panel each."""
+    """Draw the raw force, N, and the angles since the first sample, degrees, over time, of all trials of a session that
+    can be read, a panel each, into the picture ``path``.
+    """
     trials = [trial.read() for trial in session.trials if not trial.problem]
     names = list(dict.fromkeys(encoder.name for data in trials for encoder in data.encoders))
     has_force = any(data.has_force for data in trials)
@@ -51,8 +53,9 @@ def draw_session(session: rig.Session, path: Path) -> None:
 
 
 def draw_targets(rows: Sequence[dict[str, Any]], before: str, path: Path) -> None:
-    """Draw how far each target of a regulation was (key ``before`` of a row), and is after regulating, from what is
-    wanted, mm."""
+    """Draw how far each regulated length is from the wanted one, mm, before (key ``before`` of a row, m) and, where
+    rows have ``after_m``, after regulating, into the picture ``path``; ``rows``: also ``wanted_m``, ``words``.
+    """
     with new_sheet(path, 8.0, 1.1 + CHECK_IN * len(rows)) as figure:
         axes = figure.subplots()
         for name, marker, color in ((before, "o", BAD), ("after_m", "s", GOOD)):
@@ -70,7 +73,9 @@ def draw_targets(rows: Sequence[dict[str, Any]], before: str, path: Path) -> Non
 
 
 def draw_checks(findings: Sequence[Any], path: Path) -> None:
-    """Draw the checks of a self-test, a row each: passed or not, what was found, what is allowed."""
+    """Draw the checks of a self-test (`SelftestFinding`), a row each, into the picture ``path``: passed or not, what
+    was found, what is allowed.
+    """
     with new_sheet(path, 9.0, 0.8 + CHECK_IN * len(findings)) as figure:
         axes = figure.subplots()
         for i, one in enumerate(findings):
@@ -87,7 +92,9 @@ def draw_checks(findings: Sequence[Any], path: Path) -> None:
 def draw_deviations(
     at: Sequence[float], away: Sequence[float], words: tuple[str, str, str], path: Path, u: Sequence[float] = ()
 ) -> None:
-    """Draw what a calibration left over at each reference; ``words``: title, horizontal and vertical label."""
+    """Draw what a calibration left over (``away``) at each reference (``at``), with bars of standard uncertainty ``u``
+    where given, into the picture ``path``; ``words``: title, horizontal and vertical label.
+    """
     title, along, up = words
     at_1d, away_1d, u_1d = (as_numbers(v, name, 1) for name, v in (("at", at), ("away", away), ("u", u)))
     with new_sheet(path, 7.0, 3.6) as figure:
@@ -117,7 +124,8 @@ def draw_uncertainties(estimates: Sequence[Any], path: Path) -> None:
 
 
 def draw_distortion(to_picture: Callable[[Any], Any], size_px: tuple[int, int], path: Path) -> None:
-    """Draw how far points of the plane are displaced in the picture: arrows ten times as long.
+    """Draw how far points of the plane are displaced in the picture of a camera, as arrows ten times as long, into the
+    file ``path``.
 
     ``to_picture``: where points (n, 2) of the plane appear; ``size_px``: width and height of the picture.
     """
@@ -135,8 +143,9 @@ def draw_distortion(to_picture: Callable[[Any], Any], size_px: tuple[int, int], 
 
 
 def blow_events(action: model.Action, solution: model.Solution, force: np.ndarray) -> dict[str, float]:
-    """Time (s) by title of what happens in a blow that begins at rest, under ``force`` (m,) at the solution's times;
-    empty where a body is missing."""
+    """Times, s, by title of the events found in a blow that begins at rest; ``force`` (m,): at the solution's times, of
+    which only the onset counts. Empty where a body is missing or there is no rest before the onset.
+    """
     # start-up: 0.3 s of validation, which a run without a figure does not need
     from validation.conventions import BODIES, ENCODER_BODIES
     from validation.events.definitions import EVENTS

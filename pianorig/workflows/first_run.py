@@ -17,7 +17,9 @@ FRAMES = 40  # of a film: enough for all that is compiled
 
 
 def call_once() -> None:
-    """Run model, tracker and scores once on a short blow, so that their kernels are compiled and kept."""
+    """Simulate, film, track and score a short blow once, so that the compiled kernels of model, tracker and scores are
+    on disk; nothing else stays.
+    """
     action = model.load_action()
     times, force = model.force_table("forte")
     begins = times <= BEGINS_S

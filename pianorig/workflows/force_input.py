@@ -43,7 +43,8 @@ TABLE_ENDINGS = (".lvm", ".tdms", ".h5", ".hdf5", ".nc", ".mat", ".txt", ".tsv",
 
 
 def read_driving_force(path: Path, column: str = "force_n", mapping: Path | None = None) -> DrivingForce:
-    """Read a table (a file that an import reads), a sealed trial (``.h5``), or a recording that a mapping explains.
+    """Read what drives a simulation: the column of a table, or the corrected force, N, with preload, of a sealed trial
+    or of a recording that a mapping explains.
 
     The force of a trial, and of a recording with a mapping, is corrected as in a comparison: offset, mains hum and
     group delay are taken off, the preload of the arm stays. That of a table is taken as it is.
@@ -80,7 +81,9 @@ def read_driving_force(path: Path, column: str = "force_n", mapping: Path | None
 
 
 def _read_recording(path: Path, column: str, problem: Exception | None = None) -> DrivingForce:
-    """Read the channels ``time_s`` and ``column`` of a recording; ``problem`` is why it is no plain table."""
+    """Read times and the channel ``column`` of a foreign recording; ``problem``: why the file is no plain table, said
+    in the error where it cannot be read either.
+    """
     # start-up: h5py costs 0.1 s that a CSV table does not need
     from rig.errors import RigInputError
     from rig.foreign.reading import UncorrectedForceError, read_force
@@ -99,7 +102,9 @@ def _read_recording(path: Path, column: str, problem: Exception | None = None) -
 
 
 def _is_trial(path: Path) -> bool:
-    """Whether a file is a trial of a session, so that its seal is checked; also one that cannot be read as HDF5."""
+    """Whether a file is to be read as a sealed trial: an ``.h5`` file that has a trial's schema, or that HDF5 cannot
+    open, so that the error is the trial's.
+    """
     if path.suffix.lower() != ".h5":
         return False
     import h5py  # start-up: 0.1 s that a CSV table does not need

@@ -37,8 +37,9 @@ CHECK = "  # CHECK: "
 
 
 def recording_facts(path: Path, out: Path | None = None) -> dict[str, Any]:
-    """Channels, units, rates and lengths of a foreign file, and a mapping for it, which is written to ``out`` if named
-    (no file may be there)."""
+    """Facts of a foreign file by name: segments, a row for each channel (unit, samples, rate, range), what cannot be
+    used, and the text of a proposed ``mapping``, which is written to ``out`` if named, never over a file.
+    """
     tables, text_format = _read_tables(path)
     rows = [
         {
@@ -75,7 +76,9 @@ def is_recording(path: Path) -> bool:
 
 
 def _read_tables(path: Path) -> tuple[tuple[ChannelTable, ...], dict[str, Any]]:
-    """Return the tables of a file, and how its text is written where it is CSV."""
+    """Tables of a foreign file, one a segment, and, where it is CSV, the settings with which it reads best (separator,
+    decimal, thousands, names_row), by name; RigInputError where none does.
+    """
     if not path.name.lower().removesuffix(".gz").endswith(TEXT):
         return read_segments(path), {}
     text = read_text(path)
@@ -112,7 +115,9 @@ def _read_tables(path: Path) -> tuple[tuple[ChannelTable, ...], dict[str, Any]]:
 
 
 def _rate_text(table: ChannelTable, name: str) -> str:
-    """Return the number of Hz of a channel as text, by the file's clock or a column of times, or "not stated"."""
+    """Sample rate of a channel, Hz, as text without the unit, by the file's clock or a column of times; "not stated"
+    without either.
+    """
     size = table.channels[name].size
     if name in table.clocks:
         return f"{1.0 / table.clocks[name].interval_s:.6g}"
@@ -135,8 +140,8 @@ def _time_column(table: ChannelTable, beside: str) -> str | None:
 
 
 def _find_channel(table: ChannelTable, sought: str, excluded: list[str], group: str = "") -> str | None:
-    """Channel that is ``sought``, 'force' or a body's angle, by its unit first, then by its name, not among
-    ``excluded``; None if there is none.
+    """Name of the channel that is ``sought``: 'force', or key, whippen, hammer for its angle, by its unit (force), then
+    by its name, not among ``excluded``; those of ``group`` come first. None if there is none.
 
     One that cannot be read is found as well, so that what is wrong with it is said. Those of ``group`` come first.
     """
@@ -153,7 +158,9 @@ def _find_channel(table: ChannelTable, sought: str, excluded: list[str], group: 
 
 
 def _propose_mapping(tables: tuple[ChannelTable, ...], text_format: dict[str, Any]) -> dict[str, Any]:
-    """Return the text of a mapping for the first table, and why it does not import where it does not."""
+    """``mapping``: text of a mapping file for the first table (begins with "none:" where no force is found), and
+    ``does_not_import_yet``: why it does not import the tables, where it does not.
+    """
     table = tables[0]
     force = _find_channel(table, "force", [*table.computed])
     time = None if force is None or table.clocks else _time_column(table, force)
@@ -191,7 +198,9 @@ def _propose_mapping(tables: tuple[ChannelTable, ...], text_format: dict[str, An
 
 
 def _find_encoders(table: ChannelTable, excluded: list[str], group: str) -> dict[str, tuple[str, str]]:
-    """Channel and unit of the encoder of each body that a name tells, by body; none of the channels ``excluded``."""
+    """Channel and unit (the file's, else counts for whole numbers, else rad) of each body's encoder that is told by its
+    name, by body; none of ``excluded``, those of ``group`` first.
+    """
     found: dict[str, tuple[str, str]] = {}
     for body in COUNTS_PER_REVOLUTION:
         name = _find_channel(table, body, excluded, group)
@@ -212,8 +221,9 @@ def _resolution_line(angles: NDArray[np.float64], unit: str) -> str:
 
 
 def find_steps_of_turn(angles: NDArray[np.float64], turn: float) -> int | None:
-    """Number of steps of a ``turn``, in the unit of the angles, on whose grid all readings lie, but for the rounding of
-    their digits; None of none."""
+    """Number of steps in one ``turn`` (360, or 2 pi, in the unit of the angles) on whose grid all readings (n,) lie, as
+    those of an encoder do; None where no grid fits, or readings are too few.
+    """
     known = np.unique(angles[np.isfinite(angles)])
     gaps = np.diff(known)
     gaps = gaps[gaps > turn / STEPS_OF_ANGLES]  # what lies closer is one reading
@@ -236,8 +246,9 @@ def _wraps(table: ChannelTable, channel: str, unit: str, bits: int) -> bool:
 
 
 def _time_lines(table: ChannelTable, time: str | None) -> list[str]:
-    """Lines of a proposed mapping that say where the times of the samples come from: the channel ``time``, the file's
-    clock, or a rate to fill in."""
+    """Lines of the ``[time]`` table of a proposed mapping: the channel ``time`` and its unit, else a rate to check
+    where the file states none or rounds it; none where the file's clock is enough.
+    """
     if time is not None:
         return [f"channel = {toml_value(time)}", f"unit = {toml_value(known_unit(table.units.get(time, '')) or 's')}"]
     clock = next(iter(table.clocks.values()), None)
@@ -260,7 +271,9 @@ def _force_lines(table: ChannelTable, force: str) -> list[str]:
 
 
 def _import_problem(tables: tuple[ChannelTable, ...], text: str) -> str:
-    """Return why a mapping does not import the tables; empty where it does."""
+    """Why the mapping of this ``text`` does not import the tables, as the message of its error; empty where it does.
+    Nothing is written.
+    """
     try:
         config = parse_mapping(text).config
         for number, table in enumerate(tables, 1):

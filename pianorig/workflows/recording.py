@@ -66,7 +66,8 @@ class BenchAccess:
     selftests: Path = SELFTESTS
 
     def permission(self, rig_file: Rig, bench: Backend) -> Permission | None:
-        """Permission to move the hardware behind ``bench``; None where nothing real moves.
+        """Permission to move the hardware behind ``bench``, after a valid self-test and confirmation (else
+        NotPermitted); None where nothing real moves.
 
         Raises
         ------
@@ -79,7 +80,9 @@ class BenchAccess:
 
 @contextmanager
 def report_interrupt(folder: Path, *, resumed: bool = False) -> Iterator[None]:
-    """Turn Ctrl-C during a recording into ``folder`` into `Interrupted`, whose message says what it did."""
+    """Context that turns Ctrl-C during a recording into ``folder`` into `Interrupted`, whose message says in which
+    state outputs and session are; ``resumed``: the folder had a session before.
+    """
     others = folder.is_dir() and any(folder.iterdir()) and not resumed  # the recorder would have refused it
     try:
         yield
@@ -91,7 +94,9 @@ def report_interrupt(folder: Path, *, resumed: bool = False) -> Iterator[None]:
 
 
 def _remaining_words(folder: Path) -> str:
-    """What an interrupted recording left in its folder, and the command that goes on."""
+    """In words, what an interrupted recording left in its folder (nothing, a journal, sealed trials), and the command
+    that goes on.
+    """
     if not folder.is_dir():
         return "nothing was recorded and no session was made"
     try:
@@ -115,7 +120,9 @@ STILL_BEFORE_S = 0.03  # still frames before the blow: reference picture and zer
 
 
 def action_geometry(truth: PlantTruth) -> ActionGeometry:
-    """Pivots and rest angles of the specimen's filmed bodies, as the camera sees them before the blow."""
+    """Pivots, m, of whippen, jack and repetition lever of the virtual specimen, and their angles at the first sample,
+    rad, jack and lever from the whippen: what the virtual camera draws.
+    """
 
     def pivot(body: str) -> tuple[float, float]:
         return truth.action[f"{body}.pivot.x"], truth.action[f"{body}.pivot.y"]
@@ -127,8 +134,8 @@ def action_geometry(truth: PlantTruth) -> ActionGeometry:
 def film_virtual_trial(
     session: Session, trial: Trial, bench: SimulatedBackend, progress: Callable[[int, int], None] | None = None
 ) -> FilmTruth:
-    """Render the film of the trial just recorded from the plant's truth, put it beside the trial, and write the
-    session's outlines where it has none.
+    """Render the film of the trial just recorded from the virtual plant's true angles beside the trial's file, and
+    write the session's outlines where it has none; return the true angles. CommandInputError without a camera.
 
     Frames start `STILL_BEFORE_S` before the blow; the trial's number is the seed of the camera's noise. A camera that
     runs by itself exposes when the bench says, not when the trial believes.
@@ -160,7 +167,8 @@ def film_virtual_trial(
 
 
 def rehearse(profile: str | Profile, rig: str, backend: str, plan_file: Path | None = None) -> dict[str, Any]:
-    """Predict the blow, reserve every task on the bench, release them again; return what was found.
+    """Predict a blow, reserve every task on the bench and release it, so that nothing moves; return backend, rig,
+    prediction and tasks by name, of a plan file those of each condition.
 
     With a trial plan in place of ``profile`` that of each condition, by name under ``conditions``.
 
@@ -188,7 +196,9 @@ def rehearse(profile: str | Profile, rig: str, backend: str, plan_file: Path | N
 
 
 def rehearsal_lines(found: dict[str, Any]) -> list[str]:
-    """What `rehearse` found, as lines of text."""
+    """Lines to print of what `rehearse` found: each task with its channel, clock, trigger and routes, then the
+    predicted quantities.
+    """
     if "conditions" in found:
         return [line for name, one in found["conditions"].items() for line in (f"{name}:", *rehearsal_lines(one))]
     lines = [f"{found['backend']}, rig {found['rig']}: every task was reserved and released, nothing has moved"]
@@ -215,7 +225,8 @@ def record(
     film_progress: Callable[[int, int], None] | None = None,
     **keywords: Unpack[RecordingKeywords],
 ) -> tuple[Session, dict[int, FilmTruth]]:
-    """Record a session and film the trials numbered in ``film``; a dry run on the model comes first.
+    """Record a session into ``out`` on a bench (None: the virtual one) after a dry run on the model; trials numbered in
+    ``film`` are filmed too (virtual bench only). Return it and the films' true angles by number.
 
     On hardware nothing moves before a valid self-test was found and somebody confirmed, see `BenchAccess`.
 
@@ -277,7 +288,8 @@ def resume(
     access: BenchAccess,
     progress: Callable[[Progress], None] | None = None,
 ) -> tuple[Session, list[int]]:
-    """Record what is left of a session's plan; return the session and the numbers of the new trials.
+    """Record what is left of the plan of the session in ``folder``, with its own rig file, not that of ``access``;
+    return the session and the numbers of the new trials.
 
     The rig file is the session's own; that of ``access`` does not count. ``progress`` as for `rig.record`.
 

@@ -56,7 +56,7 @@ class SessionFilm:
         return vision.open_film(self.path, allow_truncated=whole, channel=self.channel)
 
     def open(self) -> vision.Film:
-        """The chosen frames, counted from the first of them; to be closed."""
+        """Open the film at the chosen frames alone, numbered from the first of them, 0; the caller closes it."""
         film = self.open_whole()
         if not self.is_part:
             return film
@@ -71,7 +71,7 @@ class SessionFilm:
 
     @cached_property
     def owner(self) -> tuple[Session, Trial] | None:
-        """Session and trial the film belongs to, or None for a film on its own."""
+        """Session and trial that the film lies beside, or None for a film on its own."""
         if not self.path.with_suffix(".h5").is_file() or not (self.path.parent / "session.toml").is_file():
             return None
         session = Session.open(self.path.parent)
@@ -82,7 +82,8 @@ class SessionFilm:
 
     @cached_property
     def outlines(self) -> Path:
-        """File with the film's outlines: the one named, or its session's.
+        """Path of the film's outlines file, which need not exist: the one named, else its session's; CommandInputError
+        for a film that is not there, or on its own without a named file.
 
         Raises
         ------
@@ -99,7 +100,8 @@ class SessionFilm:
         return self.owner[0].path / BODIES_NAME
 
     def frame_times(self, source: vision.Film) -> tuple[NDArray[np.float64] | None, float]:
-        """Times of the film's frames, s, None where the film's own apply, and their standard uncertainty, s.
+        """Times of the frames of ``source``, s, by the trial's frame clock or the rate named; None where the film's own
+        times apply; and their standard uncertainty, s. CommandInputError where nothing tells them.
 
         From its trial's frame clock, else for the rate named.
         """
@@ -123,8 +125,9 @@ class SessionFilm:
 
     @property
     def doubt_about_times(self) -> str | None:
-        """Text on times that rest on the rate a video file states, which is often that of play-back; None where they do
-        not."""
+        """Sentence that the times rest on the rate a video file states, which is often that of play-back; None where a
+        trial's clock or a named rate gives them, or it is no video.
+        """
         # start-up: 0.1 s of every recording, which reads no film
         from vision.film.open import VIDEO_SUFFIXES
 
@@ -141,7 +144,9 @@ class SessionFilm:
         )
 
     def store_angles(self, table: pd.DataFrame, attributes: dict[str, Any]) -> None:
-        """Put a table of angles into the film's session, if it has one, with the hashes of what it was made from."""
+        """Write a table of angles into the film's session, with ``attributes`` and the SHA-256 of film, outlines and
+        trial; nothing for a film on its own. CommandInputError where the film was altered since it was attached.
+        """
         if self.owner is None:
             return
         session, trial = self.owner

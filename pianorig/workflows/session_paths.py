@@ -10,7 +10,9 @@ from pianorig.errors import CommandInputError
 
 
 def new_session_folder(profile: str, today: date | None = None, root: Path = SESSIONS) -> Path:
-    """``sessions/<date>_<profile>``, with ``_2``, ``_3`` … where that is taken."""
+    """Path ``<root>/<date>_<profile>`` that does not exist yet, with ``_2``, ``_3``, … where it does; nothing is
+    created. Of a profile's path the name counts; ``today`` None: the date of the computer.
+    """
     stem = f"{today or date.today():%Y-%m-%d}_{Path(profile).stem}"
     folder = root / stem
     number = 2
@@ -21,7 +23,9 @@ def new_session_folder(profile: str, today: date | None = None, root: Path = SES
 
 
 def session_folder(named: Path | None, sessions: Path = SESSIONS) -> Path:
-    """The session named, else the working folder if it is one, else the newest below ``sessions/``."""
+    """Folder of the session: ``named`` as it is, else the working folder if it is one, else the one changed last below
+    ``sessions``; CommandInputError where there is none.
+    """
     if named is not None:
         return named
     if Path("session.toml").is_file():

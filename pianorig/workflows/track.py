@@ -38,8 +38,9 @@ COLUMNS = 3  # of frames in the preview
 
 
 def preview_track(film: SessionFilm, picture: Path, count: int, **options: Unpack[FitOptions]) -> dict[str, Any]:
-    """Fit ``count`` frames of a film and draw them into ``picture`` (.png); return its name, frames, lost ones by body,
-    and lines to print."""
+    """Fit ``count`` frames spread over a film and draw them into ``picture`` (.png); return picture, frame numbers,
+    number of lost frames by body, and lines to print. No table is written.
+    """
     bodies = vision.load_bodies(film.outlines)
     with film.open() as source:
         times, options["u_time_s"] = film.frame_times(source)
@@ -61,7 +62,9 @@ def preview_track(film: SessionFilm, picture: Path, count: int, **options: Unpac
 
 @contextmanager
 def report_tracking_interrupt(unfinished: Path) -> Iterator[None]:
-    """Turn Ctrl-C during a tracking into `Interrupted`, whose message says what is kept in the file ``unfinished``."""
+    """Context that turns Ctrl-C during a tracking into `Interrupted`, whose message says whether the frames so far are
+    kept in the file ``unfinished``.
+    """
     try:
         yield
     except KeyboardInterrupt as interrupt:
@@ -86,7 +89,9 @@ def camera_of(
 
 
 def check_pixel_aspect(pixel_aspect: float | None, calibration: Path | None) -> None:
-    """Refuse a pixel aspect that is out of range, or given beside a calibration, which has measured it."""
+    """CommandInputError for a pixel aspect (width over height) that is out of range, or given beside a calibration
+    file, which has measured it; None, not given, is fine.
+    """
     if pixel_aspect is None:
         return
     if calibration is not None:
@@ -114,8 +119,9 @@ def draw_track(
     contact_sheet: Path | None = None,
     plot: Path | None = None,
 ) -> None:
-    """Write a picture of the worst frames (``contact_sheet``) and one of angles and residuals over time (``plot``),
-    each where it is named (.png)."""
+    """Write a picture (.png) of the worst frames with their outlines (``contact_sheet``) and one of angles and
+    residuals over time (``plot``), each where it is named.
+    """
     if plot is not None:
         vision.write_plot(plot, result)
     if contact_sheet is not None:
@@ -124,8 +130,9 @@ def draw_track(
 
 
 def track_film_file(film: SessionFilm, **options: Unpack[TrackOptions]) -> vision.TrackResult:
-    """Track the bodies of one film and store the angles in its session, if it has one; frame times are from the trial's
-    frame clock."""
+    """Track the bodies outlined for a film, at times by its trial's frame clock where it has one, and store the angles
+    in its session, if any; no table beside the film is written. Return the result.
+    """
     bodies = vision.load_bodies(film.outlines)
     with film.open() as source:
         times, options["u_time_s"] = film.frame_times(source)
@@ -143,7 +150,9 @@ def numbered_in_film(film: SessionFilm, result: vision.TrackResult) -> vision.Tr
 
 
 def _table_attributes(result: vision.TrackResult, every: int) -> dict[str, Any]:
-    """How the angles were found and what makes up their uncertainty, as attributes of the stored table."""
+    """Attributes of the stored table, by name: every how many frames were tracked (``every``), frames at rest, camera,
+    shutter, clock offsets, s, and the typical terms of each angle's uncertainty, rad.
+    """
     attributes: dict[str, Any] = {"every": every, "n_still": result.n_still}
     attributes |= {f"{b}_u_common_rad": float(u) for b, u in zip(result.bodies, result.u_common_rad, strict=True)}
     attributes |= {"camera": result.budget.camera, "shutter": result.budget.shutter}
@@ -158,7 +167,9 @@ def _table_attributes(result: vision.TrackResult, every: int) -> dict[str, Any]:
 
 
 def tracking_summary(result: vision.TrackResult) -> dict[str, Any]:
-    """Frames, lost ones, predicted and median uncertainty of each body and the terms of both (rad)."""
+    """Facts of a tracking by name, as ``--json`` prints them: number of frames, lost ones, predicted and median
+    standard uncertainty and its terms by body, rad, clock offsets, s.
+    """
     return {
         "frames": len(result.frame),
         "lost": {b: int(n) for b, n in zip(result.bodies, result.failed.sum(axis=0), strict=True)},
@@ -181,7 +192,9 @@ ALWAYS = TERMS[: TERMS.index("rows") + 1]
 
 
 def budget_lines(budget: vision.ErrorBudget) -> list[str]:
-    """A budget as lines of text, mdeg: one row per term, one column per angle."""
+    """Lines of a table of uncertainty, mdeg: a row for each term and the total, a column for each angle and, as
+    ``body/parent``, for each relative angle; then camera and shutter in words.
+    """
     everything = [*budget.absolute.items(), *budget.relative.items()]
     # terms that this film does not have are not shown
     names = [name for name in TERMS if name in ALWAYS or any(key == name and np.any(u > 0.0) for key, u in everything)]
@@ -202,7 +215,9 @@ Place = tuple[float, float, float]  # angle rad, x px, y px
 
 
 def read_places(texts: Sequence[str]) -> dict[str, Place]:
-    """``body=angle_deg,x_px,y_px`` texts as body: (angle rad, x px, y px)."""
+    """Places of bodies by name, (angle rad, x px, y px), from texts ``body=ANGLE_DEG,X_PX,Y_PX``; CommandInputError for
+    another form.
+    """
     places = {}
     for text in texts:
         name, _, values = text.partition("=")
@@ -223,8 +238,10 @@ def retrack(
     places: dict[str, Place],
     **options: Unpack[FitOptions],
 ) -> pd.DataFrame:
-    """Fit single frames (numbers) again, bodies from ``places`` or from between good neighbours; rewrite their rows in
-    the table and the session; return them."""
+    """Fit single frames (numbers in the film) again, bodies from ``places`` or interpolated between other frames;
+    rewrite their rows in ``table_file`` and the session; return the new rows. CommandInputError for a frame not in the
+    table.
+    """
     from scipy.interpolate import make_interp_spline  # start-up: only a frame that is fitted again needs it
 
     bodies = vision.load_bodies(film.outlines)
@@ -286,8 +303,9 @@ def retrack(
 
 
 def _tracked_field(film: SessionFilm, source: vision.Film, attributes: dict[str, Any]) -> str:
-    """Name of the field, 'even' or 'odd' rows, of interlaced frames that the table is of; `CommandInputError` where
-    nothing says it."""
+    """Field of interlaced frames that the table is of, 'even' or 'odd' rows, by the stored attributes, else by the
+    film; `CommandInputError` where neither says it.
+    """
     known = attributes.get("first_field", source.first_field)
     if known is None:
         raise CommandInputError(
@@ -301,8 +319,9 @@ def _number_or_none(value: Any) -> int | None:
 
 
 def _interpolate_places(table: pd.DataFrame, row: int, bodies: Sequence[vision.Body]) -> dict[str, Place]:
-    """Place of each body in a row of the table (index), angle rad, x px, y px, between the nearest rows in which it is
-    known."""
+    """Place (angle rad, x px, y px) of each body in the table's row of this index, interpolated over the frame number
+    from the other rows in which it is known; CommandInputError where none is.
+    """
     places = {}
     frame = table["frame"].to_numpy(dtype=float)
     for body in bodies:
