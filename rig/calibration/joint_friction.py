@@ -110,7 +110,7 @@ def _half_swings(angle: Array, speed: Array) -> list[tuple[int, int]]:
 
 def _fit_energy(angle: Array, speed: Array, spans: list[tuple[int, int]]) -> tuple[float, float]:
     """Return friction torque over weight times arm, and the squared angular frequency of small swings, (rad/s)², from
-    the energy along ``spans`` (first, last sample) of ``angle`` (n,), rad, and ``speed`` (n,), rad/s.
+    the energy along ``spans`` (first sample, end) of ``angle`` (n,), rad, and ``speed`` (n,), rad/s.
     """
     rows, energy = [], []
     for number, (first, end) in enumerate(spans):

@@ -52,11 +52,8 @@ def limit_command(
     """
     step = LIMIT_SHARE * slew_limit_n_per_s / rate_hz
     limited = np.clip(command_n, -LIMIT_SHARE * force_limit_n, LIMIT_SHARE * force_limit_n)
-    for order in (range(1, limited.size), range(limited.size - 2, -1, -1)):
-        back = 1 if order.step < 0 else -1
-        for k in order:
-            before = limited[k + back]
-            limited[k] = min(max(limited[k], before - step), before + step)
+    for k in range(1, limited.size):
+        limited[k] = min(max(limited[k], limited[k - 1] - step), limited[k - 1] + step)
     return limited
 
 
