@@ -17,7 +17,8 @@ from vision.arrays import as_numbers, as_points
 
 
 def picture_to_ccw(phi_rad: ArrayLike) -> NDArray[np.float64]:
-    """Turn a rotation in picture axes (y down) into a counter-clockwise angle (y up).
+    """Counter-clockwise angles, rad, of rotations of any shape in picture axes, where y points down and a positive turn
+    is clockwise to the eye: the negative.
 
     Parameters
     ----------
@@ -39,7 +40,8 @@ def picture_to_ccw(phi_rad: ArrayLike) -> NDArray[np.float64]:
 
 
 def ccw_to_picture(angle_rad: ArrayLike) -> NDArray[np.float64]:
-    """Turn a counter-clockwise angle (y up) into a rotation in picture axes (y down).
+    """Rotations in picture axes (y down; a positive turn is clockwise to the eye), rad, of counter-clockwise angles of
+    any shape: the negative.
 
     Parameters
     ----------
@@ -95,7 +97,8 @@ def relative_angle(
     u_child_rad: NDArray[np.float64],
     u_parent_rad: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Angle of a body relative to its parent, with its standard uncertainty.
+    """``child_rad - parent_rad``, (n_frames,), and its standard uncertainty, rad: those of both, added in squares; NaN
+    where either body is lost.
 
     The two fits use different pixels, so their noise is independent and the variances add (GUM, 5.1.2).
 

@@ -20,8 +20,9 @@ MIN_PIXELS = 100  # below this a five-parameter fit is not worth starting
 
 
 def build_masks(bodies: Sequence[Body], height: int, width: int) -> list[NDArray[np.bool_]]:
-    """Masks (height, width), in the order of the bodies, of the pixels that may be used: each outline, less a rim, less
-    every body that may lie in front.
+    """Masks (height, width), in the order of the bodies, of the pixels that may be used: more than 4 px inside the
+    outline and outside that of every other body of the same or a higher layer; `BodyError` where fewer than 100 are
+    left of a body.
 
     Parameters
     ----------
@@ -80,8 +81,10 @@ def masks_from_distances(bodies: Sequence[Body], distances: Sequence[NDArray[np.
 def exclude_saturated(
     bodies: Sequence[Body], masks: Sequence[NDArray[np.bool_]], saturated: NDArray[np.bool_]
 ) -> list[NDArray[np.bool_]]:
-    """Masks, less ``saturated`` pixels (height, width) and their neighbourhood, of bodies of which more than a few are
-    saturated, and the other masks as they are; `BodyError` where too few pixels are left."""
+    """Masks less ``saturated`` pixels (height, width) and those within two pixels of them, for bodies of which more
+    than `SATURATED_SHARE` are saturated; the other masks as given; `BodyError` where fewer than 100 pixels are left of
+    a body.
+    """
     if not saturated.any():
         return list(masks)
     # start-up: OpenCV costs 0.12 s, outlines and masks do without

@@ -46,11 +46,11 @@ def mark_covered(
     other_centre: NDArray[np.float64],
     covered: NDArray[np.uint8],
 ) -> int:
-    """Set ``covered`` (n,) to 1 at template pixels, ``offset`` (2, n), that a body in front hides; returns their
-    number. ``relative``: `relative_pose` to that body, ``distance``: `signed_distance` of its outline.
+    """Set ``covered`` (n,) to 1 at template pixels, ``offset`` (2, n), that a body in front hides, and count them.
+    ``relative``: `relative_pose` to it; ``distance``: its `signed_distance`; ``groups`` (3, k): centre x, y and radius
+    of each 64 pixels.
 
-    ``groups`` (3, n_groups) are centres and radii of groups of `GROUP` pixels; ``other_centre`` is that of the body in
-    front in the reference.
+    ``other_centre`` is that of the body in front in the reference.
     """
     cosine, sine = math.cos(relative[0]), math.sin(relative[0])
     left, top = other_centre[0] + relative[1] + 0.5, other_centre[1] + relative[2] + 0.5

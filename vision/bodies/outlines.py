@@ -109,9 +109,9 @@ def sort_parents_first(bodies: Sequence[Body]) -> list[int]:
 
 
 def load_bodies(toml_path: str | os.PathLike[str]) -> list[Body]:
-    """Read outlines from a TOML file with one ``[[body]]`` table per body.
-
-    Each table holds ``name``, ``polygon_px = [[x, y], ...]`` and optionally ``parent`` and ``layer``.
+    """Bodies, in the file's order, of a TOML file with a ``[[body]]`` table each: ``name``, ``polygon_px = [[x, y],
+    ...]`` (y down), optionally ``parent`` (a name) and ``layer`` (a whole number, larger in front); `BodyError` for all
+    else.
 
     Parameters
     ----------
@@ -172,7 +172,8 @@ def _body_from_table(table: Any) -> Body:
 
 
 def save_bodies(toml_path: str | os.PathLike[str], bodies: Sequence[Body]) -> None:
-    """Write outlines so that `load_bodies` returns the same bodies; the file appears whole or not at all.
+    """Write outlines to a TOML file, in place of one that is there, so that `load_bodies` returns the same bodies; the
+    file appears whole or not at all. `BodyError` for bodies that do not fit together.
 
     Parameters
     ----------

@@ -103,8 +103,10 @@ def project_posed_points(
     sine: NDArray[np.float64],
     at_px: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Picture x and y, each (n, k), px from the picture's centre, of a body's points (k, 2), turned n times (``cosine``
-    and ``sine`` (n,)) and shifted to ``at_px`` (n, 2) in the plane."""
+    """Picture x and y, each (n, k), px from the picture's centre, of points (k, 2), px from a body's centre, of a body
+    turned n times (``cosine``, ``sine`` (n,), picture axes), with its centre at ``at_px`` (n, 2), px of the rectified
+    plane.
+    """
     x, y, depth = transform_points(points_px, cosine, sine, at_px - camera.centre_px, camera.homography)
     x /= depth
     y /= depth
@@ -116,11 +118,11 @@ def project_posed_points(
 
 
 def tilt_homography(tilt_rad: float, direction_rad: float, distance_px: float) -> NDArray[np.float64]:
-    """Homography (3, 3) of a camera whose axis leans by ``tilt_rad`` from the normal of the plane of motion.
+    """Homography (3, 3), about the picture's centre, of a camera whose axis leans by ``tilt_rad`` from the normal of
+    the plane, which recedes towards ``direction_rad`` (from x to y, y down); ``distance_px``: of the lens, over a
+    pixel's size on the plane.
 
-    The plane recedes towards ``direction_rad`` (from x to y, picture axes); ``distance_px`` is the distance of
-    the lens over the size of a pixel on the plane. Points along the direction at u and across it at v appear
-    at ``(u cos tilt, v) / (1 + u sin tilt / distance)``.
+    Points along the direction at u and across it at v appear at ``(u cos tilt, v) / (1 + u sin tilt / distance)``.
     """
     c, s = math.cos(direction_rad), math.sin(direction_rad)
     turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
@@ -220,7 +222,9 @@ class AssumedCamera:
         return None
 
     def variants(self, width: int, height: int) -> list[Variant]:
-        """Projections for the budget, each with its weight and term: tilted in eight directions, and distorted.
+        """Views that the camera may have of pictures of ``width`` x ``height`` px, for the budget: `Variant` of term
+        ``tilt`` in eight directions, together of weight 1/3 at sqrt(3) standard uncertainties, and one of term
+        ``distortion``, weight 1.
 
         Part of the error grows with the square of the tilt; the mean over a normal distribution of the tilt is
         that of the points 0 and sqrt(3) standard uncertainties, with the weights 2/3 and 1/3 (Gauss-Hermite).
@@ -287,7 +291,9 @@ class CalibratedCamera:
         return build_projection(self.parameters, width, height)
 
     def variants(self, width: int, height: int) -> list[Variant]:
-        """Projections one standard uncertainty from the nominal one, one along each eigenvector of the covariance."""
+        """One `Variant`, of term ``tilt`` or ``distortion`` and weight 1, along each eigenvector of the five
+        parameters' correlations: the projection one standard uncertainty from the nominal one.
+        """
         scale = np.sqrt(np.maximum(np.diag(self.covariance), 1e-30))
         values, vectors = np.linalg.eigh(self.covariance / np.outer(scale, scale))
         made = []
@@ -309,7 +315,8 @@ def build_projection(parameters: NDArray[np.float64], width: int, height: int) -
 
 
 def save_calibration(path: str | os.PathLike[str], camera: CalibratedCamera, notes: Mapping[str, Any]) -> None:
-    """Write a camera file, with ``notes`` on how it was made, whole or not at all.
+    """Write a camera to a TOML file, in place of one that is there, whole or not at all; ``notes``: numbers and texts,
+    by name, on how it was made, which are not read again.
 
     Parameters
     ----------
@@ -347,7 +354,8 @@ def save_calibration(path: str | os.PathLike[str], camera: CalibratedCamera, not
 
 
 def load_calibration(path: str | os.PathLike[str]) -> CalibratedCamera:
-    """Read a camera file.
+    """Camera of a TOML file that `save_calibration` or ``pianorig calibrate camera`` wrote; `VisionInputError`, with
+    the key, where the file is missing or incomplete.
 
     Parameters
     ----------

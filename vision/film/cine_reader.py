@@ -105,7 +105,9 @@ class CineFilm(Film):
 
     @property
     def frame_time_s(self) -> NDArray[np.float64] | None:
-        """Middle of each exposure, s after the trigger: from the images' own times, else from their numbers."""
+        """Middle of each exposure, (n_frames,), s after the trigger: from the images' own times, else from their
+        numbers and the rate; None where the file states neither.
+        """
         half = 0.5 * (self.exposure_s or 0.0)
         if self._time_s is not None:
             return self._time_s + half

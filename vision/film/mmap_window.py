@@ -35,7 +35,9 @@ class FileWindow:
         self._held = (0, np.empty(0, dtype=np.uint8))
 
     def view(self, start: int, end: int) -> NDArray[np.uint8]:
-        """Bytes ``start..end-1``; the array stays valid after the window has moved on or the file was closed."""
+        """Bytes ``start..end-1`` of the file, (end - start,), read-only, which stay valid after the window has moved on
+        or the file was closed; `FilmError` beyond the end of the file.
+        """
         if not 0 <= start <= end <= self.size:
             raise FilmError(f"{self.path}: bytes {start}..{end} requested, the file has {self.size}; it is cut short")
         held, window = self._held

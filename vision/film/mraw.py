@@ -111,7 +111,9 @@ def find_contradiction(header: FilmHeader) -> str | None:
 
 
 def _parse_cihx(data: bytes) -> dict[str, str]:
-    """Known fields of a CIHX header by the names of `_FIELDS`; empty where missing."""
+    """Texts of a CIHX header, given as bytes, by the keys of `_FIELDS`, empty where missing; `FilmError` where it is
+    cut short or no valid XML.
+    """
     start, end = data.find(b"<cih>"), data.rfind(b"</cih>")
     if end < start:
         raise FilmError("header is cut short: <cih> is never closed; copy the .cihx file again")
@@ -126,7 +128,8 @@ def _parse_cihx(data: bytes) -> dict[str, str]:
 
 
 def _parse_cih(data: bytes) -> dict[str, str]:
-    """Known fields of a CIH header by the names of `_FIELDS`; empty where missing."""
+    """Texts of a CIH header, given as bytes, up to its first empty line, by the keys of `_FIELDS`; empty where missing.
+    """
     text = data.decode("utf-8", errors="replace").replace("\r\n", "\n")
     lines: dict[str, str] = {}
     for line in text.split("\n\n", 1)[0].split("\n"):
@@ -244,7 +247,8 @@ HEADER_SUFFIXES = (".cihx", ".cih", ".CIHX", ".CIH")
 
 def apply_sidecar_header(film: Film) -> None:
     """Set header, rate, exposure and frame times of an exported film (AVI, TIFF, pictures) from the Photron header of
-    the same name beside it; a header that does not fit is passed over with a warning."""
+    the same name beside it, or in the folder of pictures, if any; one that does not fit is passed over with a warning.
+    """
     path = film.path
     if path.is_dir():
         found = sorted(file for file in path.iterdir() if file.suffix in HEADER_SUFFIXES)
@@ -431,7 +435,9 @@ def write_mraw(
     start_frame: int = 0,
     comment: str = "",
 ) -> int:
-    """Write frames as a Photron MRAW film with its CIHX header beside it; returns the number of frames.
+    """Write frames (height, width) of ``bit_depth`` 8, 12 or 16 as a Photron film ``….mraw`` with its CIHX header
+    beside it, in place of those there; returns the number of frames. ``start_frame``: number of the first, counted from
+    the trigger.
 
     Parameters
     ----------

@@ -32,7 +32,9 @@ READERS: dict[str, Callable[..., Film]] = {
 
 
 def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False, channel: str | None = None) -> Film:
-    """Open a film of any readable format.
+    """Open a film by its ending, or a folder of numbered pictures, to read grey frames. ``channel``: red, green, blue,
+    or of a TIFF with channels a number; None weights as the eye does. `FilmError` for one cut short, unless
+    ``allow_truncated``.
 
     Parameters
     ----------
@@ -87,8 +89,9 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False, ch
 def open_or_use(
     path_or_source: str | os.PathLike[str] | FrameSource, first_frame: int = 0, last_frame: int | None = None
 ) -> Iterator[FrameSource]:
-    """Context manager: a film, or its frames ``first_frame`` to ``last_frame`` only; one opened from a path is closed
-    again, a given source is left open."""
+    """Context manager: a film, or its frames ``first_frame`` to ``last_frame`` (inclusive; None: to the end) only; one
+    opened from a path is closed again, a given source is left open.
+    """
     own = open_film(path_or_source) if isinstance(path_or_source, str | os.PathLike) else None
     film = own or path_or_source
     assert not isinstance(film, str | os.PathLike)

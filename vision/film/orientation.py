@@ -19,11 +19,9 @@ MATRICES: dict[int, Matrix] = {
 
 
 def interpret_display_matrix(matrix: Matrix) -> tuple[str, bool, Callable[[Picture], Picture] | None] | None:
-    """What a display matrix asks for: in words, whether rows become columns, and the function that turns a stored
-    picture upright (None: it is upright). None for a turn that is no right angle.
-
-    A stored point (x, y) is shown at (a x + c y, b x + d y).
-    """
+    """What a display matrix (a, b, c, d), which shows a stored point (x, y) at (a x + c y, b x + d y), asks for: in
+    words, whether rows become columns, the function that turns a picture upright (None: it is). None for a turn that is
+    no right angle."""
     a, b, c, d = (int(np.sign(value)) for value in matrix)
     if a and d and not b and not c:
         if a > 0 and d > 0:

@@ -40,8 +40,9 @@ class Compression:
 
 
 def jpeg_segments(data: bytes | NDArray[np.uint8]) -> Iterator[tuple[int, int]]:
-    """Kind and byte of the content of each segment before the picture of a JPEG, each as a whole: one may hold a
-    smaller JPEG."""
+    """Yield, for each segment before the picture of a JPEG, its kind (the marker's second byte) and the index of its
+    first byte of content; a smaller JPEG inside a segment is passed over with it.
+    """
     at = 2
     while at + 4 <= len(data) and data[at] == 0xFF:
         kind = int(data[at + 1])
@@ -70,8 +71,9 @@ COARSE_JPEG = 12.0  # mean quantisation step: 6 at quality 95, 11.5 at 90, 29 at
 
 
 def jpeg_compression(path: Path, data: bytes, stacklevel: int) -> Compression | None:
-    """Compression of a film whose frames are JPEG pictures like ``data``, with a warning where it is strong; None when
-    ``data`` holds no table."""
+    """Compression of a film whose frames are JPEG pictures like ``data`` (the bytes of one), with a warning where it is
+    strong; None where it has no table. ``stacklevel``: the warning's, as the caller would give it to `warnings.warn`.
+    """
     steps = jpeg_quantisation_table(data)
     if steps is None:
         return None
@@ -90,10 +92,11 @@ CHANNELS = ("blue", "green", "red")
 
 
 def to_grey(picture: NDArray[Any], channel: str | None) -> NDArray[Any]:
-    """Grey values (height, width) of a picture that is grey or (height, width, 3 or 4) blue, green, red.
+    """Grey values (height, width) of a picture that is grey or (height, width, 3 or 4) blue, green, red: weighted as
+    the eye does, or those of one ``channel``, "blue", "green" or "red".
 
-    Weighted as the eye does, or of one ``channel``: a lamp or a paint of one colour shows best in its own, and a sensor
-    with a colour filter samples green most densely.
+    A lamp or a paint of one colour shows best in its own channel, and a sensor with a colour filter samples green most
+    densely.
     """
     if picture.ndim == 2:
         return picture
@@ -106,7 +109,9 @@ def to_grey(picture: NDArray[Any], channel: str | None) -> NDArray[Any]:
 
 
 def decode_picture(data: NDArray[np.uint8], flags: int) -> NDArray[Any] | None:
-    """Decode an encoded picture file with OpenCV, silently, as its `imread` ``flags`` say; None where that fails."""
+    """Decode the bytes (n,) of a picture file with OpenCV, silently, as its `imread` ``flags`` say, colours as blue,
+    green, red; None where that fails.
+    """
     # start-up: as above
     import cv2
 
@@ -403,7 +408,9 @@ class ArrayFilm(Film):
 def check_frame(
     path: Path, frame: ArrayLike, shape: tuple[int, ...] | None, bit_depth: int, number: int
 ) -> NDArray[Any]:
-    """A frame that fits the film, as whole numbers; ``shape`` is that of the first frame, None for the first itself."""
+    """Frame number ``number`` as whole numbers; `FilmError` unless it has the ``shape`` of the first frame (None: it is
+    the first, and must be (height, width)) and values from 0 to ``2**bit_depth - 1``. ``path``: for the message.
+    """
     if not (isinstance(frame, np.ndarray) and frame.dtype.kind in "iu"):
         try:
             frame = as_numbers(frame, f"{path}: frame {number}", dtype=np.int64)
@@ -442,7 +449,9 @@ class Repeats:
         return self._kept[0], self._box[2], self._box[3]
 
     def is_repeat(self, index: int) -> bool:
-        """Whether frame ``index`` shows the same picture as the one before; reads both."""
+        """Whether frame ``index`` is equal, inside the rectangle, to the one before; False for the first frame, for
+        rectangles of one grey value, and where the codec predicts frames from others. Reads both frames.
+        """
         if not self.meaningful or index < 1:
             return False
         if self._newest is None or self._newest[0] != index - 1:

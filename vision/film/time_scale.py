@@ -114,7 +114,9 @@ def _multiples(intervals: F64, tick_s: float, base_s: float) -> NDArray[np.int64
 
 
 def _even_interval(stamp_s: F64, intervals: F64, tick_s: float, median: float) -> float | None:
-    """Interval of the even grid that the stamps would be rounded from; None where they show frames left out."""
+    """Interval, s, of the even grid that stamps (n,), rounded to ``tick_s``, would come from: the slope of a line
+    through them; None where their ``intervals`` (n - 1,), of median ``median``, show frames left out.
+    """
     if np.ptp(intervals) <= 1e-6 * median:
         return float(np.mean(intervals))
     if tick_s <= median < FINE_TICKS * tick_s:
@@ -127,7 +129,8 @@ def _even_interval(stamp_s: F64, intervals: F64, tick_s: float, median: float) -
 
 
 def _is_serial(intervals: F64) -> bool:
-    """Whether neighbouring intervals are alike (Bartels' test)."""
+    """Whether neighbouring intervals (n,) are more alike than chance makes them, by Bartels' rank test at 1 in 10,000.
+    """
     n = intervals.size
     _, place, count = np.unique(intervals, return_inverse=True, return_counts=True)
     # equal intervals share the mean of their ranks
@@ -146,8 +149,8 @@ def _pace_ratio(intervals: F64) -> float:
 
 
 def frame_times_at_rate(film: FrameSource, frame_rate_hz: float) -> F64:
-    """Times (n_frames,), s, of a film's frames for the rate at which it was taken; uneven stamps keep their pattern,
-    with a warning.
+    """Times (n_frames,), s, of a film taken at a rate, the middles of exposure: the camera's own where it wrote them (a
+    rate that contradicts them is refused), else even, or the file's uneven stamps scaled, with a warning.
 
     Parameters
     ----------
@@ -198,7 +201,9 @@ def frame_times_at_rate(film: FrameSource, frame_rate_hz: float) -> F64:
 
 
 def film_spacing(film: FrameSource, time_s: F64) -> Spacing:
-    """How a film's own times are spaced; `FilmError` for those of a slow-motion ramp."""
+    """How a film's own times ``time_s`` (n_frames,) follow one another, as its reader found, else by
+    `classify_spacing`; `FilmError` for a slow-motion ramp or times that go back.
+    """
     spacing = getattr(film, "spacing", None)
     if spacing is None:
         try:
@@ -211,7 +216,9 @@ def film_spacing(film: FrameSource, time_s: F64) -> Spacing:
 
 
 def refuse_ramp(path: Path, time_s: F64) -> None:
-    """Raise `FilmError`, with the slowest and the fastest pace."""
+    """Raise `FilmError` for a film whose times (n,), s, are a slow-motion ramp, with its slowest and fastest pace,
+    frames/s.
+    """
     paces = [np.median(part) for part in np.array_split(np.diff(time_s), max(1, (time_s.size - 1) // RUN))]
     raise FilmError(
         f"{path}: its time stamps change pace, from {1.0 / max(paces):.4g} to {1.0 / min(paces):.4g} frames/s, as "
@@ -229,7 +236,9 @@ def describe_spacing(spacing: Spacing, first_frame: int) -> str:
 
 
 def _compare_with_camera(film: FrameSource, time_s: F64, frame_rate_hz: float) -> None:
-    """Raise `FilmError` where a stated rate contradicts the camera's own frame times."""
+    """Raise `FilmError` where a stated rate differs from that of the camera's own times (n,), s, by more than 1e-4 of
+    it and 1 us over the film, or where these times lack frames.
+    """
     if time_s.size < 2:
         return
     intervals = np.diff(time_s)
@@ -251,8 +260,9 @@ def _compare_with_camera(film: FrameSource, time_s: F64, frame_rate_hz: float) -
 
 
 def count_missing_frames(time_s: F64) -> dict[int, int]:
-    """Frames missing in times (n,), s: their number by the index of the frame before the gap; empty where more are
-    missing than there are."""
+    """Frames missing in times (n,), s: their number by the index of the frame before the gap; empty for fewer than
+    three times and where more are missing than there are. `FilmError` for times that go back.
+    """
     if time_s.size < 3:
         return {}
     missing = classify_spacing(time_s, 0.0).missing
@@ -262,7 +272,9 @@ def count_missing_frames(time_s: F64) -> dict[int, int]:
 
 
 def warn_of_uneven_times(film: FrameSource, time_s: F64) -> None:
-    """Warn (`VisionWarning`) of missing frames or a changing pace in the times that are used."""
+    """Warn (`VisionWarning`) where the times (n,), s, that are used for a film lack frames, change pace, or have an
+    interval above twice their median; silent for fewer than three.
+    """
     if time_s.size < 3:
         return
     spacing = classify_spacing(time_s, 0.0)

@@ -103,7 +103,8 @@ def packet_key(packet: av.Packet) -> tuple[Any, ...]:
 
 
 def open_container(path: Path) -> av.container.InputContainer:
-    """A container with a video in it; `FilmError` for all else."""
+    """PyAV container of a file with a video that FFmpeg can decode, which the caller closes; `FilmError` for all else.
+    """
     # start-up: PyAV costs 0.1 s, films of cameras do without
     import av
 
@@ -156,7 +157,9 @@ def index_video(path: Path, allow_truncated: bool) -> VideoIndex:
 
 @lru_cache(maxsize=HELD)
 def _build_index(_resolved: Path, path: Path, _changed_ns: int, _size: int) -> VideoIndex:
-    """Read a video's index; it is kept while path, time of change and size of the file are the same."""
+    """Read the index of the video at ``path``; it is kept in memory while resolved path, time of change, ns, and size,
+    bytes, are the same, which serve as its key only.
+    """
     with open_container(path) as container:
         stream = choose_video(container)
         packets = _demux(path, container, stream)
@@ -342,8 +345,10 @@ def _describe_missing(container: Any, stream: Any, packets: _Packets) -> str:
 def _decode_stamps(
     path: Path, is_counted: bool, first_packet: bytes
 ) -> tuple[tuple[Any, str | None], list[int | None], bool, str]:
-    """(First frame, its first field if interlaced), stamps in ticks, whether any frame is interlaced, and damage in
-    words ('': none): of the first frame only where ``is_counted``, else of all."""
+    """Decode a video's first frame (``is_counted``), else all: (first PyAV frame, first field of the first interlaced
+    one), stamps in ticks, whether any is interlaced, damage in words ('': none). ``first_packet``: bytes, checked where
+    a JPEG.
+    """
     # start-up: as above
     import av
 
@@ -396,8 +401,10 @@ def _seek_ticks(packets: _Packets, is_avi: bool) -> NDArray[np.int64]:
 def _convert_stamps(
     stamps: list[int | None], tick_s: float, nominal_s: float | None
 ) -> tuple[NDArray[np.float64] | None, Spacing | None]:
-    """Times (n,) from the first stamp on, s, on an even grid where the stamps (in ticks) lie near one, and their
-    spacing; both None where stamps lack or are all the same."""
+    """Times (n,) from the first stamp on, s, on an even grid where the stamps, in ticks of ``tick_s``, lie near one,
+    and their spacing; both None where stamps lack or are all the same. ``nominal_s``: interval that the file states, or
+    None.
+    """
     if len(stamps) < 2 or any(at is None for at in stamps) or len(set(stamps)) == 1:
         return None, None
     ticks = np.array(stamps, dtype=np.int64)
@@ -432,7 +439,9 @@ def _read_picture_facts(frame: Any) -> dict[str, Any]:
 
 
 def is_limited(frame: Any) -> bool:
-    """Whether luma of a PyAV frame has the limited range 16 to 235; by default yes, unless grey or ``yuvj``."""
+    """Whether luma of a PyAV frame has the limited range 16 to 235: as the frame says, else yes unless grey or
+    ``yuvj``; never for red, green, blue or a palette.
+    """
     name = frame.format.name
     if frame.format.is_rgb or name == "pal8":
         return False

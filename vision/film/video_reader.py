@@ -129,7 +129,8 @@ class VideoFilm(Film):
 
     def _orient(self, index: VideoIndex) -> None:
         """Set the displayed size, the pixel aspect and the function that turns a stored picture upright; warns where it
-        is turned."""
+        is turned, `FilmError` for other angles than right ones and for interlaced frames that would mix their fields.
+        """
         self.width, self.height, self.pixel_aspect = index.width, index.height, index.pixel_aspect
         self._turned: Callable[[Picture], Picture] | None = None
         if index.display_matrix is None:
@@ -256,7 +257,9 @@ class _Decoder:
 
 
 def _bits(path: Path, pixel_format: str) -> int:
-    """Bits of a grey value."""
+    """Bits of a grey value, 8 to 16, of a film of a PyAV pixel format; `FilmError` for the raw mosaic of a colour
+    sensor.
+    """
     # start-up: as above
     import av
 
@@ -276,7 +279,9 @@ def _colours(frame: Any) -> Picture:
 
 
 def _grey(frame: Any, channel: str | None) -> Picture:
-    """Grey values of a decoded frame; where they lie as such, without a copy."""
+    """Grey values (height, width) of a decoded PyAV frame, those of ``channel`` (red, green, blue) where named; a view
+    of the frame where they lie in it as such.
+    """
     form = frame.format
     name, height, width = form.name, frame.height, frame.width
     if channel is not None or (form.is_rgb and name != "pal8"):

@@ -70,8 +70,8 @@ def inverse_and_covariance(
     normal: F64, noise_normal: F64, share: float, factor: float, inverse: F64, covariance: F64
 ) -> bool:
     """Invert ``normal`` less ``share`` of ``noise_normal``, each (5, 5), into ``inverse``; ``covariance`` (3, 3)
-    becomes ``factor`` times inverse, ``normal`` and inverse multiplied. False when the columns do not fix all five
-    parameters.
+    becomes ``factor`` times the first rows and columns of inverse times ``normal`` times inverse. False where that is
+    nearly singular.
     """
     scale, work = np.empty(5), np.zeros((5, 10))
     for i in range(5):
@@ -129,7 +129,9 @@ def block_ratios(
     blocks: Blocks, columns: F32, work: F32, weight: F32, influence: F64, white: F64, ratio: F64, count: F64
 ) -> None:
     """Fill ``ratio`` (sizes, 3), variance of (turn, x, y) by blocks of residuals over ``white`` (3,), that by white
-    noise, and ``count`` (sizes, 3), the number of blocks that carry it."""
+    noise, and ``count`` (sizes, 3), the blocks that carry it; ``influence`` (3, 5): change of the pose by each score of
+    `block_sums`.
+    """
     first, groups = blocks.first, blocks.groups
     n_sizes, n_runs = groups.shape
     moved = np.zeros((n_sizes, n_runs, 3))
@@ -154,8 +156,10 @@ def block_ratios(
 
 @cached_njit()
 def assess_fit(facts: BodyFacts, blocks: Blocks, fit: RigidFit, work: F32, weight: F32, out: Assessed) -> int:
-    """Fill ``out`` with noise, correlation, covariance and coherence of a fit from its last iteration, ``work`` (3 or
-    more, n) and ``weight`` (n,); returns 0, or why it is not whole (`SUSPECTED` and beyond)."""
+    """Fill ``out`` with variance, correlation, covariance and coherence of a fit, by its last iteration's ``work``
+    (rows of grey values, visible pixels, residuals; n) and ``weight`` (n,); returns 0, or why it is not whole
+    (`SUSPECTED` and beyond).
+    """
     sums, gain, covariance = fit.sums, fit.gain, out.covariance
     if sums.weight <= N_PARAMETERS + 1.0:
         return TOO_FEW

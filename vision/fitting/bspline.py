@@ -72,10 +72,11 @@ def slope_noise_gain() -> float:
 
 @lru_cache(maxsize=1)
 def noise_gain() -> NDArray[np.float64]:
-    """Variance of a spline sample of white noise of variance one, along one axis, for fractions ``i / 64``.
+    """Variance (65,) of a spline sample of white noise of variance one, along one axis, at ``i / 64`` of a pixel past
+    one: 1 on a pixel, 0.75 between two.
 
-    The sample at fraction f is the picture weighted with the cardinal spline; its variance is the sum of the
-    squared weights: 1 on a pixel, 0.75 between two. In two dimensions the gains multiply. Shape (65,).
+    The sample at fraction f is the picture weighted with the cardinal spline; its variance is the sum of the squared
+    weights. In two dimensions the gains multiply.
     """
     taps = prefilter_taps()
     gains = []

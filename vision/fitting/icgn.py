@@ -219,7 +219,9 @@ class IcgnFitter:
         return result
 
     def _update_slow_changes(self, fit: Fit) -> bool:
-        """Update illumination and scale from a fit's residuals; return whether another fit is needed."""
+        """Update the smooth changes in use (of light, scale, tilt, blur) by the residuals of ``fit``, the last one;
+        return whether they changed, so that another fit is needed.
+        """
         more = UNCHANGED
         suspected = any(one > COHERENT for one in fit.coherence.ratio[-1].tolist())
         if not suspected and self._changes == UNCHANGED:
@@ -285,7 +287,9 @@ class IcgnFitter:
         return self._light.inflate_covariance(fit)
 
     def _initialise_weights(self, region: Region, subset: Subset, pose: NDArray[np.float64]) -> None:
-        """Set weights and scale by the differences from the reference at a pose, but for what they have in common."""
+        """Set weights and scale by the differences of the region's grey values at a pose from the reference's, less
+        their median; leave them where no pixel is visible.
+        """
         value, visible = self._work[0], self._work[1]
         places = Places(self._work[3], self._work[4], self._at)
         place_pixels(region, subset, pose, places, visible)

@@ -36,8 +36,9 @@ def row_median(values: F64) -> F64:
 
 
 def drop_isolated_squares(change: F64) -> F64:
-    """Copy of a map of squares (NaN: unknown) without those of whose neighbours fewer than half are known: significant
-    by chance."""
+    """Copy of a map of squares (rows, columns; NaN: unknown) without those of whose neighbours fewer than half are
+    known: significant by chance.
+    """
     known = np.pad(np.isfinite(change).astype(int), 1)
     rows, columns = change.shape
     inside = np.pad(np.ones(change.shape, dtype=int), 1)
@@ -49,8 +50,9 @@ def drop_isolated_squares(change: F64) -> F64:
 
 
 def fill_unknown_squares(change: F64) -> F64:
-    """Copy of a map of squares in which unknown ones (NaN) have, step by step, the mean of their known neighbours;
-    zeros where none is known."""
+    """Copy of a map of squares (rows, columns) in which unknown ones (NaN) have, step by step, the mean of their known
+    neighbours; zeros where none is known.
+    """
     values = change.copy()
     while np.isnan(values).any():
         padded = np.pad(values, 1, constant_values=np.nan)
@@ -130,7 +132,8 @@ def select_median(values: F64, n: int) -> float:
 
 @cached_njit(nogil=True)
 def can_show_illumination(squares: Squares, visible: F32, residual: F32, gain: float, noise: float) -> bool:
-    """Whether enough squares have residuals beyond noise for `IlluminationField.detect` to be run.
+    """Whether enough squares have residuals (n,) beyond ``noise``, their standard deviation by noise, grey, for
+    `IlluminationField.detect` to be run; ``visible`` (n,): 1 at pixels that are seen, else 0; ``gain``: of the fit.
 
     Never False where that finds one: a median beyond a bound has half of its values beyond it, and a scatter below one
     half of them below. By that most squares of a body that something hides in part are done with in one look.
@@ -462,7 +465,9 @@ class LocalIllumination:
         return self.light is not None or self._shown is not None
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Arrays of the present illumination and of the candidate that is not yet accepted."""
+        """Arrays of the present illumination, ``shade``, ``glow`` and ``glows``, and of the candidate that is not yet
+        accepted, ``shown``; empty where there is none.
+        """
         light, nothing = self.light, np.zeros((0, 0))
         return {
             "shade": nothing if light is None else light.shade,

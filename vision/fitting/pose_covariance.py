@@ -52,8 +52,9 @@ def pose_covariance(
     noise_gain: float,
     template: Template,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
-    """Covariance (3, 3) of (turn, x, y) from one frame's noise, without the reference's part, and the inverse (5, 5) of
-    the normal matrix less its share of noise behind it; NaN and None when that is singular.
+    """Covariance (3, 3) of (turn, x, y), rad and px, from one frame's noise, without the reference's part, by the
+    weighted normal matrix (5, 5), and the inverse (5, 5) of that matrix less its share of noise; NaN and None where
+    singular.
 
     ``residual_variance`` is the weighted mean square of the residuals, grey^2, with the degrees of freedom taken off,
     ``noise_gain`` the mean kappa of the samples.
@@ -92,10 +93,9 @@ def _noise_corrected_inverse(
 
 
 def predicted_u_angle(template: Template, noise_grey: float) -> float:
-    """Expected standard uncertainty of the angle, rad, from the template and the noise of the static frames.
-
-    Includes the common part of the zero; assumes all pixels visible and no motion blur.
-    """
+    """Standard uncertainty of the angle, rad, to expect of one frame whose noise has the standard deviation
+    ``noise_grey``, the common part of the zero included, with all pixels visible and no motion blur; NaN without
+    texture."""
     inverse = invert_normal(template.normal - template.noise_normal)
     if inverse is None:
         return float("nan")
@@ -106,7 +106,8 @@ def predicted_u_angle(template: Template, noise_grey: float) -> float:
 
 
 def cramer_rao_bound(picture: ArrayLike, mask: ArrayLike, noise_grey: float) -> tuple[float, float, float]:
-    """Smallest standard deviation of an unbiased estimate of (angle, x, y) from the masked pixels.
+    """Smallest standard deviations of an unbiased estimate of (angle, rad, x, y, px) from the pixels of ``picture``
+    (height, width) that ``mask`` marks; ``noise_grey``: standard deviation of a pixel's noise.
 
     The template is taken as known without noise; gain and offset are unknown too (five parameters).
 

@@ -99,7 +99,9 @@ class SlowChanges:
         changes: Changes = UNCHANGED,
     ) -> Changes:
         """Amplitudes, beyond ``changes`` in use, of the group of terms that explains the residuals (n,) of a fit best;
-        `UNCHANGED` where each may be chance. ``left_out``: names of groups."""
+        `UNCHANGED` where each may be chance. ``noise_variance``: of a residual, grey^2; ``left_out``: names of `GROUPS`
+        not asked.
+        """
         terms = self._terms_at(changes)
         w = weight.astype(float)
         weighted = w * residual
@@ -136,8 +138,10 @@ class SlowChanges:
         return UNCHANGED if amplitude is None else _amplitude_vector(rows, amplitude / gain)
 
     def _blur_noise_term(self, variance: float) -> float:
-        """What the reference's noise adds per pixel to the products of residuals and the blur's term, grey^2 / px^2: a
-        blurred reference has less noise, so that frames seem the more blurred the noisier it is."""
+        """What the reference's noise adds per pixel to the products of residuals and the blur's term, grey^2 / px^2, at
+        a blur of ``variance``, px^2: a blurred reference has less noise, so that frames seem the more blurred the
+        noisier it is.
+        """
         noise2 = self._template.noise_grey**2 / self._template.n_averaged
         now, more = (
             cv2.getGaussianKernel(2 * REACH_PX + 1, math.sqrt(v)).ravel()
@@ -210,7 +214,9 @@ def _next_blur(changes: Changes) -> int:
 
 
 def _blurred_sensitivities(template: Template) -> NDArray[np.float32]:
-    """Sensitivities (k, 4, n) of the template blurred by each of `BLURS`."""
+    """Sensitivities (k, 4, n) to turn, x, y and gain of the template blurred by each of the k `BLURS`, variances, px^2;
+    all the same where the template has no patch.
+    """
     found = np.repeat(template.columns[None], len(BLURS), axis=0)
     if template.patch is None:
         return found

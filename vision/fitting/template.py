@@ -71,7 +71,9 @@ class Template:
 def design_columns(
     picture: NDArray[Any], mask: NDArray[np.bool_], centre_px: tuple[float, float]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Sensitivities (n, 5) of the masked pixels: turn, x, y, centred grey value, one; and their offsets dx, dy (n,)."""
+    """Sensitivities (n, 5) of the masked pixels of a picture, row by row: grey per rad of turn about ``centre_px`` (x,
+    y), per px along x and along y, grey less its mean, one; and offsets dx, dy (n,), px, from the centre.
+    """
     slope_x, slope_y = gradient(picture)
     rows, cols = np.nonzero(mask)
     dx, dy = cols.astype(float) - centre_px[0], rows.astype(float) - centre_px[1]
