@@ -103,8 +103,7 @@ def packet_key(packet: av.Packet) -> tuple[Any, ...]:
 
 
 def open_container(path: Path) -> av.container.InputContainer:
-    """PyAV container of a file with a video that FFmpeg can decode, which the caller closes; `FilmError` for all else.
-    """
+    """PyAV container of a file with a video that FFmpeg can decode, which the caller closes; `FilmError` for all else."""
     # start-up: PyAV costs 0.1 s, films of cameras do without
     import av
 
