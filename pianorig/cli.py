@@ -182,7 +182,7 @@ def refuse_shadowed_packages() -> None:
     """CommandInputError where Python would find one of our packages (``model``, ``rig``, …) anywhere but beside this
     one; nothing is imported.
 
-    They have common names (``model``, ``rig`` …): a file ``model.py`` in the current folder, or another project
+    Their names are common: a file ``model.py`` in the current folder, or another project
     installed beside this one, would be imported in place of ours (docs/explanation/page.md).
     """
     for name in PACKAGES:

@@ -36,8 +36,7 @@ def ending_by_keyboard() -> Iterator[None]:
     """Context in which Ctrl-C ends the whole program at once, without KeyboardInterrupt and without tidying up: for a
     library that may never come back to Python.
 
-    For reading only: nothing is tidied up. Outside of the main thread, and where an interrupt is ignored, nothing
-    changes.
+    For reading only. Outside of the main thread, and where an interrupt is ignored, nothing changes.
     """
     is_ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if not is_ours or threading.current_thread() is not threading.main_thread():
@@ -149,7 +148,7 @@ def remove(path: Path, *, attempts: int = 20, wait: Callable[[float], None] = ti
     """Delete a file; on Windows, where another program may be reading it, try ``attempts`` times 10 ms apart, after
     which it stays without an error. A file that is not there is no error.
 
-    A file that cannot be deleted even then stays; a later reader of the folder recognises it as obsolete.
+    A later reader of the folder recognises one that stayed as obsolete.
     """
     for attempt in range(attempts):
         try:

@@ -70,7 +70,7 @@ def draw_curve(values: NDArray[np.float64], width: int, height: int, braille: bo
     """Draw evenly spaced values (n,), n from 1, as ``height`` lines of ``width`` characters, from their least at the
     bottom to their largest at the top; each column spans minimum to maximum of its values.
 
-    The lowest value is at the bottom, the highest at the top; a constant is a line in the middle. Without ``braille``
+    A constant is a line in the middle. Without ``braille``
     the signs are ``'``, ``.`` and ``:``, the upper, the lower and both halves of a cell.
     """
     import numpy as np  # start-up: 0.1 s that --help does not need

@@ -24,8 +24,6 @@ FIGURE_ENDINGS = (".svg", ".pdf", ".png")
 def check_writable(path: Path | None, *endings: str) -> None:
     """CommandInputError, before any work is done, for a path that cannot be written, or that ends in none of
     ``endings`` (none given: any); an existing file may be replaced, None is fine.
-
-    None, an option that was not given, is fine.
     """
     if path is None:
         return

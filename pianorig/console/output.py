@@ -75,8 +75,6 @@ MOST_COLUMNS, MOST_ROWS = 80, 20
 def table_lines(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     """Lines of a table under ``head``, at most 80 characters wide and 20 lines long: first column to the left, others
     to the right, cells cut where needed; the last line counts rows left out.
-
-    Where it would be wider, the widest column is cut; of more rows the first are shown, and how many there are.
     """
     shown = rows[: MOST_ROWS - 2] if len(rows) > MOST_ROWS - 1 else rows
     cells = [[str(cell) for cell in row] for row in (head, *shown)]

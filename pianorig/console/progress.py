@@ -190,8 +190,7 @@ def recording_line(quiet: bool = False, title: str = "") -> Iterator[Callable[[A
     """Context that yields the callback for a recorder's progress (None when quiet), which shows trial, time, largest
     raw force so far and time left; ``title`` is said with the first block.
 
-    The ``title`` is said when the first block arrives: a recording that is refused has none. Elsewhere than on a
-    terminal a trial that begins is a line once the recording has taken a while.
+    Elsewhere than on a terminal a trial that begins is a line once the recording has taken a while.
     """
     if quiet:
         yield None

@@ -300,8 +300,6 @@ class Live(Stream):
     async def tell(self, *arguments: str) -> None:
         """Send the session named by ``arguments[0]`` to the page as it is recorded, state as JSON text where it
         changed, new samples as bytes, until the page is gone; the socket is closed where it cannot be read.
-
-        The socket is closed with one line where the session cannot be read.
         """
         work, workers = IOLoop.current().run_in_executor, self.served.workers
         try:

@@ -143,7 +143,7 @@ def _find_channel(table: ChannelTable, sought: str, excluded: list[str], group: 
     """Name of the channel that is ``sought``: 'force', or key, whippen, hammer for its angle, by its unit (force), then
     by its name, not among ``excluded``; those of ``group`` come first. None if there is none.
 
-    One that cannot be read is found as well, so that what is wrong with it is said. Those of ``group`` come first.
+    One that cannot be read is found as well, so that what is wrong with it is said.
     """
     names = sorted((*table.channels, *table.unreadable), key=lambda name: name.rpartition("/")[0] != group)
     units = {name: known_unit(table.units.get(name, "")) for name in names if name not in excluded}

@@ -170,7 +170,7 @@ def rehearse(profile: str | Profile, rig: str, backend: str, plan_file: Path | N
     """Predict a blow, reserve every task on the bench and release it, so that nothing moves; return backend, rig,
     prediction and tasks by name, of a plan file those of each condition.
 
-    With a trial plan in place of ``profile`` that of each condition, by name under ``conditions``.
+    With ``plan_file`` the profiles of its conditions count, and each answer stands by name under ``conditions``.
 
     Raises
     ------
@@ -291,7 +291,7 @@ def resume(
     """Record what is left of the plan of the session in ``folder``, with its own rig file, not that of ``access``;
     return the session and the numbers of the new trials.
 
-    The rig file is the session's own; that of ``access`` does not count. ``progress`` as for `rig.record`.
+    ``progress`` as for `rig.record`.
 
     Raises
     ------

@@ -102,8 +102,6 @@ class SessionFilm:
     def frame_times(self, source: vision.Film) -> tuple[NDArray[np.float64] | None, float]:
         """Times of the frames of ``source``, s, by the trial's frame clock or the rate named; None where the film's own
         times apply; and their standard uncertainty, s. CommandInputError where nothing tells them.
-
-        From its trial's frame clock, else for the rate named.
         """
         # start-up: 0.1 s of every recording, which reads no film
         from vision.film.source import Corrected

@@ -96,7 +96,7 @@ class Profile(ArrayRecord):
         """Raise RigInputError where the force exceeds ``force_limit_n`` in size, or its change from sample to sample,
         or between two, the slew rate.
 
-        Raises RigInputError naming the key point, its value and the limit.
+        The message names the key point, its value and the limit.
         """
         where = self.source or self.name
         worst = int(np.argmax(np.abs(self.force_n)))

@@ -57,10 +57,8 @@ def known_unit(text: str) -> str | None:
 
 
 def unit_in_name(name: str) -> str:
-    """Return the unit at the end of a channel's name in our spelling's known ones, as written: ``Force (kN)``, ``F /
+    """Return the unit at the end of a channel's name, as written there, if it is a known one: ``Force (kN)``, ``F /
     kN``, ``F in kN``, ``force_kN``; empty where there is none.
-
-    Empty where there is none.
     """
     found = _UNIT_IN_NAME.fullmatch(name.strip())
     if found is None:
@@ -96,7 +94,7 @@ def parse_number(cell: str, decimal: str = ".", thousands: str = "") -> float:
     """Read a decimal number with the sign ``decimal``; ``thousands``: sign between groups of three digits, empty for
     none. ValueError for anything else, also for nan, inf, hexadecimal and 1_000.
 
-    ``thousands``: sign between groups of three digits, which must be whole groups.
+    Groups of three digits must be whole.
     """
     text = cell.strip().replace("\u2212", "-")  # the minus sign of Swedish and typeset numbers
     for alike in _ALIKE.get(thousands, ""):

@@ -195,8 +195,6 @@ def _parse_columns(
 ) -> dict[int, NDArray[np.float64]]:
     """Numbers of the columns, by index from 0; ``lengths``: by index, how many of the ``rows`` have a number there;
     ``before``: rows of the file above these, for messages that begin with ``where``.
-
-    ``before`` is how many rows of the file come before these.
     """
     width = max(lengths) + 1
     for i, row in enumerate(rows, before + 1):

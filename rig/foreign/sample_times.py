@@ -136,7 +136,7 @@ def check_times(time_s: NDArray[np.float64], interval_s: float, what: str) -> No
     """Refuse (RigInputError, which begins with ``what``) times (n,), s, that are not those of samples every
     ``interval_s``, but for jitter, rounding and a drift of one sample or 1e-4.
 
-    A slow drift is allowed, to one sample or 1e-4 of the rate: two clocks may have counted.
+    A slow drift is allowed because two clocks may have counted.
     """
     away = np.abs(time_s - time_s[0] - interval_s * np.arange(time_s.size))
     rounding = time_resolution(time_s)

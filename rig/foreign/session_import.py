@@ -476,9 +476,6 @@ def _split_at_breaks(table: ChannelTable, config: ImportMapping) -> list[Channel
 def _recording_start(table: ChannelTable, file: Path, config: ImportMapping) -> str:
     """When a recording began, ISO 8601, by the file's own statement (UTC; without a zone where that is not known), else
     when the file was last changed.
-
-    The file's own statement comes first: in UTC where its zone is known, without a zone where it is not. A file that
-    does not say has only the time at which it was last changed.
     """
     if table.started:
         started = datetime.fromisoformat(table.started)

@@ -112,8 +112,8 @@ def write_sealed(path: Path) -> Iterator[h5py.File]:
 
 @contextlib.contextmanager
 def open_sealed(path: Path) -> Iterator[h5py.File]:
-    """Context that yields a sealed HDF5 file for reading, once its seal is found right; RigInputError for a file that
-    was altered, cannot be read, or is in use by a writer.
+    """Context that yields a sealed HDF5 file for reading, once its content is found to be as it was sealed;
+    RigInputError for one that was altered, cannot be read, or is being written.
 
     A file without its seal is read, with one warning, where its content is as it was sealed. One that another program
     has locked is read from memory.
