@@ -128,7 +128,7 @@ def _parse_cihx(data: bytes) -> dict[str, str]:
 
 
 def _parse_cih(data: bytes) -> dict[str, str]:
-    """Texts of a CIH header, given as bytes, up to its first empty line, by the keys of `_FIELDS`; empty where missing."""
+    """Texts of a CIH header, given as bytes, up to its first empty line, by the keys of `_FIELDS`; '' where missing."""
     text = data.decode("utf-8", errors="replace").replace("\r\n", "\n")
     lines: dict[str, str] = {}
     for line in text.split("\n\n", 1)[0].split("\n"):

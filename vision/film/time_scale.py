@@ -129,7 +129,7 @@ def _even_interval(stamp_s: F64, intervals: F64, tick_s: float, median: float) -
 
 
 def _is_serial(intervals: F64) -> bool:
-    """Whether neighbouring intervals (n,) are more alike than chance makes them, by Bartels' rank test at 1 in 10,000."""
+    """Whether neighbouring intervals (n,) are more alike than chance makes them: Bartels' rank test at 1 in 10,000."""
     n = intervals.size
     _, place, count = np.unique(intervals, return_inverse=True, return_counts=True)
     # equal intervals share the mean of their ranks

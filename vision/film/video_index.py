@@ -103,7 +103,7 @@ def packet_key(packet: av.Packet) -> tuple[Any, ...]:
 
 
 def open_container(path: Path) -> av.container.InputContainer:
-    """PyAV container of a file with a video that FFmpeg can decode, which the caller closes; `FilmError` for all else."""
+    """PyAV container, for the caller to close, of a file with a video that FFmpeg decodes; `FilmError` for all else."""
     # start-up: PyAV costs 0.1 s, films of cameras do without
     import av
 
