@@ -127,7 +127,8 @@ class Tabular:
         return self.to_frame()
 
     def plot(self, *names: str, ax: Axes | None = None, **style: Any) -> Axes:
-        """Draw columns over time into ``ax``, or into a new figure; return the axes.
+        """Draw columns over ``time_s`` into ``ax``, or a new figure, and return the axes; bodies' angles are drawn in
+        degrees since the first row; without names all bodies; ``style``: what matplotlib's plot takes.
 
         Parameters
         ----------

@@ -122,7 +122,8 @@ def is_held(path: Path) -> bool:
 
 
 def make_read_only(path: Path) -> None:
-    """Take the permission to write from a file, so that other programs do not open it for writing by mistake.
+    """Take the permission to write from a file for everybody, so that no other program opens it for writing by mistake;
+    nothing on Windows.
 
     Not on Windows, where a folder with such a file cannot be removed; nor where the file system has no permissions.
     """

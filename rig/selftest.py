@@ -342,7 +342,9 @@ class Checks:
         return timing, join_blocks(blocks)
 
     def check_by_hand(self, prompt: Callable[[str], None]) -> None:
-        """Ask the operator to lift the arm and press the key; add checks of unloaded force, preload and encoders."""
+        """Show the instruction to lift the arm and press the key (``prompt`` returns when the operator is ready),
+        record with the drive disabled, and add the checks of unloaded force, preload, load cell and encoders.
+        """
         prompt(INSTRUCTION)
         _, block = self._acquire(np.zeros(int(PRESS_S * self.rate)), enable_drive=False)
         rad = (block.encoder_count - block.encoder_count[:1]) * [e.rad_per_count for e in self.config.encoders]
@@ -401,7 +403,9 @@ class Checks:
         return push_response(force_n, self.rate, late)
 
     def check_push_disabled(self) -> None:
-        """Push gently with the drive disabled and add the check that no force reaches the key."""
+        """Command gentle pushes with the drive disabled and add the check that no force reaches the key; it fails where
+        the rig file has no drive-enable line.
+        """
         if self.config.drive_enable is None:
             self.add("drive-enable line", False, "none in the rig file", "a line", "add [drive_enable] and wire it")
             return
@@ -453,7 +457,8 @@ class Checks:
         self.add("output to force delay", passed, found, f"within {limit_s * 1e3:.3g} ms", advice)
 
     def check_watchdog(self) -> None:
-        """Push by the motor, let the watchdog expire, and add the checks that it trips and cuts the force.
+        """Push by the motor, stop resetting the watchdog, and add the checks that it trips in time and cuts the force;
+        the check fails where the rig file has no watchdog.
 
         A chassis whose watchdog has expired is reset before the force is read again.
         """

@@ -252,7 +252,9 @@ def run_demo(out: Path, *, trials: int, profile: str = "forte", quiet: bool = Tr
 
 @contextmanager
 def _name_session_on_interrupt(folder: Path) -> Iterator[None]:
-    """Context in which Ctrl-C raises `Interrupted`, which names the session's folder and how to go on."""
+    """Context in which Ctrl-C raises `Interrupted`, whose message names the session's folder, says that its trials are
+    sealed, and gives the command that goes on.
+    """
     try:
         yield
     except KeyboardInterrupt as interrupt:

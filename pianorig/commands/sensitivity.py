@@ -116,7 +116,9 @@ def _local_sensitivities(
 
 
 def _print_elasticities(table: model.sensitivity.LocalTable, action_name: str) -> None:
-    """Print the table of elasticities, percent per percent, of its first `MOST_LINES` parameters."""
+    """Print a table of elasticities, percent of a result per percent of a parameter: the first `MOST_LINES` parameters,
+    and how many more there are.
+    """
     from model.sensitivity.local_table import lines  # start-up: NumPy, which --help does not need
 
     print(f"{action_name}: percent of a quantity per percent of a parameter")

@@ -58,7 +58,9 @@ class LiveLine:
         return max((width or USUAL_COLUMNS) - 1, 10)
 
     def show(self, text: str, *, at_once: bool = False) -> None:
-        """Draw ``text`` over the line, cut to the terminal's width; at most ten times a second unless ``at_once``."""
+        """Draw ``text`` over the line on standard error, cut to the terminal's width, at most ten times a second unless
+        ``at_once``; nothing where that is no terminal.
+        """
         now = time.monotonic()
         with self._lock:
             if not self.is_on or (now < self._next_s and not at_once):

@@ -254,7 +254,9 @@ def _measured_of(measured: MeasuredTrial, body: str) -> tuple[Array, Array] | No
 
 
 def _channels(measured: MeasuredTrial, predicted: list[_Predicted]) -> dict[str, Any]:
-    """Curves by body for the page, in degrees: measured, each prediction, and each prediction less the measurement."""
+    """Curves of each body for the page, packed, degrees: measured (None where it was not), each model's prediction, and
+    residuals: prediction less measurement, at the measured times.
+    """
     channels = {}
     for i, body in enumerate(BODIES):
         found = _measured_of(measured, body)

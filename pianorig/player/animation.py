@@ -74,7 +74,9 @@ def scripts(name: str = "animation") -> dict[str, str]:
 
 
 def player_script() -> str:
-    """The player's modules as one script; each keeps its own names, and takes from the others what it imports."""
+    """The player's JavaScript modules joined to one script, in which each keeps its own names and takes from the others
+    what it imports.
+    """
     parts = ["const modules = {};"]
     for name, text in scripts().items():
         given = re.findall(r"^export (?:function|class|const) (\w+)", text, flags=re.MULTILINE)

@@ -234,8 +234,9 @@ repeats = 2
 
 
 def write_examples(folder: Path, working: Callable[[str], None] = lambda words: None) -> dict[str, Path]:
-    """Write the example files into ``folder``, and return their paths by name; `CommandInputError`, before anything is
-    written, where one is there."""
+    """Write the example files and sessions into ``folder`` and return their paths by name; `CommandInputError`, before
+    anything is written, where a file is there; a session that is there stays.
+    """
     paths = {name: folder / name for name in EXAMPLES}
     sessions = {name: paths.pop(name) for name in EXAMPLES if name.startswith("sessions/")}
     there = [path for path in (*paths.values(), folder / "film.cihx", folder / "target.cihx") if path.exists()]

@@ -109,7 +109,9 @@ def draw_deviations(
 
 
 def draw_uncertainties(estimates: Sequence[Any], path: Path) -> None:
-    """Draw how well each number of a drive is known, a row each: its relative standard uncertainty, or that none is."""
+    """Draw the relative standard uncertainty, %, of each estimated parameter of a drive, a row each, or that it is not
+    determined, into the picture ``path``.
+    """
     with new_sheet(path, 8.0, 1.1 + 0.26 * len(estimates)) as figure:
         axes = figure.subplots()
         known = [(i, abs(e.u / e.value)) for i, e in enumerate(estimates) if e.is_determined and e.value]

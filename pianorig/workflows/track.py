@@ -76,7 +76,9 @@ def report_tracking_interrupt(unfinished: Path) -> Iterator[None]:
 def camera_of(
     calibration: Path | None, u_tilt_deg: float | None = None, u_distortion_percent: float | None = None
 ) -> vision.CameraModel:
-    """What is known of the camera: its calibration file, or the standard uncertainties assumed without one."""
+    """What is known of the camera: its calibration file, or without one the standard uncertainties of tilt (degrees)
+    and distortion (%), None: the assumed ones; CommandInputError for both.
+    """
     if calibration is None:
         plain = vision.AssumedCamera()
         return vision.AssumedCamera(

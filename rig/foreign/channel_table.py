@@ -205,7 +205,8 @@ class ChannelTable:
         unit: str = "s",
         same_start: bool = False,
     ) -> float:
-        """Return the one sample interval, s, of channels used together; refuse other lengths, clocks or uneven times.
+        """Return the one sample interval, s, of channels used together, from the channel of times or, for None, the
+        file's own statement; RigInputError where lengths or clocks differ, times are uneven, or nothing tells it.
 
         Parameters
         ----------

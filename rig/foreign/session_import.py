@@ -562,7 +562,8 @@ def _check_pushes(force_n: NDArray[np.float64], interval_s: float, what: str) ->
 
 
 def _read_counts(table: ChannelTable, encoder: EncoderMapping, overruled: tuple[str, ...]) -> NDArray[np.int64]:
-    """Counts (n,) of one encoder, without the wraps of its counter.
+    """Counts (n,) of one encoder from its channel, angles converted to counts, wraps of its counter taken out;
+    RigInputError for counts that are not whole or move too far; ``overruled``: channels whose stated unit is ignored.
 
     Raises `RigInputError` where values are no whole counts, wrap unsaid, or turn farther than a body can; ``overruled``
     names the channels whose unit in the file does not count (`check_unit`).

@@ -35,7 +35,9 @@ _INTERVAL = re.compile(r"dt|deltat|timestep|sampl(e|ing)(interval|period)(s|sec)
 
 
 def is_unit_scale_or_time(name: str) -> bool:
-    """Whether a property's name is of a unit, scale, rate, interval or start."""
+    """Whether a property's name says that it is a unit, scale, sample rate, interval or start of a channel's numbers;
+    its value is not looked at.
+    """
     letters = _letters(name)
     return bool(
         _PERHAPS_UNIT.fullmatch(name)

@@ -60,7 +60,9 @@ def _to_json_value(value: object) -> Any:
 
 
 def _write_column(group: h5py.Group, name: str, values: np.ndarray) -> h5py.Dataset:
-    """Write a table's column as a dataset and return that: booleans as int8, numbers as they are, the rest as text."""
+    """Write a table's column (n,) as the dataset ``name`` of ``group`` and return that: booleans as int8 with a mark,
+    numbers as they are, anything else as text.
+    """
     if values.dtype.kind == "b":
         dataset = group.create_dataset(name, data=values.astype(np.int8))
         dataset.attrs["dtype"] = "bool"

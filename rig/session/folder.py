@@ -179,7 +179,8 @@ class Session:
 
     @classmethod
     def open(cls, path: str | Path, *, require_trials: bool = True) -> Session:
-        """Open an existing session.
+        """Open the session in an existing folder; RigInputError where it or its ``session.toml`` is missing or cannot
+        be read, or, unless ``require_trials`` is False, it has no trials.
 
         Raises RigInputError when the folder, its ``session.toml`` or (unless ``require_trials`` is False) its trials
         are missing or unreadable.
@@ -202,7 +203,8 @@ class Session:
 
     @classmethod
     def create(cls, path: str | Path, info: SessionInfo, files: Mapping[str, str] | None = None) -> Session:
-        """Create a session folder with ``session.toml`` and copies of files.
+        """Create a session folder with ``session.toml`` from ``info`` and text files to keep beside it, by name;
+        RigInputError, and nothing is left, where the folder is not empty or cannot be written.
 
         Parameters
         ----------
@@ -260,7 +262,8 @@ class Session:
         return dict(sorted(found.items()))
 
     def to_frame(self) -> pd.DataFrame:
-        """Return one row per trial: number, status, rejected (reason or ""), duration, peak force, frames, film.
+        """Table with a row for each trial, rejected ones too: trial (number), status, rejected (reason or ""),
+        duration_s, peak_force_n (corrected), frames (number), film (name or "").
 
         A trial that cannot be read has the status ``unreadable`` and no duration. The force is corrected, NaN where
         that cannot be done.

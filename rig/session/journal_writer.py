@@ -152,7 +152,9 @@ class JournalWriter:
         return record
 
     def _raise_error(self) -> None:
-        """Raise what the writing thread failed with, if it did, as `RecordingFault`."""
+        """Raise what the writing thread failed with as `RecordingFault`, a defect of a program as itself; return where
+        it did not fail.
+        """
         is_own_defect = self._error is not None and is_defect(self._error) and not isinstance(self._error, OSError)
         if self._error is not None and (is_own_defect or isinstance(self._error, RecordingFault)):
             raise self._error
@@ -169,7 +171,9 @@ class JournalWriter:
             view = view[self._write(self._file, view) :]  # type: ignore[arg-type]
 
     def _run(self) -> None:
-        """Write and sync records until closed; the writer's own thread, whose error the next call raises."""
+        """Write queued records and sync them, about once a second, until the journal is closed: the body of its own
+        thread, whose error the next call of another raises.
+        """
         try:
             last_sync_s = self._now_s()
             while self._write_next():

@@ -127,7 +127,9 @@ def read_trial(path: Path) -> TrialData:
 
 
 def trial_problem(path: Path) -> str:
-    """Return why `read_trial` refuses a file, in one line; empty where it reads it."""
+    """Why `read_trial` refuses a file, in one line; empty where it reads it. A file found right is not read again until
+    it changes.
+    """
     try:
         state = file_state(path)
         if state in _stated_number:

@@ -115,7 +115,8 @@ class TrialData(Tabular, ArrayRecord):
         return self.force_info != NO_FORCE
 
     def corrected_force(self) -> CorrectedForce:
-        """Return the force as it acted: offset and mains hum taken off, preload added, at its own times.
+        """Force on the key as it acted, N, positive downwards, with uncertainty: offset and mains hum taken off,
+        preload added, times shifted back by the channel's delay. RigInputError without a force or quiet baseline.
 
         It is what ``validate`` drives the model with, and ``model.simulate(action, trial)``.
 
