@@ -17,7 +17,8 @@ def command(
     folder: Annotated[Path, typer.Argument(help="Folder to write into.", metavar="DIR")],
     as_json: AsJson = False,
 ) -> None:
-    """Write small files to try every command with; refuse, before writing, a folder that has one of them.
+    """Write small files to try every command with.
+    A folder that has one of them already is refused before anything is written.
 
     Force, key motion, felt, film, target, plan and rig: computed, not measured.
 
