@@ -48,7 +48,9 @@ def estimate_offset(
     *,
     free_scale: bool = False,
 ) -> ClockOffset:
-    """Offset between a film and an encoder on the same body.
+    """Offset to add to a film's times (n,) to have the encoder's (k,), s, by the angles, rad, of one body in both, with
+    its standard uncertainty; also zero, scale (fitted if ``free_scale``) and residual. NaN where the film lost the
+    body.
 
     Least squares of ``angle(t) = zero + scale * encoder(t + offset)``, by Gauss-Newton from the best whole step of a
     coarse search. The covariance counts the residuals as they are, with their correlation from frame to frame.
@@ -155,7 +157,9 @@ def estimate_offset(
 def _running_line(
     time: NDArray[np.float64], value: NDArray[np.float64], width_s: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Times, level and slope, each (k,), of straight lines fitted to the samples within ``width_s`` around each."""
+    """Times, level and slope, each (k,), of straight lines fitted to the samples in a window of ``width_s`` around
+    each, as far as it is full; `VisionInputError` for a record shorter than two.
+    """
     half = max(1, round(0.5 * width_s / float(np.median(np.diff(time)))))
     span = np.arange(-half, half + 1)
     if time.size < 2 * span.size:

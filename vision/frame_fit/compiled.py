@@ -152,8 +152,10 @@ is fitted, and Python must judge it; the next is not inside the part of the fram
 
 @inner_njit(_nrt=False)
 def is_accepted(states: States, found: FitOutputs, body: int) -> bool:
-    """Whether a fit needs no look by Python: coherent with white noise, no failure flag, usual gain, a small step. Sets
-    ``found.flag``."""
+    """Whether a body's (index) fit needs no look by Python: coherent with white noise, no failure flag, usual gain,
+    within `FAR_PX` of where it was expected. Sets its ``found.flag``, which stays as it was where residuals are
+    coherent.
+    """
     for k in range(3):
         if found.ratio[body, -1, k] > COHERENT:
             return False
@@ -266,8 +268,7 @@ def fit_remaining_bodies(
     """Fit bodies of the ``at[1]``-th tracked frame, from the ``at[0]``-th in order on, in its filtered ``part``,
     recording poses while fits are good; ``at[0]`` becomes where it stopped, the answer is why (`ALL_DONE` and beyond).
 
-    Goes on to the next while bodies are good, whose poses it records; ``at[0]`` is then where it stopped, and the
-    answer why (`ALL_DONE` and beyond); `found.region` tells of which part it has need.
+    `found.region` tells of which part it has need.
     """
     height, width = part.coefficient.shape
     y0, x0 = int(part.origin_y), int(part.origin_x)
@@ -310,8 +311,9 @@ def copy_box(one: I64, other: I64) -> None:
 
 @inner_njit()
 def filter_region(film: Film, k: int, box: I64, buffer: F32) -> tuple[Any, int]:
-    """Coefficients of the rectangle ``box`` (y0, y1, x0, x1) of the ``k``-th frame in memory, made in ``buffer``, and
-    the number of its pixels inside saturated areas."""
+    """Spline coefficients (h, w) of the rectangle ``box`` (y0, y1, x0, x1) of the ``k``-th frame in memory, made in
+    ``buffer`` and a view of it, and the number of its pixels inside saturated areas.
+    """
     y0, y1, x0, x1 = box[0], box[1], box[2], box[3]
     height, width = y1 - y0, x1 - x0
     picture = np.empty((height, width), film.frames.dtype)
@@ -326,7 +328,7 @@ def filter_region(film: Film, k: int, box: I64, buffer: F32) -> tuple[Any, int]:
 
 @inner_njit(_nrt=False)
 def store_row(rows: Rows, row: int, found: FitOutputs) -> None:
-    """Copy what was found of all bodies in a frame into a row of the tables."""
+    """Copy what was found of all bodies in a frame into row ``row`` of the pose table whose columns ``rows`` holds."""
     for body in range(found.pose.shape[0]):
         figures, rows.flag[row, body] = found.figures[body], found.flag[body]
         for j in range(3):
@@ -351,7 +353,9 @@ def track_rows(
     rows: Rows,
     stop: Stop,
 ) -> int:
-    """Track frames in order and fill ``rows``; return how many were done, and where the next one ended in ``stop``."""
+    """Track the frames that ``rows`` names, in order, and fill its columns; return how many were done. The next one
+    ended at a body or frame that Python must look at, as ``stop`` says.
+    """
     at, box, expected = stop.at, stop.box, stop.expected
     size = (bodies.distance.shape[1], bodies.distance.shape[2])
     for done in range(rows.frame.size):

@@ -45,8 +45,9 @@ class OutlineDrawer:
         self._found = [np.flatnonzero(np.isfinite(result.angle_rad[:, i])) for i in range(len(bodies))]
 
     def picture(self, row: int) -> NDArray[Any]:
-        """Frame of a row of the result with the tracked outlines drawn, in colour (blue, green, red), (height, width,
-        3)."""
+        """Frame of a row of the result in colour (blue, green, red), (height, width, 3), with the bodies' outlines as
+        tracked; those of a lost body where it was found last, in the colour `LOST`.
+        """
         result, film = self._result, self._film
         colour = cv2.cvtColor(grey_picture(film.read(int(result.frame[row])), film.bit_depth), cv2.COLOR_GRAY2BGR)
         for i, shape in enumerate(self._shapes):
@@ -82,8 +83,8 @@ def write_contact_sheet(
     count: int = 12,
     columns: int = 3,
 ) -> list[int]:
-    """Write one picture (PNG) with the worst frames, lost ones first, then those of the lowest correlation; returns
-    their numbers.
+    """Write a PNG of at most ``count`` frames, ``columns`` side by side, with the tracked outlines: those with most
+    bodies lost first, then those of the lowest correlation; returns their numbers in this order.
 
     Parameters
     ----------
@@ -154,8 +155,9 @@ def describe_row(result: TrackResult, row: int) -> tuple[str, str]:
 
 
 def describe_problems(names: Sequence[str], flag: NDArray[np.integer], zncc: NDArray[np.float64]) -> str:
-    """Bodies (m) lost in a frame with their reason, else the least correlation and its remarks, by flags and
-    correlations (m,)."""
+    """In words, of one frame: each body lost and why, else the body of least correlation with its remarks; by flags
+    `FrameFlag` and correlations (m,) of the bodies ``names``.
+    """
     failures = zip(names, (int(one) & int(FAILURE) for one in flag), strict=True)
     if lost := [f"{name} lost: {flag_texts(failure)}" for name, failure in failures if failure]:
         return "; ".join(lost)
@@ -169,7 +171,7 @@ def flag_texts(flag: int) -> str:
 
 
 def _tile(picture: Picture, lines: tuple[str, str]) -> Picture:
-    """A frame (height, width, 3), enlarged to a readable width, below two lines of text."""
+    """A frame (height, width, 3), enlarged by a whole number to a readable width, below two lines of text."""
     factor = max(1, -(-TILE_WIDTH_PX // picture.shape[1]))
     large = cv2.resize(picture, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)
     strip = np.zeros((2 * LINE_PX + 4, large.shape[1], 3), dtype=np.uint8)

@@ -24,7 +24,9 @@ GRID = (0, 220, 255)
 
 
 def _draw_with_scales(picture: ArrayLike, bit_depth: int) -> NDArray[Any]:
-    """A frame in colour, at least `MIN_WIDTH_PX` wide, with film pixels along its sides and a grid."""
+    """A grey frame of ``bit_depth`` bits in colour (blue, green, red), enlarged to at least `MIN_WIDTH_PX`, with scales
+    of film pixels above and at its left and a grid.
+    """
     grey = grey_picture(picture, bit_depth)
     factor = max(1, -(-MIN_WIDTH_PX // grey.shape[1]))
     large = cv2.resize(grey, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)
@@ -85,7 +87,8 @@ def put_text(picture: NDArray[Any], text: str, at: tuple[int, int], colour: Colo
 
 
 def write_picture(path: Path, picture: ArrayLike) -> None:
-    """Write a picture as PNG: whole or not at all.
+    """Write a picture, grey (h, w) or blue, green, red (h, w, 3), from 0 to 255, as PNG in place of a file that is
+    there, whole or not at all.
 
     Parameters
     ----------
@@ -120,7 +123,8 @@ TITLE_PX = 26
 
 
 def draw_frames(film: FrameSource, count: int = 4) -> NDArray[np.uint8]:
-    """One picture of frames spread over a film, with scales and a grid, from which to read the outlines of its bodies.
+    """Picture (h, w, 3; blue, green, red) of ``count`` frames spread over a film, the first among them, with scales and
+    a grid in film pixels, from which to read the outlines of its bodies.
 
     Parameters
     ----------

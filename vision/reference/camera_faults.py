@@ -68,7 +68,9 @@ def _neighbours(grey: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.
 
 
 def correct_defects(film: FrameSource) -> FrameSource:
-    """The film with its defective pixels interpolated; itself where it has none."""
+    """The film with its defective pixels (far brighter or darker than their neighbours, wherever these change)
+    interpolated; the film itself where it has none.
+    """
     # of a film that must be decoded in order only the beginning is near
     last = min(FIRST_FRAMES if getattr(film, "in_order", True) else film.n_frames, film.n_frames) - 1
     first, late = (_classify_outliers(film.read(k), film.bit_depth) for k in (0, last))
@@ -80,8 +82,9 @@ def correct_defects(film: FrameSource) -> FrameSource:
 
 
 def _is_fixed(film: FrameSource, rows: NDArray[np.intp], columns: NDArray[np.intp], last: int) -> NDArray[np.bool_]:
-    """Which of some pixels (k,) still differ from their neighbours where these have changed, in frames up to ``last``:
-    texture of a body that rests in most frames goes with them."""
+    """Which of the pixels at ``rows``, ``columns`` (k,) still differ from their neighbours where these have changed, in
+    frames up to ``last``: texture of a body that rests in most frames goes with them.
+    """
     beside, off = [], []
     for k in np.unique(np.linspace(0, last, FRAMES).astype(int)):
         grey = film.read(int(k))
@@ -94,7 +97,9 @@ def _is_fixed(film: FrameSource, rows: NDArray[np.intp], columns: NDArray[np.int
 
 
 def _classify_outliers(frame: NDArray[Any], bit_depth: int) -> NDArray[np.int8]:
-    """1 where a pixel is far brighter than its neighbours, -1 where far darker, else 0."""
+    """Map (height, width): 1 where a pixel of a frame is far brighter than its neighbours, -1 where far
+    darker, else 0.
+    """
     grey = np.ascontiguousarray(frame)
     if grey.dtype not in (np.uint8, np.uint16):
         return np.zeros(grey.shape, dtype=np.int8)
@@ -136,8 +141,9 @@ class FlickerCorrectedFilm(Corrected):
 
 
 def correct_row_flicker(film: FrameSource, box: tuple[int, int, int, int]) -> FrameSource:
-    """The film itself, or one with even light in its rows where that flickers inside a rectangle (y0, y1, x0, x1) of
-    the first frames."""
+    """The film itself, or one that evens out even against odd rows, where their difference in light flickers inside a
+    rectangle (y0, y1, x0, x1) of the first frames.
+    """
     if film.n_frames < 3 or box[1] - box[0] < FIRST_FRAMES:
         return film
     top = saturated_grey(film)
@@ -152,9 +158,8 @@ def row_parity(y0: int, y1: int) -> NDArray[np.float64]:
 
 
 def row_flicker_share(grey: NDArray[Any], first_row: int, top: int) -> tuple[float, float]:
-    """Share by which the even rows of a rectangle are brighter than the mean of all, and its standard uncertainty.
-
-    Pixels at or above ``top`` are left out. Zero and infinite where nothing can be said.
+    """Share by which the even rows of a rectangle (h, w), whose first is row ``first_row`` of the frame, are brighter
+    than the mean of all, and its standard uncertainty; 0 and infinity if unknown. Pixels from ``top`` on are left out.
     """
     light = np.asarray(grey, dtype=np.float64)
     beside = light[:-2] + light[2:]
@@ -204,7 +209,8 @@ LEAST_SKIPPED = 0.015
 
 def skips_blocks(film: FrameSource, box: tuple[int, int, int, int], noise_grey: float) -> bool:
     """Whether a codec repeats textured squares of the previous frame inside a rectangle (y0, y1, x0, x1); False where
-    the film states its compression."""
+    the film states its compression or nearly lacks noise (``noise_grey``) and repeats whole pictures.
+    """
     if film.compression is not None or film.n_frames < 3:
         return False
     # and the squares next to it

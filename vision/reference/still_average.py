@@ -48,8 +48,8 @@ class Reference:
 def average_still_frames(
     film: FrameSource, region: NDArray[np.bool_], n_still: int | None = None, max_still: int = MAX_STILL
 ) -> Reference:
-    """Average the still frames at the start of the film: ``n_still``, or as many as agree in the ``region`` of the
-    bodies; the rest of the picture may move.
+    """Average the still frames at the start of the film: ``n_still``, or as many, up to ``max_still``, as agree in the
+    pixels of ``region`` (height, width); with the noise of one frame and the pixels saturated in any.
     """
     if film.n_frames < 2:
         raise TrackingError(f"{film.path}: {film.n_frames} frame; tracking needs at least two")
@@ -117,7 +117,8 @@ def _estimate_background_noise(film: FrameSource, grey: NDArray[np.float64]) -> 
 
 
 def _roughness(picture: NDArray[np.float32], region: NDArray[np.bool_]) -> float:
-    """Upper estimate of the noise from one picture: what second differences along both axes leave of it.
+    """Upper estimate of the noise of one picture, grey, in the pixels of ``region``: what second differences along both
+    axes leave of it; 0 where the region is empty.
 
     J. Immerkaer, Fast noise variance estimation, Comput. Vis. Image Underst. 64(2), 1996, with a median for the mean.
     """

@@ -56,7 +56,9 @@ class PoseTable:
         return np.sqrt(self.covariance[..., 0, 0])
 
     def store(self, row: int, body: int, fit: Fit, flag: FrameFlag) -> None:
-        """Store one fit; of a failed one only its flag."""
+        """Store the fit of one body (index) in a row with its flag; of a failed one the flag only, its row
+        being lost.
+        """
         if flag is not FrameFlag.GOOD and flag & FAILURE:
             self.flag[row, body] = 0
             self.reject(row, body, flag)

@@ -35,7 +35,8 @@ def box(x0: float, y0: float, x1: float, y1: float) -> NDArray[np.float64]:
 
 
 def thick_line(points: ArrayLike, thickness: float | ArrayLike) -> NDArray[np.float64]:
-    """Outline of a bent bar along a line of points.
+    """Outline (2 m, 2) of a bent bar along the centre line ``points`` (m, 2), of full width ``thickness``, one or (m,),
+    in the units of the points: one side from the first point on, then the other back.
 
     Parameters
     ----------
@@ -87,7 +88,9 @@ class SyntheticBody:
 
     @cached_property
     def table(self) -> TextureTable:
-        """Spline table of the texture with the opacity of the edge."""
+        """Texture as spline coefficients, and opacity of the body, 1 inside, 0 outside, over one pixel at the edge, on
+        a grid in the body's axes.
+        """
         margin = RIM_PX + 2.0
         x0, y0 = (float(v) for v in np.floor(self.polygon_px.min(axis=0) - margin))
         x1, y1 = np.ceil(self.polygon_px.max(axis=0) + margin)
@@ -134,8 +137,8 @@ class Scene:
         return PlanePoints(np.ascontiguousarray(point[..., 0]), np.ascontiguousarray(point[..., 1]), bend)
 
     def light(self, poses: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Noise-free picture (height, width), averaged over the instants of one exposure, for the poses (instants,
-        bodies, 3) of all bodies.
+        """Noise-free picture (height, width), averaged over the instants of one exposure, for poses (instants, bodies,
+        3) of all bodies: angle, rad, counter-clockwise, and x and y, px, of the body's origin.
 
         Parameters
         ----------
@@ -168,7 +171,9 @@ def background(
     mean_grey: float = 60.0,  # choice: darker than the bodies
     contrast_grey: float = 6.0,  # choice: weaker than theirs
 ) -> NDArray[np.float32]:
-    """Out-of-focus background of low contrast, shape (height, width)."""
+    """Picture (height, width) of an out-of-focus background, grey of 8 bit: Gaussian noise, drawn with ``seed``,
+    smoothed, of mean ``mean_grey`` and standard deviation ``contrast_grey``.
+    """
     rng = np.random.default_rng(seed)
     noise = cv2.GaussianBlur(rng.standard_normal((height, width)).astype(np.float32), (0, 0), BACKGROUND_PX)
     return (mean_grey + contrast_grey * noise / max(float(noise.std()), 1e-6)).astype(np.float32)

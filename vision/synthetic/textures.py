@@ -40,7 +40,9 @@ class BlobTexture:
         return grey
 
     def evaluate_grid(self, x0: float, y0: float, step: float, rows: int, columns: int) -> NDArray[np.float32]:
-        """Grey values on a grid with its first point at (x0, y0), shape (rows, columns)."""
+        """Grey values (rows, columns) on a grid of spacing ``step``, px, whose first point is at (x0, y0), px, in the
+        body's axes.
+        """
         grey = np.full((rows, columns), self.mean_grey)
         grid_x = x0 + step * np.arange(columns)
         grid_y = y0 + step * np.arange(rows)
@@ -70,7 +72,8 @@ def speckle(
     contrast_grey: float = 38.0,  # choice: not saturated
     mean_grey: float = 128.0,  # the middle of 8 bit
 ) -> BlobTexture:
-    """Texture of sprayed dots of both signs that fills ``extent`` (x0, y0, x1, y1), px.
+    """Texture of sprayed dots of both signs, each of standard deviation ``sigma_px``, that fills ``extent`` (x0, y0,
+    x1, y1), px, with mean and standard deviation of the grey values ``mean_grey`` and ``contrast_grey``.
 
     Parameters
     ----------
