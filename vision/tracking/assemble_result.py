@@ -81,8 +81,10 @@ def estimate_zero_from_rows(ready: PreparedFilm, table: PoseTable) -> Zero:
 
 
 def _mean_zero(ready: PreparedFilm, turn: NDArray[np.float64], u: NDArray[np.float64]) -> Zero:
-    """Zero from turns and their standard uncertainties in the still frames, (n, m), rad; `TrackingError` for a body
-    found in fewer than half of them."""
+    """Zero of the angles by turns and their standard uncertainties in the still frames, (n, m), rad, picture axes, NaN
+    where lost: mean turn, uncertainty of one frame, frames found, each (m,); `TrackingError` for a body lost in more
+    than half of them.
+    """
     n = ready.reference.n_averaged
     good = np.count_nonzero(np.isfinite(turn), axis=0)
     for i, body in enumerate(ready.bodies):
@@ -95,8 +97,9 @@ def _mean_zero(ready: PreparedFilm, turn: NDArray[np.float64], u: NDArray[np.flo
 
 
 def _inflate_coherent_rows(ready: PreparedFilm, table: PoseTable, camera: Projection | None) -> PoseTable:
-    """The table with covariances widened for residuals coherent beyond what a calibrated camera explains, for skipped
-    blocks, and for resampling."""
+    """The table with covariances widened for residuals coherent beyond what ``camera``, if calibrated, explains, for
+    skipped blocks, and for resampling.
+    """
     ratio = table.ratio
     if camera is not None:
         white = np.diagonal(table.covariance, axis1=2, axis2=3)
@@ -120,7 +123,10 @@ def assemble_result(
     map_items: ItemMap = serial_map,
     u_stretch: float = 0.0,
 ) -> TrackResult:
-    """Angles, uncertainties and budget from the poses; ``time_s`` of all frames of the film, shape (n_frames,)."""
+    """Result of the rows of ``table``: angles less ``zero``, uncertainties, flags and budget; ``time_s`` (n_frames,):
+    of all frames of the film; ``info``: kept in the result; ``u_stretch``: standard uncertainty of the picture's
+    stretch.
+    """
     film, bodies, reference = ready.film, ready.bodies, ready.reference
     # what the film was resampled by is corrected already
     is_corrected = ready.rectified_film is not None and ready.rectified_film.projection is not None

@@ -44,7 +44,8 @@ FAR_PLACES = 2  # of the whole picture, from which a lost body is fitted
 def search_whole_picture(
     film: FrameSource, index: int, template: Template, newest_rad: float
 ) -> list[NDArray[np.float64]]:
-    """Poses anywhere in the picture from which to fit, best first; none for a body too small to be told so coarsely.
+    """Poses (turn, x, y) anywhere in frame ``index`` from which to fit, best first; none for a body too small to be
+    told so coarsely.
 
     Turns are given within half a turn of the newest known one, ``newest_rad``, which the picture cannot tell.
     """
@@ -66,8 +67,9 @@ def search_whole_picture(
 def search_near_pose(
     film: FrameSource, index: int, template: Template, expected: NDArray[np.float64]
 ) -> list[NDArray[np.float64]]:
-    """Poses around the expected one from which to fit, best first; none when the body can only be outside the
-    picture."""
+    """Poses (turn, x, y) in frame ``index`` around the expected one from which to fit, best first; none when the body
+    can only be outside the picture.
+    """
     half = int(math.ceil(template.radius_px)) + 2
     reach = half + SHIFT_RANGE_PX
     centre_x = round(template.centre_px[0] + expected[1])
@@ -124,8 +126,9 @@ def _halve(picture: NDArray[np.float32]) -> NDArray[np.float32]:
 def _rotate_template(
     template: Template, phi: float, coarse: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], float, float]:
-    """Turned template at a ``coarse``-th of the resolution, its mask, and the position of the centre in it (of its
-    pixels)."""
+    """Template turned by ``phi`` (picture axes), rad, at a ``coarse``-th of the resolution: grey less its mean (h, w),
+    mask (h, w), 1 where it has pixels, else 0, and column and row of the centre in it.
+    """
     cosine, sine = math.cos(phi), math.sin(phi)
     dx, dy = template.offset_px
     x = (cosine * dx - sine * dy) / coarse

@@ -29,7 +29,9 @@ EVERY_ROWS = 500  # rows between two checkpoints
 
 
 def job_hash(film: FrameSource, bodies: Sequence[Body], settings: Sequence[object], templates: Sequence[Any]) -> str:
-    """SHA-256 of what decides the result: the film's size and time of writing, outlines, templates, settings."""
+    """SHA-256, hexadecimal, of what decides the result: path, size and time of writing of the film, outlines,
+    templates, settings.
+    """
     digest = hashlib.sha256()
     if film.path.exists():
         status = film.path.stat()
@@ -49,7 +51,9 @@ class Checkpoint:
         self.job = job
 
     def save(self, rows: int, table: PoseTable, tracker: FilmTracker) -> None:
-        """Write the first ``rows`` rows and the state of the trackers; raises `VisionInputError` where it cannot."""
+        """Write the first ``rows`` rows of the table and the state of the trackers to the checkpoint's file, in place
+        of what it held, whole or not at all; `VisionInputError` where it cannot.
+        """
         arrays: dict[str, NDArray[Any]] = {"job": np.array(self.job), "rows": np.array(rows)}
         arrays["searches"] = np.array(tracker.searches())
         arrays |= {f"table_{field.name}": getattr(table, field.name)[:rows] for field in fields(table)[1:]}

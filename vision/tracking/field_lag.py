@@ -54,8 +54,9 @@ UNKNOWN_LAG = FieldLag(0.0, math.inf)
 
 
 def measure_field_lag(ready: PreparedFilm, table: PoseTable, time_s: NDArray[np.float64]) -> FieldLag:
-    """Lag of a film's odd rows behind the even ones, in frames, from the poses found; ``time_s`` (n_frames,) of all
-    frames of the film."""
+    """Delay of a film's odd rows behind the even ones, in frames, by the poses found, and its standard uncertainty,
+    infinite where nothing moves; ``time_s`` (n_frames,) of all frames of the film.
+    """
     at = time_s[table.frame] / (float(np.median(np.diff(time_s))) if time_s.size > 1 else 1.0)
     right, normal, chi2, degrees = 0.0, 0.0, 0.0, 0
     for i, template in enumerate(ready.templates):
@@ -111,8 +112,10 @@ def _field_differences(
 def _field_difference(
     ready: PreparedFilm, frame: int, pose: NDArray[np.float64], template: Template, fit: RobustFit
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Pose of a frame's odd rows less that of its even ones, (3,) in the body's own axes, and the inverse of its
-    covariance; ``fit`` has the template's columns and an offset."""
+    """Pose of a frame's odd rows less that of its even ones, (3,): turn and shift in the body's own axes, and the
+    inverse of its covariance; ``fit`` has the template's columns and an offset. None where a fit fails or too little is
+    inside.
+    """
     rectified = ready.rectified_film
     film: FrameSource = ready.film if rectified is None else rectified.film
     dx, dy = template.offset_px.astype(float)

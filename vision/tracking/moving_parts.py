@@ -71,7 +71,9 @@ class MovingParts:
 
 
 def find_moving_parts(ready: PreparedFilm, table: PoseTable) -> dict[str, MovingParts]:
-    """Parts that move against the rest of their outline, by the name of the body; bodies without any are left out."""
+    """Parts that move against the rest of their outline, by the name of the body: share of its tiles, largest shift,
+    px, where that is, and whether the body bends; bodies without any are left out.
+    """
     found = {}
     for i, template in enumerate(ready.templates):
         if not _needs_test(table, i):
@@ -99,7 +101,9 @@ def _needs_test(table: PoseTable, i: int) -> bool:
 
 
 def _sample_poses(table: PoseTable, i: int, radius_px: float) -> tuple[NDArray[np.int64], F64]:
-    """Frame numbers (k,) and poses (k, 3), in order, evenly spread over the way of the i-th body."""
+    """Frame numbers (k,) and poses (k, 3; turn, x, y), in order, of at most `ROWS` rows evenly spread over the way of
+    the i-th body; ``radius_px``: what a turn counts by.
+    """
     rows = np.flatnonzero(~table.is_lost[:, i])
     pose = table.pose[rows, i]
     step = np.hypot(*np.diff(pose[:, 1:], axis=0).T) + 0.5 * radius_px * np.abs(np.diff(pose[:, 0]))

@@ -61,8 +61,10 @@ def track_forward(
     threads: int = 1,
     at_rest: Callable[[], None] | None = None,
 ) -> int:
-    """Track all bodies forward and fill the table; returns the number of rows resumed from ``checkpoint``, in which
-    rows are kept. ``progress`` is told of rows, ``at_rest`` called once the still frames are tracked."""
+    """Track all bodies forward and fill the table; returns the number of rows resumed from ``checkpoint``, which is
+    written as rows are done. ``progress`` is called with rows done and all rows, ``at_rest`` once the still frames are
+    tracked.
+    """
     ready, n = tracker.ready, table.frame.size
     done = checkpoint.load(table, tracker) if checkpoint is not None else 0
     keeper = _ProgressRecorder(table, done, n_still, checkpoint, progress, at_rest)
@@ -130,8 +132,9 @@ class _ProgressRecorder:
 
 
 def confirm_backward(ready: PreparedFilm, table: PoseTable, confirm: str, threads: int = 1) -> int:
-    """Track backward through the rows that ``confirm`` names (`CONFIRM`) and correct the table; returns the number of
-    rows tracked again."""
+    """Track backward through rows (``confirm``: "all", "doubtful" or "none") and correct the table where both passes
+    differ; returns the number of rows tracked again.
+    """
     n = table.frame.size
     stretches = [(0, n)] if confirm == "all" else doubtful_segments(table) if confirm == "doubtful" else []
     with workers(threads if len(stretches) > 1 and is_thread_safe(ready.film) else 1) as crew:

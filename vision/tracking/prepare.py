@@ -49,8 +49,9 @@ def prepare(
     max_pixels: int | None = MAX_PIXELS,
     map_items: ItemMap = serial_map,
 ) -> PreparedFilm:
-    """Average the still frames, build masks and templates of the bodies, and return the prepared film, less its defect
-    pixels and row flicker.
+    """Average the first ``n_still`` frames (None: as many as are still), build masks and templates, of at most
+    ``max_pixels`` each, and return the prepared film, less its defect pixels and row flicker. Warns of few or moving
+    still frames.
 
     Warns
     -----
@@ -105,7 +106,9 @@ def prepare(
 
 
 def _warn_of_motion(ready: PreparedFilm, n_still: int) -> None:
-    """Warn of each body that moves within the still frames that the user has given."""
+    """Warn of each body that moves or is lost within the first ``n_still`` frames, which the user has given as
+    still.
+    """
     pose, u = track_first_frames(FilmTracker(ready), n_still)
     for i, template in enumerate(ready.templates):
         count = count_still_frames(pose[:, i], u[:, i])

@@ -42,7 +42,9 @@ def retrack_frames(
     frame_time_s: ArrayLike | None = None,
     **options: Unpack[FitOptions],
 ) -> TrackResult:
-    """Fit single frames again, each by itself, from places the user has corrected.
+    """Fit the frames numbered ``frames`` again, each by itself, from ``places``: per frame a dict of every body's name
+    to (angle, rad, counter-clockwise, x and y, px), as in the result. Rows of these frames only; NaN with a flag where
+    that fails.
 
     Parameters
     ----------
@@ -116,7 +118,8 @@ def preview(
     frame_time_s: ArrayLike | None = None,
     **options: Unpack[FitOptions],
 ) -> TrackResult:
-    """Fit a few frames, to see whether outlines and film suit each other before the whole film is tracked.
+    """Fit ``count`` frames spread over a film up to its last, to see whether outlines and film suit each other before
+    all is tracked; rows of these frames only, lost from where a quick walk to them loses a body.
 
     Parameters
     ----------

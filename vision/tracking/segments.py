@@ -35,8 +35,9 @@ Poses = NDArray[np.float64]
 def find_segment_starts(
     ready: PreparedFilm, frame: NDArray[np.int64], rows: Sequence[int]
 ) -> Iterator[tuple[Poses, Poses]]:
-    """Yield, for each of ``rows`` in order, the poses (m, 3) in the two rows before it, as far as a quick walk gets;
-    ``frame`` (n,): frame number of every row."""
+    """Yield, for each of ``rows`` in order, the poses (m, 3) of all bodies two rows before it and one row before it,
+    until a quick walk loses a body; ``frame`` (n,): frame number of every row.
+    """
     templates = [thin_template(template, PIXELS) for template in ready.templates]
     light = replace(ready, templates=templates, occlusion=ready.occlusion.with_templates(templates))
     walk = _ForwardPass(FilmTracker(light), frame)
@@ -100,11 +101,11 @@ def fit_rows_forward(
     tracker: FilmTracker, repeats: Repeats, table: PoseTable, rows: range, first: int, n_still: int, search: bool = True
 ) -> int:
     """Fit, and store in the table, as many of ``rows`` as one compiled call fits, at least one; returns how many.
-    ``first`` is the ordinal of the first of them among the tracked frames.
+    ``first``: ordinal of the first among the tracked frames; ``n_still``: frames before which none is taken for a
+    repeat.
 
-    A frame that repeats the one before is lost, beyond the first
-    ``n_still``: at rest it is right all the same. Among those bodies are not searched for: they have not moved. Nor are
-    they where ``search`` is False.
+    A frame that repeats the one before is lost, beyond the first ``n_still``: at rest it is right all the same. Among
+    those bodies are not searched for: they have not moved. Nor are they where ``search`` is False.
     """
     if done := tracker.track_rows(table, rows, first, build_repeat_watch(repeats, n_still), search):
         return done

@@ -62,7 +62,8 @@ def track(
     frame_time_s: ArrayLike | None = None,
     **options: Unpack[TrackOptions],
 ) -> TrackResult:
-    """Track rigid bodies through a film.
+    """Track rigid bodies through a film from their outlines on its first, still frames: each body's angle, rad,
+    counter-clockwise from rest, place, standard uncertainty and flag in every frame; NaN where it is lost.
 
     Parameters
     ----------
@@ -309,7 +310,9 @@ def _measure_stretch(ready: PreparedFilm, table: PoseTable, settings: TrackSetti
 
 
 def _warn_of_delay(result: TrackResult, ready: PreparedFilm) -> None:
-    """Warn of how late motion may be shown where rows are flagged for it."""
+    """Warn of how late motion may be shown by filtering in time, frames and degrees, where rows are flagged
+    `TIME_FILTERED`.
+    """
     late = np.any(result.flag & np.uint16(int(FrameFlag.TIME_FILTERED)), axis=1)
     if not late.any() or not ready.delay_frames:
         return
@@ -361,7 +364,9 @@ def _run_both_passes(
 def _retrack_without_pattern(
     ready: PreparedFilm, done: _PassResult, settings: TrackSettings
 ) -> tuple[PreparedFilm, _PassResult, float]:
-    """Track again without the sensor's fixed pattern where there is one; the better of both, and the pattern's rms."""
+    """Track again without the sensor's fixed pattern where there is one; the film and the passes that are better, and
+    the root mean square of the pattern taken off, grey, 0 for none.
+    """
     grey = 0.0
 
     def prepare_again(film: PatternCorrectedFilm) -> PreparedFilm:

@@ -59,7 +59,9 @@ class Workers:
 
 @contextmanager
 def workers(threads: int) -> Iterator[Workers]:
-    """Threads that end with the block, at once where it ends by an error."""
+    """Context manager: ``threads`` threads to which work is submitted, which end with the block, at once where it ends
+    by an error; with 1 work is done in the thread that submits it.
+    """
     if threads == 1:
         yield Workers(None)
         return
@@ -73,7 +75,9 @@ def workers(threads: int) -> Iterator[Workers]:
 
 
 def wait_for_result(future: Future[T]) -> T:
-    """Wait for a future's result in short intervals, so that Ctrl-C is handled on Windows."""
+    """Result of a future, or the exception of its work, waited for in short intervals, so that Ctrl-C is handled on
+    Windows.
+    """
     while True:
         try:
             return future.result(timeout=0.5)

@@ -52,7 +52,9 @@ class ErrorBudget:
         return np.sqrt(np.sum([terms[name] ** 2 for name in TERMS if name not in without], axis=0))
 
     def typical(self, relative: bool = False) -> dict[str, dict[str, float]]:
-        """Root mean square over the frames, rad, by body and term, with the ``total``."""
+        """Root mean square over the frames, rad, by body, then by term and ``total``; of angles relative to the parent
+        if ``relative``. Bodies without such an angle are left out.
+        """
         terms = {**(self.relative if relative else self.absolute), "total": self.total(relative)}
         return {
             body: {name: rms(values[:, i]) for name, values in terms.items()}

@@ -218,7 +218,9 @@ def expected_budget(
     rows_per_s: float | None = None,
     u_stretch: float = 0.0,
 ) -> ErrorBudget:
-    """Budget of two frames, in which every body has turned about its centre to either side, before the film is tracked.
+    """Budget of two frames, before the film is tracked, in which every body has turned about its centre by
+    ``motion.turn_rad`` to either side; ``u_time_s``: of the frame times; ``u_stretch``: of the picture's stretch;
+    ``rows_per_s``: as for `track`.
 
     All bodies turn by ``motion.turn_rad`` from the ground; the shutter and synchronisation terms are those at its
     speed and acceleration.
@@ -253,7 +255,9 @@ def compute_budget(
     rows_per_s: float | None = None,
     map_items: ItemMap = serial_map,
 ) -> ErrorBudget:
-    """Budget of every tracked frame; ``u_time_s`` is the standard uncertainty of the frame times."""
+    """Budget of every tracked frame; ``u_time_s``: standard uncertainty of the frame times; ``rows_per_s``: rows that a
+    rolling shutter reads per second, infinity for a global one, None where not declared: no term for both.
+    """
     angle_rad, u_noise_rad = tracked.angle_rad, tracked.u_noise_rad
     typical = np.array([rms(u_noise_rad[:, i]) for i in range(u_noise_rad.shape[1])])
     own = {
@@ -347,7 +351,9 @@ def _row_interpolation(ready: PreparedFilm) -> NDArray[np.float64]:
 
 
 def _newest_speed(speed: NDArray[np.float64], tracked: TrackedAngles, delay_frames: float) -> NDArray[np.float64]:
-    """Largest speed (n, m) of the rows that a filter of a delay still holds."""
+    """Largest speed (n, m) among each row and those before it that a filter of a delay of ``delay_frames`` still holds;
+    NaN where that of the row is.
+    """
     if not delay_frames or len(speed) < 2:
         return speed
     row_s = float(np.median(np.diff(tracked.time_s)))
