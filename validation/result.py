@@ -223,7 +223,8 @@ class ValidationResult:
         return trial_marks(inside, events[(events["trial"] == trial) & (events["source"] == "trial")])
 
     def plot(self, channel: str = "hammer", trial: int | None = None, ax: Axes | None = None) -> Axes:
-        """Draw one channel of one trial with its prediction and the marks A, B, C; in a new figure also the difference.
+        """Draw one channel of one trial (default: the first; of jack and repetition the first filmed) with its
+        prediction and the marks A, B, C; in a new figure also the difference. Return the axes of trial and model.
 
         Parameters
         ----------

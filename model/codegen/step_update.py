@@ -62,7 +62,9 @@ class StepUpdate:
     # events -------------------------------------------------------------------------------------------------------
 
     def fit(self) -> Program:
-        """Program that shortens the step to where a surface touches or parts, or friction turns, within it."""
+        """Program of a workspace and numbers that shortens the step in ``w[FITTED]`` to where a surface touches or
+        parts, or friction turns, within it; it returns nothing.
+        """
         bound = _w(W.SPEED_LIMIT)
 
         def body(i: Expression) -> list[Statement]:

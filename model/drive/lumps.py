@@ -87,7 +87,8 @@ class Windows:
     interval_s: float  # of the samples
 
     def averages(self, x: Array, rates: int = 0, parts: int = 1) -> Array:
-        """Average (m,) of the derivative of order ``rates`` of ``x`` (n,), or of each row (p, n), under each window.
+        """Average (m,) of the derivative of order ``rates`` of ``x`` (n,), or of each row (p, n), under each window;
+        ``x`` has ``parts`` values to a sample interval.
 
         With ``parts`` there are that many values to a sample interval: sums over the samples of a torque that has a
         kink at each of them would be off its integral, by an apparent delay of a twelfth of the interval's square over

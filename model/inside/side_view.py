@@ -121,7 +121,7 @@ class _Surface:
 
 
 def _surfaces(scene: Scene, c: int) -> tuple[_Surface, _Surface]:
-    """Both surfaces of a contact from the scene's numbers."""
+    """Surfaces of contact ``c``, of its first and its second body (`tables.contact`), each in that body's frame, m."""
     p = scene.vector[int(scene.tables.offset[1]) + L.CONTACT_SIZE * c :]
     first = _Surface(p[L.A_X : L.A_Y + 1], float(p[L.A_R]))
     base, radius, shape = p[L.B_X : L.B_Y + 1], float(p[L.B_R]), scene.tables.contact[c, 2]

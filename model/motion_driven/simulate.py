@@ -142,7 +142,8 @@ class MotionDriven(Moved, ArrayRecord):
 def simulate_motion(
     action: ActionLike, time_s: ArrayLike, key_rad: ArrayLike, **keywords: Unpack[MotionDrivenKeywords]
 ) -> MotionDriven:
-    """Predict the force at the key front, and the other bodies' motion, from the measured motion of the key.
+    """Predict the force at the key front, N, and the other bodies' motion, from the key's measured angle, rad from
+    ground, counter-clockwise (``from_rest``: since rest).
 
     Parameters
     ----------

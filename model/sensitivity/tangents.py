@@ -301,7 +301,9 @@ class RecordedMotion:
         return state[:, [*range(n), *ways]], state[:, [*range(n, 2 * n), *speeds]]
 
     def acceleration(self, time: float) -> Array:
-        """Accelerations (n,) of all coordinates at a time."""
+        """Accelerations (n + joints that give,) of all coordinates solved for, in the order of `coordinates`, rad/s^2
+        or m/s^2, at a time, s.
+        """
         s, w, n = self.run.structure, self.run.workspace(), self.run.scene.size
         state = self.whole_states(np.array([time]))[0]
         w[W.Q : W.Q + n], w[W.V : W.V + n], w[W.Z : W.Z + len(state) - 2 * n] = np.split(state, [n, 2 * n])

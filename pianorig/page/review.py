@@ -279,8 +279,8 @@ def _channels(measured: MeasuredTrial, predicted: list[_Predicted]) -> dict[str,
 
 
 def _events(measured: MeasuredTrial, predicted: list[_Predicted]) -> list[dict[str, Any]]:
-    """Events that are a moment in time, of the measured trial and of the first model in ``predicted``, as rows of the
-    page's table, in the order of time.
+    """Rows of the page's table of events, in order of time: one for each event that is a moment, of the measured trial
+    (``source`` measured) and again of the first of ``predicted`` (``source`` model).
     """
     sources = [("measured", find_events(measured.motion, measured.quiet.stop))]
     for tested, angles in predicted[:1]:

@@ -128,8 +128,8 @@ class TrialHead:
         condition: str = "",
         plan_entry: int = 0,
     ) -> TrialHead:
-        """Return the head of trial ``number`` (all of a trial but its samples) from the rig file, the device's timing
-        and the motor command; its start is the present time.
+        """Return the head of trial ``number`` (all of a trial but its samples) from rig file, timing and motor command,
+        started now; ``plan_entry``: number of the plan's entry, from 1, or 0 without a plan.
         """
         return cls(
             number=number,

@@ -165,9 +165,9 @@ def _find_furthest(change: Array) -> Array:
 def _search_factors(
     tested: ModelUnderTest, m: MeasuredTrial, expected: Array, inside: NDArray[np.bool_]
 ) -> list[SessionFinding]:
-    """One finding of the factor, of those in `FACTORS`, with which the force predicts the trial much better, else an
-    empty list; ``inside`` (n,): mask of the samples compared, ``expected`` (k, 3): the model's key, whippen and hammer
-    there, rad since rest.
+    """One finding of the factor in `FACTORS` by which the force beyond the preload, multiplied, predicts the trial much
+    better, else []; ``inside`` (n,): samples compared, ``expected`` (k, 3): the model's key, whippen, hammer there, rad
+    since rest.
     """
     force, trial = m.force, m.change_rad[inside]
     size = np.sqrt(np.mean(trial**2, axis=0))

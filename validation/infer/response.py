@@ -405,8 +405,9 @@ class ModelResponse:
         return np.append(steps, np.ones(int(self.is_filmed)))
 
     def _jacobian(self, z: Array, which: Sequence[int], own: Sequence[Own] | None, driven: bool) -> list[Array]:
-        """Derivatives (m, c, columns) of the curves of trials with one kind of drive, rad per standard uncertainty, at
-        z and random effects ``own``: by parameters ``which``, then by their drive if ``driven``.
+        """Derivatives (m, c, columns) of each trial's curves, rad per standard uncertainty, at z, by the parameters
+        numbered ``which``, then, if ``driven``, by the drive's random effects; all trials of this response have one
+        kind of drive.
         """
         if self._is_by_position:  # runs take milliseconds, and readings are held at the ruler's ends
             moving = [j for j in which if j in self.acting or self.parameters[j].name in POSITION_ERRORS]

@@ -43,7 +43,9 @@ def widened_threshold(predicted_u_rad: NDArray[np.float64]) -> NDArray[np.float6
 def _width_flags(
     ready: PreparedFilm, predicted_u_rad: NDArray[np.float64], u_rad: NDArray[np.float64]
 ) -> NDArray[np.uint16]:
-    """Flags (n, m), `WIDENED`, `IMPRECISE` or 0, of standard uncertainties ``u_rad`` (n, m) by those predicted (m,)."""
+    """Flags (n, m) of ``u_rad`` (n, m) too wide beside those predicted (m,) and usual: `WIDENED` up to 25 mdeg where
+    the film can tell, else `IMPRECISE`; 0 for others and lost rows.
+    """
     film_tells = np.array([not is_coarsely_quantised(template, ready.grey_step) for template in ready.templates])
     film_tells &= not ready.skips_blocks
     # what the best quarter of a body's rows have at most; 0 where it is lost in all of them

@@ -281,8 +281,9 @@ class BodyTracker:
     def _fit_anew(
         self, film: FrameSource, index: int, start: NDArray[np.float64], covered: NDArray[np.uint8] | None
     ) -> tuple[Fit, FrameFlag]:
-        """Fit from the pose ``start``, and its flag, without the weights of the frame before: from equal ones, then, if
-        that fails, in case much of the body is hidden."""
+        """Reset the fitter and fit from the pose ``start`` with equal weights; if that fails, again with weights for a
+        body that is much hidden. Return the last fit and its flag, failed or not.
+        """
         for cautious in (False, True):
             self.fitter.reset(cautious)
             fit = self.fitter.fit(film, index, start, covered)

@@ -114,12 +114,12 @@ def retrack_frames(
 def preview(
     path_or_source: str | os.PathLike[str] | FrameSource,
     bodies: BodiesLike,
-    count: int = 3,  # first, middle, last
+    count: int = 3,
     frame_time_s: ArrayLike | None = None,
     **options: Unpack[FitOptions],
 ) -> TrackResult:
-    """Fit ``count`` frames spread over a film up to its last, to see whether outlines and film suit each other before
-    all is tracked; rows of these frames only, lost from where a quick walk to them loses a body.
+    """Fit ``count`` frames at equal distances up to the last, the first left out, to see whether outlines and film suit
+    each other before all is tracked; rows of these frames only, lost from where a walk to them loses a body.
 
     Parameters
     ----------

@@ -277,7 +277,9 @@ def prepare_modes(h, channels):
 
 @uncounted_loop(ANSWERS)
 def prepare_channels(h, channels):
-    """Fill ``operator``, ``free`` and the modes' matrices of ``channels`` for a step of ``h``."""
+    """Fill ``operator`` and ``free`` (and the string's modes) of ``channels``, the felts and the string that have
+    memory, for a step ``h``, s, from ``fade`` at its nodes, filled before.
+    """
     modes, matrix, inverse = channels.modes, channels.small[0], channels.small[1]
     felts = channels.many.shape[0] - modes.awake.shape[0]
     for c in range(felts):
