@@ -24,8 +24,7 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Add a line to a session's annotations, or list them.
-
-    Trials are never changed or deleted.
+    With --note, --reject or --accept a line is added; all are printed in any case. Trials are never changed or deleted.
 
     Example:  pianorig annotate sessions/try --trial 3 --reject "cable touched the whippen"
     """

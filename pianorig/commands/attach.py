@@ -47,8 +47,8 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Check a film against a trial; copy it beside the trial.
-
-    Frame count, rate, trigger frame and hash must fit; the original stays where it is.
+    Frame count, rate, trigger frame and hash must fit; the original stays where it is. A trial that has a film already
+    is refused.
 
     Example:  pianorig attach film.mraw --trial 3 sessions/try
     """

@@ -28,7 +28,6 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Show sessions in the browser until Ctrl-C.
-
     On this computer only; nothing is fetched from the internet. The page watches and reviews; a recording is begun in
     the terminal, with  pianorig record.
 

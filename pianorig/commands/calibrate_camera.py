@@ -29,8 +29,8 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Measure the camera's tilt, distortion and scale.
-
-    Hold the target flat in the plane in which the bodies move, fill the picture, and move it within that plane.
+    They are written to the camera file --out, in place of one that is there. Hold the target flat in the plane in which
+    the bodies move, fill the picture, and move it within that plane.
 
     Example:  pianorig calibrate camera target.mraw --target checkerboard --grid 9x6 --pitch-mm 5 --out camera.toml
     """

@@ -38,8 +38,8 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Calibrate the friction of a contact.
-
     The kinetic one: a drum of one of its materials sits on the axis of a swinging body, a pad of the other rests on it.
+    The action with it is written to a new file, and a record beside it.
 
     Example:  pianorig calibrate contact --contact contact04 --load 0.1 --radius 0.012 --out my_pair.toml
     """
@@ -81,7 +81,8 @@ def calibrate_contact(
     order: PadOrder, rig_name: str, backend: str, out: Path, action: str, ask: Callable[[str], object]
 ) -> dict[str, Any]:
     """Let a body swing on the bench without and with a pad on a drum, find the pad's coefficient of friction, write an
-    action with it to ``out`` and a record beside; return the facts by name. ``ask`` shows a question to the operator.
+    action with it to the new file ``out`` and a record beside; return the facts by name. ``ask`` shows a question to
+    the operator.
     """
     record = workflows.calibration_record(out, "pad")
     workflows.check_swings(order.body, order.swings)

@@ -50,9 +50,8 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Identify the motor's drive from a log of the bench.
-
     Resistance, inductance, torque constant, gains, limits and the arm's inertia, each with its standard uncertainty;
-    numbers that the log does not determine are named, with what would settle them.
+    numbers that the log does not determine are named, with what would settle them. With --out a scene file is written.
 
     Example:  pianorig calibrate drive drive_log.csv --known torque_constant=0.6+-0.006 --out my_drive.toml
     """

@@ -35,8 +35,8 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Calibrate an encoder over its arc.
-
-    The body is held at each angle, up and down again; a scale off its centre reads a share too much or too little.
+    The body is held at each angle, up and down again; a scale off its centre reads a share too much or too little. A
+    new rig file is written, and a record beside it.
 
     Example:  pianorig calibrate encoder --body key --angles 0,0.01,0.02,0.03,0.04 --out my_arc.toml
     """
@@ -65,8 +65,9 @@ def command(
 def calibrate_encoder(
     body: str, angles_rad: ArrayLike, u_angle_rad: float, rig_name: str, backend: str, out: Path
 ) -> dict[str, Any]:
-    """Read the encoder of ``body`` at reference angles, rad, up and down, write a rig file corrected by it to ``out``
-    and a record beside; return what was found by name. ``u_angle_rad``: standard uncertainty of a reference.
+    """Read the encoder of ``body`` at reference angles, rad, up and down, write a rig file corrected by it to the new
+    file ``out`` and a record beside; return what was found by name. ``u_angle_rad``: standard uncertainty of a
+    reference.
     """
     # start-up: --help needs none of it
     from rig.calibration import encoder_scale

@@ -68,8 +68,8 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Calibrate felt, friction, string damping and inertia.
-
-    Eqs 2.5 and 2.7 for felt, 2.10 for friction, A.1 and A.2 for inertia.
+    What is found is printed; with --out an action with these values is written. Eqs 2.5 and 2.7 for felt, 2.10 for
+    friction, A.1 and A.2 for inertia.
 
     A measured number may carry its standard uncertainty, 0.35+-0.01; with --out it must.
 

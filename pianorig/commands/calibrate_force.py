@@ -40,8 +40,7 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Calibrate the load cell: weights, shunt or zero.
-
-    The motor stays at 0 V and the drive disabled. A new rig file is written, and a dated record beside it.
+    The motor stays at 0 V and the drive disabled. A new rig file is written, and a record beside it.
 
     Example:  pianorig calibrate force --weights 0.1,0.2,0.5,1 --out calibrated.toml
     """
@@ -83,7 +82,8 @@ def calibrate_force(
     rig_name: str, backend: str, out: Path, order: CalibrationOrder, ask: Callable[[str], object]
 ) -> dict[str, Any]:
     """Calibrate the force channel with weights, by its zero or its shunt, as ``order.kind`` says; write a rig file with
-    the result to ``out`` and a record beside; return what was found by name. ``ask`` waits for the operator.
+    the result to the new file ``out`` and a record beside; return what was found by name. ``ask`` waits for the
+    operator.
     """
     # start-up: --help needs none of it
     from rig.calibration import load_cell

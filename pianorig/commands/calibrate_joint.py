@@ -29,8 +29,8 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Calibrate a joint's friction by free swings on the bench.
-
-    The body hangs on its joint alone, is lifted, let go, and swings until it rests; the motor stays off.
+    The body hangs on its joint alone, is lifted, let go, and swings until it rests; the motor stays off. The action
+    with the friction is written to a new file, and a record beside it.
 
     Example:  pianorig calibrate joint --body hammer --out my_hammer.toml
     """
@@ -54,7 +54,7 @@ def calibrate_joint(
     body: str, rig_name: str, backend: str, out: Path, action: str, swings: int, ask: Callable[[str], object]
 ) -> dict[str, Any]:
     """Let a body swing freely ``swings`` times, find the friction torque of its joint, N m, write an action with it to
-    ``out`` and a record beside; return what was found by name. ``ask`` waits for the operator.
+    the new file ``out`` and a record beside; return what was found by name. ``ask`` waits for the operator.
     """
     record = workflows.calibration_record(out, "swing")
     workflows.check_swings(body, swings)

@@ -54,6 +54,7 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Record five virtual blows, film and track one, report.
+    Everything goes into a new session folder; how fast and how exact it was is printed.
 
     Example:  pianorig demo --out sessions/demo
     """

@@ -29,9 +29,8 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Write trials as CSV, MATLAB, TDMS or Parquet.
-
-    Values are those of the sealed trial, each column with its unit. TDMS and Parquet need the extras  tdms  and
-    parquet.
+    Values are those of the sealed trial, each column with its unit; a file that is there is not written over. TDMS and
+    Parquet need the extras  tdms  and  parquet.
 
     Example:  pianorig export sessions/try --to csv --trial 1 --out exported
     """

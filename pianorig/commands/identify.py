@@ -101,10 +101,11 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Find parameter values from strokes; say what is unknown.
+    The file written is an action, in place of one that is there: give it to validate or simulate with --action. A page
+    of the same name (.html) says what it means.
 
     All other parameters, and the errors of force and encoders, are fitted beside what is asked for, within their
-    uncertainties. What the strokes cannot tell is said, not guessed. The file written is an action: give it to
-    validate or simulate with --action. A page of the same name (.html) says what it means.
+    uncertainties. What the strokes cannot tell is said, not guessed.
 
     Example:  pianorig identify sessions/try --parameters hammer.joint_friction --no-profiles --out mine.toml
     """

@@ -64,6 +64,7 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Make a session of recordings by other programs.
+    The session is a new folder; nothing is made where one of the files cannot be used.
 
     docs/import.md has a mapping file to start from.
 

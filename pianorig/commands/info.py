@@ -47,8 +47,8 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Show a session, a recording, a backend or the versions; propose a rig file.
-
-    Of a recording (text, LVM, TDMS, HDF5, MATLAB) it lists the channels and proposes a mapping for its import.
+    Of a recording (text, LVM, TDMS, HDF5, MATLAB) it lists the channels and proposes a mapping for its import. What is
+    proposed is written with --propose only, never over a file.
 
     Example:  pianorig info sessions/try
     Example:  pianorig info lab.csv

@@ -47,6 +47,8 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Learn motor profiles whose force follows recorded ones.
+    The motor plays each force up to --blows times, every time with an improved command; profile, blows and pictures go
+    into a new folder.
 
     Force is compared and corrected up to the first key bottom. After that the motor plays the recorded force as it
     is, a second stroke included, without the spike at key bottom.

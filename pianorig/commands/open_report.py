@@ -25,6 +25,7 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Open a session's report in the browser.
+    No report is made; its path is printed, too.
 
     Example:  pianorig open sessions/try
     """

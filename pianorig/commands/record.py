@@ -95,9 +95,10 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Play a motor profile; record force, angles, frame clock.
+    Trials go into a new session folder (--resume: the session's own), each sealed when it ends. On the virtual bench by
+    default; hardware asks for a self-test and a confirmation first, except with --passive, where nothing moves.
 
-    On the virtual bench by default; hardware asks for a self-test and a confirmation first, except with --passive,
-    where nothing moves. With --felt each press becomes a trial and a loading curve for calibrate felt.
+    With --felt each press becomes a trial and a loading curve for calibrate felt.
 
     Example:  pianorig record --profile forte --trials 5 --film 1 --out sessions/try
     Example:  pianorig record --profile forte --trials 5 --action hirschkorn2004 --out sessions/judged

@@ -30,8 +30,9 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Rebuild unsealed trials from the journals of a recording.
+    Each trial is rebuilt up to the last good record of its journal, which is removed then; with --out in a copy.
 
-    Each trial is rebuilt up to the last good record of its journal. On a gRPC server a killed program leaves its
+    On a gRPC server a killed program leaves its
     sessions: the next  record  frees those of its own rig;  --reset-server  is for those of another rig or computer.
 
     Example:  pianorig recover sessions/try

@@ -36,8 +36,8 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Measure and regulate an action as a technician does.
-
-    Dip, hammer height, jack, repetition lever, let-off, drop, back check.
+    Dip, hammer height, jack, repetition lever, let-off, drop, back check: measured, and with --out set by turning their
+    seven screws, and written as an action.
 
     Example:  pianorig regulate hirschkorn2004 --out regulated.toml
     Example:  pianorig regulate hirschkorn2004 --target-mm let_off=1.5 --out soft.toml

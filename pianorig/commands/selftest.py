@@ -28,8 +28,8 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Test a bench with gentle pushes before the first blow.
-
-    Wiring, signs, scales, delay, bridge, camera, drive-enable and watchdog.
+    Wiring, signs, scales, delay, bridge, camera, drive-enable and watchdog. A record is written; exit code 3 where a
+    check did not pass.
 
     Example:  pianorig selftest --backend ni://local --rig my_rig.toml --operator ana
     """

@@ -52,8 +52,10 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Rank parameters by what they do to a blow.
+    Percent of each event and curve per percent of each parameter, about the action as it is; with --out also as a table
+    and a picture.
 
-    Percent of each event and curve per percent of each parameter, about the action as it is. Over the parameters'
+    Over the parameters'
     uncertainties, all varied together: examples/global_sensitivity.py (Morris, Sobol').
 
     Example:  pianorig sensitivity force.csv --parameters friction,hammer.mass,contact02 --out sensitivity

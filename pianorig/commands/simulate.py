@@ -95,8 +95,8 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Predict motion under a force, or the force of a motion.
-
-    With --force all five bodies are predicted; with --key-motion the force at the key front that this motion takes.
+    With --force all five bodies are predicted; with --key-motion the force at the key front that this motion takes. The
+    table --out is written in place of one that is there.
 
     Example:  pianorig simulate --force force.csv --set contact04.friction=0 --inside --out angles.csv
     """

@@ -50,6 +50,8 @@ def variants(
     as_json: AsJson = False,
 ) -> None:
     """Compare variants of an action under one blow.
+    Strike, hold and motion of the hammer, for each variant and for the action as it is; with --out also as tables and
+    pictures.
 
     Example:  pianorig study variants --force force.csv --variant "dry: --scale damping=0.1"
     """
@@ -69,7 +71,6 @@ def thesis(
     as_json: AsJson = False,
 ) -> None:
     """Compare the thesis's variants of damping and friction.
-
     In a piano and a forte blow, as in its Sections 4.2.2 and 4.4. Which of its observations hold: examples/thesis.
 
     Example:  pianorig study thesis --action hirschkorn2004-regulated --out thesis

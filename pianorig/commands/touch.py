@@ -31,7 +31,6 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Compare how actions feel, from slow press to repetition.
-
     Slow press and release: down, up, balance and friction weight, let-off peak; hammer speeds, fastest repetition.
 
     Example:  pianorig touch hirschkorn2004 hirschkorn2004-regulated --figure touch.svg

@@ -109,8 +109,8 @@ def command(
     overlay: Annotated[Path | None, typer.Option("--overlay", hidden=True)] = None,
 ) -> None:
     """Track rigid bodies; give angles and their uncertainty.
-
-    Stopped by Ctrl-C, the same command goes on where it was.
+    A row a frame goes into the table --out, in place of one that is there, and into the film's session. Stopped by
+    Ctrl-C, the same command goes on where it was.
 
     Example:  pianorig track film.mraw --bodies bodies.toml --out jack.csv --contact-sheet worst.png --figure jack.png
     """

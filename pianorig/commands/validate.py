@@ -81,9 +81,10 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Report how well models predict the measured angles.
-
     Every model is driven with each trial's own force, or with the measured motion of its key (--by-motion, and where no
-    force was recorded). Several sessions and several models stand side by side in one report; they are never pooled.
+    force was recorded). The report is written into --out, by default into the session.
+
+    Several sessions and several models stand side by side in one report; they are never pooled.
 
     Example:  pianorig validate sessions/try --action hirschkorn2004
     Example:  pianorig validate sessions/try --explain

@@ -37,8 +37,7 @@ def command(
     as_json: AsJson = False,
 ) -> None:
     """Show force and angles of the trial being recorded.
-
-    Only reads, so that the recording is not disturbed.
+    Until the plan is complete, or Ctrl-C; it only reads, so that the recording is not disturbed.
 
     Example:  pianorig watch sessions/try
     """
