@@ -35,8 +35,10 @@ def _evaluate(tables: Tables, what: str, shape: tuple[int, int], given: tuple[Ar
 def _state_rows(
     tables: Tables, angle: Array, speed: Array, memory: Array | None, value: Array | None, prescribed: Array | None
 ) -> tuple[Array, Array]:
-    """Check states (m, n); return rows of states (m, k), and of inputs, ``value`` (m,) with ``prescribed``
-    accelerations, as the kernels take them."""
+    """Check states, angles and speeds (m, n) of all coordinates, with what a run remembers (m, …), if anything; return
+    rows of states (m, k) and of inputs, ``value`` (m,) or 0, then ``prescribed`` accelerations or 0, as the kernels
+    take them.
+    """
     m, n = len(angle), len(tables.parent)
     if angle.shape != (m, n) or speed.shape != angle.shape:
         raise InputError(
@@ -80,8 +82,8 @@ def bodies_at(
     value: Array | None = None,
     prescribed: Array | None = None,
 ) -> Array:
-    """Columns `PIVOT_X` to `HELD` of each body (m, n, 16) at ``states``, angles and speeds (m, n) each, under inputs
-    (m,).
+    """Columns `PIVOT_X` to `HELD` of each body (m, n, 16) at ``states``, angles, rad, and speeds, rad/s, (m, n) each,
+    under inputs ``value`` (m,), 0 by default; ``p``: the scene's numbers; ``memory`` (m, …): what a run remembers.
 
     Where a coordinate is prescribed, under accelerations (m,) of the way along which its input works: of the key's
     front downwards, m/s^2, of an arm's or finger's angle, rad/s^2.

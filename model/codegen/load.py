@@ -70,7 +70,9 @@ def load_kernel(tables: Kind, what: str) -> Kernel:
 
 
 def memory_couplings(tables: Tables) -> list[list[int]]:
-    """Coordinates that each internal variable acts on, then those of the string, in the order of the workspace."""
+    """Indices of the coordinates that each internal variable acts on, then of those that the string acts on, in the
+    order of the workspace.
+    """
 
     def find_couplings() -> list[list[int]]:
         out = StepPrograms(Structure(tables)).links()
@@ -113,8 +115,9 @@ def _path(tables: Kind, functions: dict[str, Any], lanes: int) -> Path | None:
 
 
 def _compile_kernels(tables: Kind, functions: dict[str, Any], lanes: int) -> dict[str, Kernel]:
-    """Kernels by name, their machine code read from the disk cache or compiled and written to it; counted in
-    `COMPILED`."""
+    """Kernels to be called, by the names in ``functions`` (name -> signature), each for ``lanes`` members: machine code
+    read from the disk cache, or compiled and written to it. Scenes and compilations are counted in `COMPILED`.
+    """
     path = _path(tables, functions, lanes)
     machine = _target_machine()
     code = read_entry(path) if path is not None else None
@@ -138,7 +141,9 @@ def _compile_kernels(tables: Kind, functions: dict[str, Any], lanes: int) -> dic
 
 
 def write_kernel(program: Program, module: ir.Module, name: str, lanes: int = 1) -> None:
-    """Add the kernel ``name`` of a program, for ``lanes`` members side by side, to ``module``."""
+    """Add a program, as LLVM function ``name`` for ``lanes`` members side by side, to ``module``; it returns what the
+    program's result says.
+    """
     writer = KernelWriter(module, name, program.arguments, lanes, has_wide_vectors(), program.exact)
     writer.write(program.statements)
     result = program.result

@@ -69,7 +69,9 @@ class ObservablePrograms:
         return [self._e.contact(c) for c in range(len(self._s.contact))]
 
     def contacts(self) -> Program:
-        """Program that writes depth, forces, losses, … of each contact, the columns `DEPTH` to `FELT`, to ``y``."""
+        """Program that writes depth, forces, losses, … of each contact to ``y``: a row of columns `DEPTH` to `FELT` for
+        each, one after the other.
+        """
         out = self._e.string_seen()
         for c, contact in enumerate(self._contacts()):
             depth, (nx, ny) = contact.gap
@@ -90,7 +92,9 @@ class ObservablePrograms:
         return self._program(out)
 
     def tips(self) -> Program:
-        """Program that writes depth (m), force (N) and lost power (W) of each tip to ``y``."""
+        """Program that writes depth (m), force (N) and lost power (W) of each tip to ``y``, in columns `TIP_DEPTH`,
+        `TIP_FORCE` and `TIP_LOST` of its row.
+        """
         out: list[Statement] = []
         for k, tip in enumerate(self._e.tips):
             pressing, force = tip.felt
@@ -100,8 +104,9 @@ class ObservablePrograms:
         return self._program(out)
 
     def bodies(self) -> Program:
-        """Program that writes motion, joint forces and losses of each body, the columns `PIVOT_X` to `HELD`, to
-        ``y``."""
+        """Program that writes motion, joint forces and losses of each body to ``y``: a row of columns `PIVOT_X` to
+        `HELD` for each, one after the other.
+        """
         s, e = self._s, self._e
         out = e.string_seen()
         out += e.contactless_forces()

@@ -76,7 +76,8 @@ class ParameterDerivatives:
         self._e = Elements(s, State(q, v, z, read("u", 0)), row=W.Z, everywhere=True)
 
     def numbers(self) -> Program:
-        """Program of d(f - M a)/dp by each number p, with derivatives of internal rates and the string's force.
+        """Program that writes to ``y``, for each of the scene's numbers p in turn, d(f - M a)/dp of what is solved for,
+        then d/dp of each internal variable's rate and of the string's force.
 
         The row of a mode's number holds the derivative of the mode's own rate first.
         """
@@ -142,7 +143,9 @@ class ParameterDerivatives:
         return out
 
     def normals(self) -> Program:
-        """Program of the normal forces and their derivatives, in rows as `normal_sizes` says."""
+        """Program that writes to ``y``, contact after contact, the normal force, N, 0 where it does not push, and where
+        it does its derivatives by coordinates, speeds, own internal variables and the numbers of `normal_places`.
+        """
         s, e = self._s, self._e
         out, start = e.string_seen(), 0
         for c, (places, size) in enumerate(zip(normal_places(s), normal_sizes(s), strict=True)):
@@ -183,7 +186,9 @@ class ParameterDerivatives:
         return Program(dict.fromkeys("wp", "array"), e.string_seen(), [(k, ~one) for k, one in enumerate(holds)])
 
     def propagate_modes(self) -> Program:
-        """Program of the `CARRIED` transition coefficients of each mode that vibrates freely for the time ``u``, s."""
+        """Program that writes to ``y``, for each mode that vibrates freely for the time ``u``, s, `CARRIED` numbers:
+        way and rate then, derivatives of that way by way, rate, stiffness and damping, and those of that rate.
+        """
         out: list[Statement] = []
         for m in (contact.modes for contact in self._e.strings):
 

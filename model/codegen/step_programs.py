@@ -158,7 +158,9 @@ class StepPrograms:
     # linearise ----------------------------------------------------------------------------------------------------
 
     def linearise(self) -> Program:
-        """Program that writes accelerations, K, D, df/du, open gaps and their rates to the workspace."""
+        """Program that writes, at the workspace's state, accelerations a, K = df/dq - (dM/dq) a, D = df/dv, df/du, mass
+        matrix, open gaps and their rates to the workspace; returns how many contacts touch.
+        """
         s, moving = self._s, ONE - read("w", W.STATIC)
         find, (pq, pv, pa, jerk) = self._prescribed_motion(moving)
         z = [read("w", W.Z + m) for m in range(len(s.memory))]
@@ -219,8 +221,10 @@ class StepPrograms:
         chain: list[int],
         memories: list[int],
     ) -> list[Statement]:
-        """The statements, each force and rate of an internal variable (``memories``) followed by its derivatives by
-        coordinates ``chain``."""
+        """The statements, each force on what is solved for and rate of an internal variable (indices ``memories``)
+        followed by its derivatives by the coordinates ``chain``, their speeds and these variables; ``differentiators``:
+        by coordinate, by speed.
+        """
         rates = {f"fade{m}": m for m in memories}
         forces = {f"f{i}": i for i in self._s.solved}
 
@@ -256,8 +260,9 @@ class StepPrograms:
         differentiators: Differentiators,
         inverse_inertia: dict[int, Expression],
     ) -> list[Statement]:
-        """Statements of a contact's gap, its rate and, in touch, its force and derivatives; ``inverse_inertia`` by
-        coordinate."""
+        """Statements of a contact's gap, its rate and, in touch, its force and derivatives; ``inverse_inertia``: 1/M_ii
+        by coordinate; ``differentiators``: lists by coordinate and by speed.
+        """
         s, c = self._s, contact.c
         where_ = s.place[c]
         if isinstance(contact, StringContact):
@@ -306,7 +311,9 @@ class StepPrograms:
         return out + [Assign(variable(f"slides{place}_{k}"), slides.get(k, ZERO)) for k in turns]
 
     def _second_rates(self, contact: Contact, place: int, prescribed_acceleration: list[Expression]) -> list[Statement]:
-        """Statements for the rates of gap rate and sliding speed of the contact at index ``place``."""
+        """Statements for the rates of gap rate, m/s^2, and sliding speed, 0 without friction, of the contact at index
+        ``place``, from the accelerations.
+        """
         s = self._s
 
         def acceleration(k: int) -> Expression:
@@ -347,7 +354,9 @@ class StepPrograms:
     def _memory_error_weights(
         self, e: Elements, contact: Contact, inverse_inertia: dict[int, Expression], chain: list[int]
     ) -> list[Statement]:
-        """Statements that set the error weight of each internal variable: the speed error that a unit of it causes."""
+        """Statements that set the error weight of each internal variable of a contact: the speed error that a unit of
+        it causes on the coordinates ``chain``; ``inverse_inertia``: 1/M_ii by coordinate.
+        """
         out: list[Statement] = []
         for m in contact.memories:
             pushes = [
@@ -455,8 +464,9 @@ class StepPrograms:
         return read("w", W.M_UP + (i if s.parent[i] == j else j))
 
     def prepare(self) -> Program:
-        """Program that writes the inverse of the stage matrix M/gh - D - gh K, with modes and internal variables
-        eliminated; 0 where it would lose six digits."""
+        """Program that writes the inverse of the stage matrix M/gh - D - gh K, gh being gamma times the step, with
+        modes and internal variables eliminated, to the workspace; returns 1, or 0 where that would lose six digits.
+        """
         s, gh = self._s, self._condition("gh")
         inverse = 1.0 / gh
         e, pattern = self._pattern()
@@ -497,7 +507,9 @@ class StepPrograms:
         return self._filled
 
     def skip(self) -> Program:
-        """Program of the mask of contacts that cannot touch within the step."""
+        """Program that returns a mask with a bit for each contact, set where it cannot touch within the step as the
+        workspace's allowances bound it.
+        """
         s = self._s
         out: list[Statement] = []
         mask: list[tuple[int, Expression]] = []
@@ -530,7 +542,9 @@ class StepPrograms:
     # stages -------------------------------------------------------------------------------------------------------
 
     def stage(self) -> Program:
-        """Program of stage ``k``: accelerations and the stage of each state; returns where the mask was cleared."""
+        """Program that finds stage ``k`` of each state from the accelerations there, without the contacts of ``mask``;
+        returns whether a coordinate left its allowance, so that all contacts were evaluated.
+        """
         s = self._s
         rate, k = self._condition("rate"), argument("k")
         find, (pq, pv, pa, _) = self._prescribed_motion(ONE)
@@ -673,7 +687,9 @@ class StepPrograms:
         differentiators: Differentiators,
         inverse_inertia: dict[int, Expression],
     ) -> list[Statement]:
-        """Statements of the contact with the string: force and derivatives where it touches, else the open gap."""
+        """Statements of the contact with the string: force and derivatives where it touches, else the open gap;
+        ``inverse_inertia``: 1/M_ii by coordinate; ``differentiators``: lists by coordinate and by speed.
+        """
         s = self._s
         place, chain = s.place[contact.c], list(contact.ways)
         pressing, force = contact.felt
@@ -720,7 +736,9 @@ class StepPrograms:
     # energy -------------------------------------------------------------------------------------------------------
 
     def energy(self) -> Program:
-        """Program of the energy of a state, the power put in and the powers lost, written to the workspace."""
+        """Program that writes the energy, J, the power put in and the powers lost, W, at the state from `W.AUDIT_Q` on,
+        to the workspace.
+        """
         s, prescribed = self._s, list(self._s.bodies)[self._s.own :]
         find, (pq, pv, pa, _) = self._prescribed_motion(ONE)
         z = [read("w", W.AUDIT_Z + m) for m in range(len(s.memory))]

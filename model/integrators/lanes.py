@@ -78,8 +78,9 @@ N_WHOLE = 9
 
 @inlined_uncounted
 def write_row(lane, width, starts, members, space):
-    """Write angles, speeds and internal variables, rows of the step's memory from ``starts`` on, to the next output of
-    a lane's member."""
+    """Write angles, speeds and internal variables, which begin at the three rows ``starts`` of the step's memory, to
+    the next output of the member in a lane.
+    """
     memory, at = space.step, space.whole[N_WHOLE * lane : N_WHOLE * lane + N_WHOLE]
     sizes = members.angle.shape[1], members.angle.shape[1], members.memory.shape[1]
     for k in range(3):
@@ -141,7 +142,9 @@ def clear_lane(lane, width, memory, number):
 
 @uncounted
 def retire_lane(lane, width, status, members, space):
-    """Write a lane's state, times and ``status`` to its member, and leave the lane idle."""
+    """Write state, time reached, next step, time at rest and ``status`` of a lane to its member, and leave the lane
+    idle.
+    """
     memory, _, number, whole, _, _ = space
     m = whole[N_WHOLE * lane + MEMBER]
     for i in range(members.angle.shape[1]):
@@ -158,7 +161,10 @@ def retire_lane(lane, width, status, members, space):
 
 @inlined_uncounted
 def fill_lanes(busy, following, width, members, space):
-    """Load the next member with something to do into each idle lane; return the bits of busy lanes and who is next."""
+    """Load the next members with something to do, from number ``following`` on, into the lanes without a bit in
+    ``busy``; return the bits of busy lanes and the number of who is next. Members with nothing to do are retired as
+    `DONE`.
+    """
     for lane in range(width):
         while not busy >> lane & 1 and following < members.angle.shape[0]:
             load_lane(lane, width, following, members, space)
@@ -174,7 +180,9 @@ def fill_lanes(busy, following, width, members, space):
 
 @inlined_uncounted
 def is_nearly_at_rest(lane, width, n, memory, number):
-    """Return whether a lane moves so little, under an input that does not change, that it may be at rest."""
+    """Return whether a lane's ``n`` coordinates move, in a step of the size to try, by less than its limit of rest,
+    under an input that does not change, so that it may be at rest.
+    """
     if number[SLOPE * width + lane] != 0.0:
         return False
     fastest = 0.0
@@ -221,7 +229,9 @@ def skip_resting_lanes(bits, width, parent, members, space):
 
 @inlined_uncounted
 def read_start_input(bits, width, n_contacts, members, space):
-    """Set the input at the start of the step, and its slope, of the lanes of ``bits``, which are linearised there."""
+    """Set the input at the start of the step, and its slope, of the lanes of ``bits``, which are linearised there, and
+    count that for their members.
+    """
     number, whole, counters, memory = space.number, space.whole, members.counters, space.step
     drive = InputTable(members.time, members.value, False)
     for lane in range(width):
@@ -264,8 +274,9 @@ def read_stage_input(bits, width, node, members, space):
 
 @inlined_uncounted
 def choose_steps(bits, width, gamma, members, space):
-    """Set steps and allowances: steps end where their member ends, in the lanes of ``bits`` at harmful kinks of their
-    input."""
+    """Set the step of each lane and how far each coordinate may go in it: steps end where their member ends and, in the
+    lanes of ``bits``, at harmful kinks of the input; ``gamma``: the method's.
+    """
     number, whole, memory = space.number, space.whole, space.step
     n = members.angle.shape[1]
     drive = InputTable(members.time, members.value, False)
@@ -292,7 +303,9 @@ def choose_steps(bits, width, gamma, members, space):
 
 @inlined_uncounted
 def accept_or_reject(trying, sound, rejected, exponent, width, space):
-    """Set the next step sizes of the lanes of ``trying``; return the bits of those whose error norm is at most 1."""
+    """Set the next step size of the lanes of ``trying``; return the bits of those whose error norm is at most 1.
+    ``sound``: lanes that could be solved and are finite; ``rejected``: lanes whose attempt before was rejected.
+    """
     number, memory = space.number, space.step
     within = 0
     for lane in range(width):
@@ -362,7 +375,9 @@ def store_accepted(within, width, members, space):
 
 @inlined_uncounted
 def count_attempt(trying, within, prepared, shape, width, members, space):
-    """Count an attempt: steps, rejections, evaluations; ``shape`` are numbers of stages and of contacts."""
+    """Count an attempt for the members in the lanes of ``trying``: steps (lanes of ``within``), else rejections, and,
+    in the lanes of ``prepared``, evaluations; ``shape``: numbers of stages and of contacts.
+    """
     n_stages, n_contacts = shape
     for lane in range(width):
         if trying >> lane & 1:
@@ -378,7 +393,9 @@ def count_attempt(trying, within, prepared, shape, width, members, space):
 
 @inlined_uncounted
 def retire_finished_lanes(busy, rejected, sound, width, members, space):
-    """Retire members that are finished or failed; return the lanes that stay busy."""
+    """Retire members that are at their end, took a step too small, are not finite or had too many attempts; return the
+    bits of the lanes that stay busy.
+    """
     number, whole = space.number, space.whole
     for lane in range(width):
         if busy >> lane & 1:

@@ -103,12 +103,12 @@ def record_step(w, n_dense, n, n_z, row):
 
 @step_loop(INTEGRATE)
 def integrate(span, drive, out, scene, kernels, method, limits, account):
-    """Advance the state of ``span`` in place to its end, fill rows of ``out``, count in ``account``; return the time
-    reached, next step and status.
+    """Advance the state of ``span`` in place to its end under the input ``drive``, fill rows of ``out`` at its times,
+    count in ``account``; return the time reached, s, the next step to try, s, and a status, `DONE` or why it stopped.
 
     Adds the time spent at rest to ``account`` and, where its ``energies`` (6,) are not empty, work put in and energies
-    lost (J), by Gauss's rule along each step's dense output. Returns the time reached, the next step to try, a status;
-    which rows of ``out.steps`` are filled tells the counter of steps.
+    lost (J), by Gauss's rule along each step's dense output. The counter of steps tells which rows of ``out.steps`` are
+    filled.
     """
     t, t_end, h, q, v, z = span
     p, parent, n_contacts = scene

@@ -336,7 +336,9 @@ def add_channel_coupling(h, n, a, channels):
 
 @uncounted_loop(KNOW)
 def predict_free_channels(h, tangent, carried, channels):
-    """Fill ``known`` and ``entered`` of ``channels`` as if joints went on from ``tangent`` (2, n, P) unaccelerated."""
+    """Fill ``known`` and ``entered`` of ``channels`` for a step ``h``, s, as if joints went on from ``tangent`` (2, n,
+    P) unaccelerated; ``carried`` (k, P): derivatives of the prescribed coordinates.
+    """
     n, blocks = tangent.shape[1], tangent.shape[2] // LANES
     modes, count = channels.modes, channels.many.shape[0]
     felts = count - modes.awake.shape[0]
@@ -410,7 +412,9 @@ def add_known_forces(n, row_of, rhs, channels):
 
 @uncounted_loop(FIND)
 def solve_channels(h, slopes, channels):
-    """Fill ``value`` and complete ``entered`` of ``channels`` by nu' at the nodes, ``slopes`` (S n, P)."""
+    """Fill ``value`` and complete ``entered`` of ``channels`` for a step ``h``, s, by ``slopes`` (S n, P), the
+    accelerations' derivatives by the parameters at the nodes.
+    """
     n, blocks, count = slopes.shape[0] // STAGES, slopes.shape[1] // LANES, channels.many.shape[0]
     felts = count - channels.modes.awake.shape[0]
     nu = rows(slopes, LANES)

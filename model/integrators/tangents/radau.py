@@ -140,7 +140,9 @@ AT_FRACTION = types.void(_f, _f, _cube, SPACE, _table, _table)
 
 @uncounted_loop(SOLVE_STEP)
 def solve_step(h, tangent, space):
-    """Fill ``space.slopes`` with nu' at the nodes of a step of ``h`` from ``tangent``; False where it cannot."""
+    """Fill ``space.slopes`` with the accelerations' derivatives by the parameters at the nodes of a step of ``h``, s,
+    from ``tangent`` (2, n, P); False where the matrix is singular.
+    """
     n = tangent.shape[1]
     blocks = tangent.shape[2] // LANES
     a, order = space.matrix, space.order
@@ -238,10 +240,11 @@ def estimate_error(h, tangent, wanted, space):
 
 @uncounted_loop(AT_FRACTION)
 def interpolate_step(x, h, tangent, space, angle, speed):
-    """Fill ``angle``, ``speed`` (n, P) with tangents at ``x`` (0 to 1) in a step; overwrite ``space.weights``.
+    """Fill ``angle``, ``speed`` (n, P) with their derivatives by the parameters at the share ``x`` (0 to 1) of a step;
+    overwrite ``space.weights``.
 
-    ``h`` is the step, s. ``tangent`` (2, n, P) holds the derivatives of angles and speeds by the parameters at its
-    start, ``space.slopes`` those of the accelerations at its nodes, as `solve_step` left them.
+    ``h`` is the step, s. ``tangent`` (2, n, P) holds the derivatives at its start, ``space.slopes`` those of the
+    accelerations at its nodes, as `solve_step` left them.
     """
     n = tangent.shape[1]
     blocks = tangent.shape[2] // LANES
