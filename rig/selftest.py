@@ -177,7 +177,7 @@ UNMOVED_SHARE = 0.02  # of a stroke: below it a body has not moved; every wrong 
 
 def encoder_advice(config: RigConfig, body: int, turned_rad: float) -> str:
     """Likely cause of a wrong stroke of ``body`` (0 key, 1 whippen, 2 hammer), turned by ``turned_rad``, as text: does
-    not move, wrong sign, cable of another body, wrong scale; for a right stroke it says nothing useful.
+    not move, wrong sign, cable of another body, wrong scale; empty without ``[selftest]`` in the rig file.
     """
     if config.selftest is None:
         return ""

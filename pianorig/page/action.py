@@ -200,8 +200,8 @@ def blow_curves(name: str, changes: Sequence[str], blow: str, scene: str = "whol
 
 
 def live_blow(name: str, changes: Sequence[str], blow: str, scene: str = "whole") -> dict[str, Any]:
-    """Simulate an action with ``changes`` (path=value) under a built-in blow: force (N) and angle curves (degrees),
-    packed, the moving drawing, and the events, for the page.
+    """Simulate an action with ``changes`` (path=value) under a built-in blow: force, N, angle curves, degrees, as
+    packed float32 (`pack`), the moving drawing, and the events, for the page.
     """
     action, force_n, solution, rest_rad = _blow(name, tuple(changes), blow, scene)
     times = solution.time_s
@@ -256,8 +256,8 @@ LARGEST_TURN_M = LENGTH_M
 
 
 def measure_touch(action: model.Action) -> dict[str, Any]:
-    """Press and release the key of an action slowly: force, N, over dip, m, of either way as packed curves, and the
-    touch weights read from them, N, by name.
+    """Press and release the key of an action slowly: force, N, over dip, m, of either way, as packed float32 (`pack`),
+    and the touch weights read from them, N, by name.
     """
     found = model.touch.weigh(action)
     (down_m, down_n), (up_m, up_n) = found.curve()

@@ -135,8 +135,8 @@ def _channels(head: TrialHead) -> list[dict[str, Any]]:
 
 
 def _live_rows(part: TrialData, first_count: Any) -> np.ndarray:
-    """Rows (n, k) float32: raw force, N; degrees turned since ``first_count`` (1, encoders), with the page's sign;
-    command, V; further channels.
+    """Rows (n, k) float32: raw force, N; degrees turned since ``first_count`` (1, encoders), clockwise positive but for
+    the whippen; command, V; further channels.
     """
     sign = np.array([SIGN.get(encoder.name, 1.0) for encoder in part.encoders])
     columns = [

@@ -144,8 +144,8 @@ class Reply(Guarded):
         return control
 
     async def _answer(self, method: str, names: Sequence[str], content: dict[str, Any]) -> None:
-        """Do this address's work for ``method`` in a thread and send what it returns; an unknown name is answered by
-        404, an error that a user can cause by 400 and one line, another method by 405.
+        """Do this address's work for ``method``, given the ``names`` in it, in a thread and send what it returns; an
+        unknown name is answered by 404, an error that a user can cause by 400 and one line, another method by 405.
         """
         work = self._work[method]
         if work is None:

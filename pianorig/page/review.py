@@ -223,8 +223,8 @@ def _force(measured: MeasuredTrial) -> dict[str, Any]:
 
 
 def _recorded_curves(data: TrialData) -> dict[str, Any]:
-    """Raw force, N, and angles since the first sample, degrees with the page's sign, of a trial that cannot be
-    compared, packed for the page.
+    """Raw force, N, and angles since the first sample, degrees, clockwise positive but for the whippen, of a trial that
+    cannot be compared, as packed float32 (`pack`).
     """
     angle = data.angle_rad
     curve: dict[str, Any] = {
@@ -254,8 +254,8 @@ def _measured_of(measured: MeasuredTrial, body: str) -> tuple[Array, Array] | No
 
 
 def _channels(measured: MeasuredTrial, predicted: list[_Predicted]) -> dict[str, Any]:
-    """Curves of each body for the page, packed, degrees: measured (None where it was not), each model's prediction, and
-    residuals: prediction less measurement, at the measured times.
+    """Curves of each body as packed float32 (`pack`), degrees, clockwise positive but for the whippen: measured (None
+    where it was not), predicted by each model, and residuals: prediction less measurement, at the measured times.
     """
     channels = {}
     for i, body in enumerate(BODIES):

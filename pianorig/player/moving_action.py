@@ -41,8 +41,9 @@ def drawing_times(start_s: float, end_s: float) -> Array:
 def moving_action(
     motion: SeenMotion, measured: Array | None = None, labels: Sequence[str] | None = None
 ) -> dict[str, Any]:
-    """Drawing of a motion for the page: shapes of the bodies, poses, contact points and forces, packed; ``measured``
-    (m, n, 3): x, y, angle of each body beside it, NaN where not measured; ``labels``: of the contacts.
+    """Drawing of a motion for the page: shapes, poses, contact points and forces, as packed float32 (`pack`);
+    ``measured`` (m, n, 3): pivot x, y, m, and angle, rad, of each body beside it, NaN where not measured; ``labels``:
+    of the contacts.
     """
     view = side_view(motion)
     bodies = [

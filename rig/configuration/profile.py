@@ -93,8 +93,8 @@ class Profile(ArrayRecord):
         return force
 
     def check_limits(self, force_limit_n: float, slew_limit_n_per_s: float, sample_rate_hz: float = 5000.0) -> None:
-        """Raise RigInputError where the force exceeds ``force_limit_n`` in size, or its change from sample to sample,
-        or between two, the slew rate.
+        """Raise RigInputError where the force exceeds ``force_limit_n`` in size, or changes faster than the slew rate
+        when sampled at ``sample_rate_hz``, also between two samples.
 
         The message names the key point, its value and the limit.
         """

@@ -116,8 +116,8 @@ class ForceConfig(ScaledTable):
         return "mV/V" if self.kind == "bridge" else "V"
 
     def group_delay(self, sample_rate_hz: float) -> float:
-        """Delay, s, from the force on the cell to its sample: ``group_delay_s`` of the rig file, else that of an NI
-        9237 at this sample rate, Hz, else 0.
+        """Delay, s, from the force on the cell to its sample: ``group_delay_s`` of the rig file, else that of the
+        module at this sample rate, Hz, where it is an NI 9237, else 0.
 
         NI 9237: (40 + 5/512)/fs + 4.5 µs (National Instruments, KB kA00Z0000004A0YSAU).
         """

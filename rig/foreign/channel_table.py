@@ -271,8 +271,8 @@ class ChannelTable:
     def time_columns(
         self, names: Sequence[str], interval_s: float, ignored: Collection[str]
     ) -> dict[str, NDArray[np.float64]]:
-        """Columns of the file that tell the times of the samples of the channels ``names``, by name, converted to s,
-        (n,); those in ``ignored`` are left out. None of them need be the sample clock's.
+        """Columns of the file, by name, that look like times of the samples of the channels ``names``, taken every
+        ``interval_s``: converted to s, (n,); those in ``ignored`` are left out. They need not agree with that interval.
 
         A column is one by its name, or by its unit where it rises about as samples every ``interval_s`` do. A column of
         another unit or none that rises evenly, as a number of the sample does, is one by its name or as the first.

@@ -36,8 +36,9 @@ FACTORS, OFFSETS, MISSING = ("scale_factor", "conversion"), ("add_offset", "offs
 
 
 def read_hdf5(path: Path) -> ChannelTable:
-    """Read a sealed trial (time, force less its rest, command, angles; further channels where it has no force), or
-    every dataset of numbers of any other HDF5 file; RigInputError when it cannot be read.
+    """Read a sealed trial (time, force corrected or else less its mean before the blow, command, angles; further
+    channels where it has no force), or every dataset of numbers of another HDF5 file; RigInputError when it cannot be
+    read.
     """
     try:
         # a damaged heap can keep the library busy without end

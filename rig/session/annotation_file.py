@@ -38,8 +38,9 @@ def utc_now() -> str:
 
 
 def append(folder: Path, trial: int, kind: Kind, reason: str, author: str = "") -> Annotation:
-    """Append one annotation to ``annotations.jsonl`` in the session folder and return it; ``kind``: as `Kind` lists;
-    trial 0: the whole session; an empty author becomes ``unknown``. RigInputError for another kind or an empty reason.
+    """Append an annotation of a trial (0: the whole session) to ``annotations.jsonl`` in the session folder and return
+    it; ``kind``: reject, accept or note; an empty author becomes ``unknown``. RigInputError for another kind or an
+    empty reason.
     """
     refuse(
         RigInputError,

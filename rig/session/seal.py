@@ -255,8 +255,8 @@ def _compare_content(path: Path) -> str:
 
 
 def print_digests() -> None:
-    """Print as JSON, of the HDF5 file named by the first argument of the process, the stated and the found SHA-256 of
-    its content (``stated``, ``found``), or ``locked`` where it cannot be read.
+    """Print as JSON, of the HDF5 file named by the first argument of the process, the ``stated`` and the ``found``
+    SHA-256 of its content, or, where it cannot be read, whether another program has it ``locked``.
     """
     found: dict[str, Any] = {}
     try:
@@ -269,7 +269,7 @@ def print_digests() -> None:
 
 def content_sha256(file: h5py.File) -> str:
     """Return the SHA-256 over the names, attributes and arrays of all groups and datasets in an HDF5 file, sorted by
-    name, without the stated digest itself and the scales' references.
+    name, without the stated digest itself and HDF5's own attributes of scales.
     """
     nodes: dict[str, Any] = {"/": file}
     file.visititems(lambda name, node: nodes.__setitem__(name, node))

@@ -193,8 +193,9 @@ class TrialData(Tabular, ArrayRecord):
         return tuple(channel.name for channel in self.channels if channel.ruler is not None)
 
     def position(self, name: str, zero: float = 0.0) -> Position:
-        """Displacement, m, that the readings of position sensor ``name`` mean by its ruler, at the times they were
-        felt; ``zero``: drift, in the reading's unit, that is subtracted first.
+        """Displacement, m, that the readings of position sensor ``name`` mean by its ruler, at times earlier by the
+        sensor's delay; ``zero``: drift, in the reading's unit, that is subtracted first. RigInputError for another
+        name.
         """
         from rig.session.ruler import position_of  # start-up: scipy.interpolate costs 0.2 s, most trials have no ruler
 
