@@ -127,7 +127,9 @@ def _content_digest(value: Any, known: dict[int, bytes]) -> bytes:
 
 @cache
 def code_sha256() -> str:
-    """Hash of the text of all code of the model and of the versions it computes with."""
+    """SHA-256, hexadecimal, of the text of every Python file of the package ``model`` and of the versions of NumPy and
+    numba.
+    """
     digest = hashlib.sha256(f"numpy {np.__version__} numba {numba.__version__}".encode())
     folder = Path(__file__).resolve().parents[1]
     for path in sorted(folder.rglob("*.py")):
@@ -156,7 +158,7 @@ def make_jobs(
     initial: RestState | None = None,
 ) -> list[Job]:
     """Jobs of every parameter set (label -> path -> value) with every trial (name -> times s, forces N, or a record),
-    in that order; a job of wrong input holds its error.
+    in that order; each starts from ``initial`` (None: its own rest state); one of wrong input holds its error.
 
     Parameters
     ----------
@@ -203,7 +205,9 @@ def make_jobs_of_actions(
     options: ForceDrivenOptions,
     initial: RestState | None = None,
 ) -> list[Job]:
-    """Jobs of every action with every trial, in that order; a job of wrong input holds its error."""
+    """Jobs of every action (label -> action or error) with every trial (name -> times s, forces N, or a record), in
+    that order; each starts from ``initial`` (None: its own rest state); one of wrong input holds its error.
+    """
     tables: dict[str, _Table | Exception] = {}
     for trial, given in trials.items():
         try:
@@ -260,8 +264,9 @@ class _Table:
 
 
 def _make_table(name: str, given: tuple[ArrayLike, ArrayLike] | Recorded, options: ForceDrivenOptions) -> _Table:
-    """Force table, output times and preload of one trial, which is (time s, force N) or a recorded trial; ``name`` is
-    for messages."""
+    """Force table (s, N), output times, s, and load at rest, N, of a trial ``given`` as (time s, force N), then without
+    load, or as a record; the output times of ``options``, else the trial's own. ``name`` is for messages.
+    """
     preload_n, sampled, is_recorded = 0.0, None, not isinstance(given, tuple | list)
     if isinstance(given, tuple | list):
         times, forces = check_force_table(*given, f"trial {name}")

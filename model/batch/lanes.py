@@ -38,7 +38,9 @@ Kind = tuple[object, ...]
 
 
 def _lane_group_key(jobs: Sequence[Job]) -> list[Kind | None]:
-    """Group key of each job: method, structure, count of parameters (a string's modes); None: not for lanes."""
+    """For each job (method, structure of its scene), by which jobs can be integrated side by side; None for a job that
+    cannot be.
+    """
     of_scene: dict[int, Kind] = {}
     out: list[Kind | None] = []
     for job in jobs:
@@ -53,8 +55,9 @@ def _lane_group_key(jobs: Sequence[Job]) -> list[Kind | None]:
 
 
 def select_lane_jobs(jobs: Sequence[Job], lanes: bool | None) -> list[Job]:
-    """The jobs in their order, those to run in lanes marked: none (``lanes`` False), all that can (True), or those of
-    kinds with many members (None)."""
+    """The jobs in their order, with ``in_lanes`` set in copies of those to integrate side by side: none (``lanes``
+    False, or no wide vectors), all that can be (True), those of which there are `LEAST_MEMBERS` of a kind (None).
+    """
     if lanes is False or not has_wide_vectors():
         return list(jobs)
     kinds = _lane_group_key(jobs)
@@ -66,8 +69,9 @@ def select_lane_jobs(jobs: Sequence[Job], lanes: bool | None) -> list[Job]:
 
 
 def group_jobs(jobs: Sequence[Job], todo: Sequence[int], workers: int) -> list[list[int]]:
-    """Units of work from the jobs ``todo`` (indices): lists of indices, those in lanes with others of their kind,
-    others alone."""
+    """Divide the jobs ``todo`` (indices) into units of work, lists of indices: those marked ``in_lanes`` with others of
+    their kind, in units that keep ``workers`` threads equally busy; every other job alone.
+    """
     alone: list[list[int]] = []
     groups: dict[Kind | None, list[int]] = defaultdict(list)
     for i, kind in zip(todo, _lane_group_key([jobs[i] for i in todo]), strict=True):

@@ -77,8 +77,8 @@ def run_job_groups(
     progress: Progress | None = None,
     count: tuple[int, int] = (0, 0),
 ) -> None:
-    """Submit units (indices of members), a few ahead, to an executor, and pass each with its future to ``finish`` in
-    the order of completion.
+    """``submit`` units (indices of members) to ``executor`` (None: own threads, ``workers`` or one a processor), a few
+    ahead, and give each with its future to ``finish`` as they end; ``progress`` is called with members done and in all.
 
     Parameters
     ----------
@@ -134,7 +134,8 @@ def run_jobs(
     progress: Progress | None = None,
     store: str | Path | Store | None = None,
 ) -> list[Member]:
-    """Compute jobs, or read them from ``store``, which keeps new ones; members, with their errors, in the order of the
+    """Compute jobs on ``executor`` (None: ``workers`` threads, by default one a processor), or read them from the
+    folder ``store``, which keeps new ones; ``progress`` gets done and all. Members, with their errors, in the order of
     jobs.
 
     Parameters

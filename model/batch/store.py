@@ -75,7 +75,8 @@ class Store:
         return about, arrays
 
     def put(self, sha256: str, about: dict[str, Any], arrays: dict[str, Any]) -> None:
-        """Keep facts and arrays under a hash.
+        """Write facts and arrays to the file of a hash, whole, in place of one that is there; `InputError` where the
+        disk refuses.
 
         Raises
         ------
@@ -110,7 +111,8 @@ class Store:
         return Member(trial, parameters, sha256, solution, reused=True)
 
     def write(self, member: Member) -> None:
-        """Store a member, unless it has no hash or failed with an error that need not recur.
+        """Write a member to the file of its hash; nothing is written for one without a hash, or whose error is no
+        `ModelError` (it need not recur).
 
         Raises
         ------

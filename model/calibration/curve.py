@@ -73,8 +73,9 @@ class LoadingCurve(ArrayRecord):
 def split_phases(
     displacement_m: ArrayLike, force_n: ArrayLike, where: str = "loading curve", common: CommonErrors | None = None
 ) -> LoadingCurve:
-    """Split one press and release, (n,) in m and N, at its largest displacement, and check it; ``common``: errors (2,
-    n) by name.
+    """Split one press and release, (n,) m and N in the order measured, at its largest displacement; check and sort
+    them. ``common``: by name, the change (2, n) of displacement and force by one standard uncertainty of a shared
+    error.
 
     Parameters
     ----------
@@ -113,8 +114,9 @@ def check_curve(
     where: str = "loading curve",
     common: CommonErrors | None = None,
 ) -> LoadingCurve:
-    """Check points (n,) with their phase ('loading', 'unloading'), and their common errors (2, n) by name, and sort
-    them."""
+    """Check points (n,), m and N, each of a ``phase`` ('loading' or 'unloading'), and sort each phase by displacement.
+    ``common``: by name, the change (2, n) of displacement and force by one standard uncertainty of a shared error.
+    """
     x, f = two_columns(displacement_m, force_n, where)
     words = np.asarray(phase, dtype=str)
     for name, column in (("displacement_m", x), ("force_n", f)):
@@ -160,8 +162,9 @@ def check_curve(
 
 
 def _check_direction(along: Array, rows: NDArray[np.int64], name: str, x: Array, where: str) -> None:
-    """Raise `InputError` where a displacement ``along`` its phase falls by more than jitter, a share of the range of
-    ``x``; ``rows``: its rows in the file."""
+    """Raise `InputError` where ``along``, displacements of a phase with the sign that makes them rise, fall by more
+    than a share of the range of ``x``, those of both; ``rows``: their indices in the file, ``name``: the phase.
+    """
     back = np.maximum.accumulate(along) - along
     limit = BACKWARDS_SHARE * float(np.ptp(x))
     if (back > limit).any():
@@ -215,7 +218,9 @@ def read_curve(path: str | Path) -> LoadingCurve:
 
 
 def find_common_errors(columns: Sequence[str], where: str) -> dict[str, tuple[str, str]]:
-    """Names of the common errors among a file's columns, each with its column of displacement and of force."""
+    """Columns ``common_<name>_m`` (displacement) and ``common_<name>_n`` (force) by the ``<name>`` of the shared error;
+    `InputError` for another column that begins with ``common_``.
+    """
     found: dict[str, tuple[str, str]] = {}
     for column in columns:
         if column.startswith(PREFIX):

@@ -116,7 +116,9 @@ class FeltFit(ArrayRecord):
         return _cubic_columns(x_m) @ self.abc
 
     def loading_ratio(self, x_m: float) -> tuple[float, float]:
-        """f_loading / f_fit at one displacement, and its standard uncertainty."""
+        """Force of the smoothed loading curve over that of the cubic at the displacement ``x_m``, m, and its standard
+        uncertainty.
+        """
         fit, load = float(self.force_n([x_m])[0]), float(self.loading.force_n([x_m])[0])
         by_force = -load / fit**2 * (_cubic_columns([x_m])[0] @ self.gain)
         by_force[: self.loading.solve.shape[1]] += (self.loading.basis([x_m])[0] @ self.loading.solve) / fit
@@ -161,7 +163,8 @@ def smooth_phase(x_m: Array, force_n: Array) -> Phase:
 
 
 def fit_felt(curve: LoadingCurve) -> FeltFit:
-    """Fit eq. 2.5 to the mid-line of a loading experiment.
+    """Fit the cubic a x^3 + b x^2 + c x (thesis eq. 2.5) to the mean of loading and unloading force over the
+    displacements both have; covariance of a, b, c from scatter, misfit and shared errors.
 
     Parameters
     ----------
@@ -194,7 +197,9 @@ def fit_felt(curve: LoadingCurve) -> FeltFit:
 
 
 def _fit_midline(curve: LoadingCurve) -> FeltFit:
-    """Fit eq. 2.5 to the mid-line of the curve, with the covariance that the scatter of the points alone makes."""
+    """Fit the cubic a x^3 + b x^2 + c x to the mean of loading and unloading force, with the covariance that the
+    scatter of the points alone makes; `InputError` where it is no pressing force.
+    """
     loading = smooth_phase(curve.loading_m, curve.loading_n)
     unloading = smooth_phase(curve.unloading_m, curve.unloading_n)
     low, high = curve.shared_m
@@ -236,8 +241,8 @@ def _fit_midline(curve: LoadingCurve) -> FeltFit:
 
 
 def _fit_stiffening_cubic(columns: Array, mid: Array, free: Array) -> tuple[Array, str | None]:
-    """Best a, b, c (3,) of ``columns`` (m, 3) for forces ``mid`` (m,) with a, c >= 0 and b >= -sqrt(3 a c), and the
-    bound they lie on; ``free`` (3,), the unbounded ones, with None where they obey.
+    """Best a, b, c (3,) of ``columns`` (m, 3) for forces ``mid`` (m,) with a, c >= 0 and b >= -sqrt(3 a c), and words
+    for the bound they lie on; where ``free`` (3,), the unbounded best, obeys: that, and None.
 
     The set is convex, so the best point is the free one or lies on one of three faces.
     """
@@ -288,7 +293,8 @@ class Damping:
 
 
 def damping_factor(fit: FeltFit, speed_m_per_s: float, u_speed_m_per_s: float = 0.0) -> Damping:
-    """D = (f_loading(x_max) / f_fit(x_max) - 1) / mean speed, eq. 2.7.
+    """Damping factor D, s/m, (thesis eq. 2.7): loading force over the cubic's, less 1, over the mean speed, m/s, at the
+    depth where loading exceeds the cubic most; with its standard uncertainty.
 
     Parameters
     ----------

@@ -12,7 +12,8 @@ from model.files.figure_sheet import new_sheet
 
 
 def draw(curve: LoadingCurve, fit: FeltFit, dampings: dict[str, Damping], title: str, path: str | Path) -> None:
-    """Write a figure of loading curve, cubic and loops to ``path``.
+    """Write a figure of the loading experiment, its cubic and the loops of ``dampings`` (name of a blow -> D) to
+    ``path`` (.svg, .pdf or .png), in place of a file that is there.
 
     Parameters
     ----------

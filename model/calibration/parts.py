@@ -55,7 +55,9 @@ class FrictionFit:
 
 
 def peak_ratio(b1: float) -> float:
-    """Largest value over s >= 0 of tanh(s) + b1 s / (1 + B2 s**4): static over kinetic coefficient, eq. 2.10."""
+    """Largest value over scaled speeds s >= 0 of tanh(s) + b1 s / (1 + B2 s**4), the static over the kinetic
+    coefficient of friction (thesis eq. 2.10); at least 1.
+    """
     if b1 == 0.0:
         return 1.0  # only approached, at infinite speed
     s = np.geomspace(1e-3, 1e3, 2001)  # shares of the speed scale: the largest lies within, a step is 0.7 %
@@ -77,7 +79,8 @@ def _solve_b1(ratio: float) -> float:
 
 
 def fit_friction(mu_s: float, mu_k: float, u_mu_s: float = 0.0, u_mu_k: float = 0.0) -> FrictionFit:
-    """Fit eq. 2.10 to a static and a kinetic coefficient of friction.
+    """A, the kinetic coefficient, and B1 of the friction law A (tanh(s) + B1 s / (1 + B2 s^4)) over scaled speed s
+    (thesis eq. 2.10), whose peak is ``mu_s``, with standard uncertainties; B2 is given.
 
     Parameters
     ----------
@@ -194,7 +197,8 @@ def inertia_from_pendulum(
     u_period_s: float = 0.0,
     g: float = 9.81,
 ) -> Inertia:
-    """Inertia about the pivot (eq. A.1) and about the centre of mass (eq. A.2).
+    """Moments of inertia, kg m^2, about pivot and centre of mass, with standard uncertainties, of a body that swings
+    with the full period ``period_s``, its centre of mass ``arm_m`` from the pivot.
 
     Parameters
     ----------

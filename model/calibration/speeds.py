@@ -48,7 +48,7 @@ class MeanSpeeds(ArrayRecord):
     counted_s: Array
 
     def mean_speed(self, contact: str) -> float:
-        """Mean speed of one contact; ``InputError`` where it was never pressed or does not exist."""
+        """Mean normal speed, m/s, of one contact; ``InputError`` where it was never pressed or does not exist."""
         if contact not in self.contacts:
             raise InputError(f"contact {contact}: not found; allowed {', '.join(self.contacts)}")
         speed = float(self.speed_m_per_s[self.contacts.index(contact)])
@@ -66,8 +66,8 @@ def mean_normal_speeds(
     speed_rad_per_s: ArrayLike | None = None,
     rest_share: float = REST_SHARE,
 ) -> MeanSpeeds:
-    """Mean absolute normal speed of each contact along a motion, (n, 5) angles and speeds, while pressed and above
-    ``rest_share`` of its largest.
+    """Mean absolute normal speed, m/s, of each contact along a motion, angles and speeds (m, 5) of the bodies (speeds
+    None: differentiated), over the time when it is pressed and faster than ``rest_share`` of its largest.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def mean_normal_speeds(
     >>> import model
     >>> blow = model.simulate(model.load_action(), *model.force_table("forte"))
     >>> speeds = model.calibration.mean_normal_speeds(model.load_action(), blow.time_s, blow.angle_rad)
-    >>> speeds.of("contact12") > speeds.of("contact02")  # the string is met faster than the key's felt
+    >>> speeds.mean_speed("contact12") > speeds.mean_speed("contact02")  # the string is met faster than the key's felt
     True
     """
     action = as_action(action)

@@ -107,7 +107,8 @@ class DriveIdentified:
 
 
 def identify_drive(log: DriveLog, options: DriveOptions | None = None) -> DriveIdentified:
-    """Numbers of a bench's motor, amplifier and arm from a log of command, force and motion.
+    """Estimate torque constant, gains, delay, limits and the arm's inertia, friction and spring of a bench from a log
+    of command, force and motion, with standard uncertainties; a number that the log does not show has its reason.
 
     Parameters
     ----------
@@ -229,7 +230,9 @@ def _log_coefficients(name: str) -> dict[str, float]:
 def _loop_gain(
     total: float, relative: float, logs: Array, spread: Array, unknown: list[str], free: Array
 ) -> tuple[str, float, float]:
-    """Loop gain as (reason if undetermined, value, relative u), from ``total``, its sum with the resistance."""
+    """Gain of the current loop as (reason if undetermined, value, relative u): ``total``, its sum with the resistance,
+    less the resistance's share; ``logs``, ``spread``: logarithms of ``unknown`` and covariance, ``free``: null space.
+    """
     k = unknown.index("share")
     if np.linalg.norm(free[:, k]) > OPEN:
         return NOT_MET["share"], total, relative

@@ -111,7 +111,8 @@ class DriveOptions:
 
 
 def read_drive_log(path: str | Path) -> DriveLog:
-    """Read a log from a CSV file: ``time_s,command_v,force_n,arm_rad``, and ``current_a`` where it was recorded.
+    """Read a log from a CSV file: ``time_s``, ``command_v`` and ``arm_rad`` rising as the tip goes down, ``force_n``
+    above 0 where it presses, ``current_a`` where it was recorded; other columns are left out.
 
     Parameters
     ----------
@@ -130,7 +131,7 @@ def read_drive_log(path: str | Path) -> DriveLog:
     >>> from pathlib import Path
     >>> import model
     >>> rows = [f"{k / 5000},{0.01 * (k // 50)},0.0,0.0" for k in range(300)]
-    >>> text = "time_s,command_v,force_n,arm_rad\\n" + "\\n".join(rows)
+    >>> text = "time_s,command_v,force_n,arm_rad\n" + "\n".join(rows)
     >>> _ = Path("drive_log.csv").write_text(text)
     >>> model.drive.read_drive_log("drive_log.csv").current_a is None
     True

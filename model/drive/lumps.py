@@ -54,7 +54,8 @@ CURRENT_LOOP, WINDING = (3e-4, 5.0, 0.1), (2e-3, 50.0, 1.0)  # delay, s, firmnes
 def motor_torque(
     lumps: Array, command_v: Array, arm_rad: Array, interval_s: float, mode: str, softness: float
 ) -> Array:
-    """Torque (p, k), N m, at the samples and `SUBSTEPS` - 1 times between, for rows (p, 7) as ``LUMPS``.
+    """Torque (p, k), N m, at the samples of ``command_v`` and `SUBSTEPS` - 1 times between, for rows (p, 7) as
+    ``LUMPS``; ``mode``: torque or voltage; ``softness``: of the limits of current and supply.
 
     The command is held from sample to sample; the motor begins as if its first command had lasted. Of the motion only
     angles are taken: the back-EMF of a substep is what the arm turned in it, so that nothing is differentiated.
@@ -70,7 +71,9 @@ def motor_torque(
 
 
 def _interpolate(x: Array, parts: int) -> Array:
-    """``x`` (n,) and ``parts`` - 1 values between each two samples, by cubics through four of them."""
+    """``x`` (n,) with ``parts`` - 1 values between each two samples, ((n - 1) parts + 1,), by cubics through four of
+    them.
+    """
     slope = 0.5 * np.diff(np.concatenate([[2.0 * x[0] - x[1]], x, [2.0 * x[-1] - x[-2]]]))
     slope = slope[:-1] + slope[1:]
     at = (np.arange(parts) / parts)[None, :]
@@ -165,7 +168,9 @@ class _Problem:
         return self.rows(logs, x[len(self.free) :], self.torque(logs))[0]
 
     def jacobian(self, x: Array) -> Array:
-        """Derivatives (r, k) of `residuals` by ``x`` (k,): logarithms of the lumps, then the arm's parameters."""
+        """Derivatives (r, k) of `residuals` by ``x`` (k,): logarithms of the lumps, by central differences, then the
+        arm's parameters in SI units.
+        """
         p = len(self.free)
         steps = DIFFERENCE * np.eye(p)[self.free]
         logs = np.concatenate([x[:p] + steps, x[:p] - steps])
@@ -269,7 +274,9 @@ def _fit_least_squares(problem: _Problem, x: Array, prior: Array, max_evaluation
 
 
 def _lump_fit(problem: _Problem, x: Array) -> LumpFit:
-    """Numbers with their covariance, from the residuals and from what all samples share."""
+    """Result at the best ``x``: numbers, with their covariance from the residuals, correlated as they are, and from
+    errors that all samples share, and which of them the log determines.
+    """
     p, m = len(problem.free), problem.arm.shape[1]
     rest, jacobian = problem.residuals(x), problem.jacobian(x)
     weight = _prior(problem) ** 2
@@ -301,7 +308,9 @@ def _lump_fit(problem: _Problem, x: Array) -> LumpFit:
 
 
 def _common_error_columns(problem: _Problem, x: Array) -> list[Array]:
-    """Shifts (r,) of the residuals by one standard uncertainty of each error that all samples share."""
+    """Shifts (r,) of the residuals at ``x`` by one standard uncertainty of each error that all samples share: scale of
+    force and lever, delay, softness of limits, scale of current.
+    """
     o, p = problem.options, len(problem.free)
     torque = problem.torque(x[None, :p])[0]
     blank = np.zeros_like(torque[::SUBSTEPS])

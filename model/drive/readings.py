@@ -60,7 +60,8 @@ def drive_readings(
     command_v: ArrayLike,
     scene: SceneChoice | str = "motor-drive",
 ) -> DriveReadings:
-    """Voltages, current, torque and powers of the motor's drive in a run.
+    """Current (A), voltages (V), torque (N m), tip force (N; NaN without contact forces), powers (W) and stored energy
+    (J) of the motor's drive at the output times of ``solution``, a run driven by ``command_v`` (V) at ``time_s``.
 
     Parameters
     ----------
@@ -123,7 +124,8 @@ def driven_scene(action: Action, scene: SceneChoice | str) -> Scene:
 
 
 def static_torque_nm(action: ActionLike, scene: SceneChoice | str, command_v: float) -> float:
-    """Torque, N m, of a motor that stands still under a constant command.
+    """Torque, N m, that a motor which stands still makes under a constant command, V, within the limits of its
+    amplifier; `InputError` for a scene without a motor drive.
 
     Parameters
     ----------
