@@ -35,7 +35,7 @@ SECOND_COMPANION = 0.01  # of another one, where the first leaves doubt
 
 
 def output_times(start: float, end: float, rate_hz: float) -> Array:
-    """Output times of a run, exactly k / rate, so that rounding does not accumulate.
+    """Times start + k / ``rate_hz``, s, from ``start`` to at most ``end``, without accumulated rounding.
 
     Parameters
     ----------
@@ -64,7 +64,9 @@ def output_times(start: float, end: float, rate_hz: float) -> Array:
 
 
 def check_output_times(output_time_s: ArrayLike | None, table_s: Array) -> Array:
-    """Return output times (m,), by default those of the force table; ``InputError`` where they leave it or fall."""
+    """Return output times (m,), s, None: those of the force table, ``table_s``; ``InputError`` where they leave it or
+    fall (equal ones are allowed).
+    """
     outputs = table_s if output_time_s is None else as_numbers(output_time_s, "output times", 1)
     if not np.all(np.isfinite(outputs)) or np.any(np.diff(outputs) < 0):
         raise InputError("output times: allowed a finite, increasing row of times")
@@ -168,7 +170,9 @@ def simulate(
 
 
 def force_table_of_trial(trial: Any) -> tuple[Array, Array, float, Array]:
-    """Force table (k,), preload and sample times (n,) of a recorded trial; the table reaches over all samples."""
+    """Of a recorded trial: times (k,), s, and corrected force (k,), N, extended to the last sample; preload, N; and the
+    sample times (n,), s, from the table's first on. `InputError` for what is no trial.
+    """
     if not hasattr(trial, "corrected_force"):
         file = f"; read it by model.read_force_table({str(trial)!r})" if isinstance(trial, str | Path) else ""
         raise InputError(f"force: found {type(trial).__name__}, allowed time_s and force_n, or a recorded trial{file}")
@@ -190,7 +194,9 @@ def require_force_input(choice: SceneChoice) -> None:
 def resolve_string_modes(
     action: Action, choice: SceneChoice, options: ForceDrivenOptions
 ) -> tuple[Scene, Scene | None]:
-    """Scene with the string modes that the tolerance needs, and one with half as many to check them, or None."""
+    """Scene with the string modes that the tolerance needs, and one with half as many to estimate their error; None
+    where the action sets their number, no string sounds or no estimate is requested.
+    """
     if STRING_EFFECT not in choice.effects or action["string.modes"] != 0.0:
         return build_scene(action, choice), None
     scene = build_scene(with_modes(action, options.tolerance), choice)
@@ -262,7 +268,8 @@ class ForceDrivenRun:
         return self.largest_difference(angles, other)
 
     def confirm_error(self, first: State, angles: Array, error: float) -> float:
-        """Error estimate of one companion run; where it is between request and miss, the larger of two.
+        """``error``, rad, estimated by one companion run; where it is above the tolerance but below a clear miss, a
+        second one is run from ``first`` and the larger is returned.
 
         Where small errors grow, a companion may happen to go wrong the same way.
         """
@@ -276,7 +283,9 @@ class ForceDrivenRun:
         return float(np.max(np.abs(angles - others)[:, turning], initial=0.0))
 
     def solution(self, under_way: Simulation, angles: Array, speeds: Array) -> Solution:
-        """Solution with these angles and speeds (m, n), and contact forces if requested."""
+        """Solution of ``under_way``, a run that has been integrated, with ``angles`` and ``speeds`` (m, n) at the
+        output times, and contact forces if requested; no energy, inside view or error estimate.
+        """
         contacts: tuple[str, ...] = ()
         normal, tangential = None, None
         if "contact_forces" in self.outputs:

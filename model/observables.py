@@ -24,7 +24,8 @@ def _column(angle_rad: ArrayLike, body: str) -> NDArray[np.float64]:
 
 
 def hammer_height_from_angle(action: ActionLike, hammer_rad: ArrayLike) -> NDArray[np.float64]:
-    """Distance (m) from the hammer's striking surface to the string, 0 at touch; from the hammer's angle alone.
+    """Distance (m) from the hammer's striking surface to the string, 0 at touch, negative where felt is pressed in,
+    from the hammer's angle from ground, rad, alone (rigid shank and pivot).
 
     Parameters
     ----------
@@ -59,8 +60,8 @@ def hammer_height_from_angle(action: ActionLike, hammer_rad: ArrayLike) -> NDArr
 def hammer_height_m(
     action: ActionLike, angle_rad: ArrayLike, shank_rad: ArrayLike | None = None, give_m: ArrayLike | None = None
 ) -> NDArray[np.float64]:
-    """Distance from the hammer's striking surface to the string, 0 at touch, at angles (..., 5), with the shank's bend
-    and what the pivot gives (..., 2).
+    """Distance (m) from the hammer's striking surface to the string, 0 at touch, negative beyond, at angles (..., 5),
+    rad, ``shank_rad``: the head's bend from the straight shank, ``give_m`` (..., 2): pivot's shift right, up.
 
     Where the shank bends, ``shank_rad`` is the head's angle from the straight shank; without it the height is that of a
     straight hammer, which is what an encoder at the pivot tells.
@@ -101,8 +102,8 @@ def hammer_height_m(
 
 
 def head_height_m(action: ActionLike, coordinates: Sequence[str], rows: ArrayLike) -> NDArray[np.float64]:
-    """Distance of the hammer's head from the string, with shank bending and joint compliance, at ``rows`` (..., k) of
-    the named coordinates.
+    """Distance (m) of the hammer's head from the string, 0 at touch, negative beyond, at ``rows`` (..., k), rad and m,
+    of the named ``coordinates`` (k,), shank and pivot directions among them where they give.
 
     Parameters
     ----------
@@ -137,7 +138,8 @@ def head_height_m(action: ActionLike, coordinates: Sequence[str], rows: ArrayLik
 def head_approach_m_per_s(
     action: ActionLike, coordinates: Sequence[str], rows: ArrayLike, rates: ArrayLike
 ) -> NDArray[np.float64]:
-    """Speed of the hammer's head towards the string, at ``rows`` (..., k) of the named coordinates and their rates.
+    """Speed (m/s) of the hammer's head, positive towards the string, at ``rows`` (..., k), rad and m, of the named
+    ``coordinates`` (k,), and ``rates`` (..., k), per s.
 
     Parameters
     ----------
@@ -170,7 +172,8 @@ def head_approach_m_per_s(
 
 
 def string_normal_component(action: ActionLike, way: ArrayLike) -> NDArray[np.float64]:
-    """Component of vectors (..., 2) along the normal of the string, which points at the hammer.
+    """Component of vectors (..., 2), right and up in the world, along the unit normal of the string, which points at
+    the hammer; in their unit.
 
     Parameters
     ----------
@@ -201,8 +204,8 @@ def string_normal_component(action: ActionLike, way: ArrayLike) -> NDArray[np.fl
 
 
 def encoder_rad(angle_rad: ArrayLike, lift_m: ArrayLike, radius_m: float) -> NDArray[np.float64]:
-    """Reading of an optical scale of a radius on a turning body whose centre has risen: too small a turn while a key is
-    down.
+    """Angle (rad) that an optical scale of ``radius_m`` on the key reads, whose sensor stands on the front side: the
+    true angle plus the pivot's rise ``lift_m`` over the radius, too small a turn of a pressed key.
 
     The sensor stands on the key's front side, so that a lift reads as if the front had risen: too small a rotation
     while the key is down, as in the thesis (3.2.2).
@@ -228,7 +231,8 @@ def encoder_rad(angle_rad: ArrayLike, lift_m: ArrayLike, radius_m: float) -> NDA
 
 
 def key_front_height_m(action: ActionLike, angle_rad: ArrayLike) -> NDArray[np.float64]:
-    """Height of the point of the key where the force acts, in the ground frame, at angles (m, 5).
+    """Height (m), in the ground frame, of the point of the key where the force acts, at angles (m, 5), rad; the key's
+    pivot at its place.
 
     Parameters
     ----------
@@ -254,7 +258,8 @@ def key_front_height_m(action: ActionLike, angle_rad: ArrayLike) -> NDArray[np.f
 
 
 def key_dip_m(action: ActionLike, angle_rad: ArrayLike, rest_rad: ArrayLike | None = None) -> NDArray[np.float64]:
-    """How far the key front has gone down from rest, at angles (m, 5); rest is by default the first row.
+    """How far (m, positive down) the key front is below its rest, at angles (m, 5), rad; ``rest_rad`` (5,): angles at
+    rest, by default the first row.
 
     Parameters
     ----------
@@ -282,7 +287,8 @@ def key_dip_m(action: ActionLike, angle_rad: ArrayLike, rest_rad: ArrayLike | No
 
 
 def key_front_gap_m(action: ActionLike, angle_rad: ArrayLike) -> NDArray[np.float64]:
-    """Gap between the key's underside and the felt under its front, 0 at first touch, at angles (m, 5).
+    """Gap (m) between the key's underside and the felt under its front, 0 at first touch, negative where pressed in, at
+    angles (m, 5), rad.
 
     Parameters
     ----------
@@ -314,7 +320,7 @@ def key_front_gap_m(action: ActionLike, angle_rad: ArrayLike) -> NDArray[np.floa
 
 
 def capstan_gap_m(action: ActionLike, angle_rad: ArrayLike) -> NDArray[np.float64]:
-    """Gap between capstan and whippen heel, negative where pressed, at angles (m, 5).
+    """Gap (m) between the key's capstan and the whippen's heel, negative where pressed, at angles (m, 5), rad.
 
     Parameters
     ----------

@@ -34,7 +34,9 @@ class Bodies:
         to[key] = to.get(key, ZERO) + e
 
     def _add_body(self, i: int) -> None:
-        """Add the i-th body to the mass matrix and the forces; note its acceleration while no speed changes."""
+        """Add the i-th body's inertia to the mass matrix, and its weight and velocity-dependent inertia forces to the
+        generalised forces; keep the acceleration that its speeds alone give it.
+        """
         s, k = self._s, self._k
         mass, inertia = s.body(i, L.MASS), s.body(i, L.INERTIA)
         arm = k.to_world_vector(i, s.body(i, L.COM_X), s.body(i, L.COM_Y))
@@ -77,7 +79,9 @@ class Bodies:
         return self._k.pose[i].turning if i in self._s.led else self._k.state.v[i]
 
     def joint_friction(self) -> dict[int, Expression]:
-        """Torque that each joint's friction takes, N m; of a guide its force, N."""
+        """Friction of each joint by coordinate, with the sign of the joint's speed: a torque, N m, of a guide a force,
+        N.
+        """
         s, k = self._s, self._k
         return {
             i: k.friction(
@@ -99,7 +103,9 @@ class Bodies:
         ]
 
     def inertia(self, acceleration: list[Expression]) -> list[Expression]:
-        """M a for the ``acceleration`` of all coordinates; ZERO in rows that are not solved for."""
+        """Products M a, by row (n,), of mass matrix and ``acceleration`` (n,) of all coordinates; ZERO in rows that are
+        not solved for.
+        """
         out = [ZERO] * self._s.n
         for (i, j), m in self.mass.items():
             for row, column in {(i, j), (j, i)}:
@@ -108,7 +114,9 @@ class Bodies:
         return out
 
     def energy(self) -> list[Statement]:
-        """Statements that add kinetic and gravitational energy (J) and the power (W) lost in joints to variables."""
+        """Statements that add kinetic and gravitational energy (J) to the variable ``energy``, and power (W) lost by
+        friction to ``joints``, of a guide to ``rail``.
+        """
         s, k = self._s, self._k
         v = k.state.v
         moving = total((0.5 if i == j else 1.0) * m * v[i] * v[j] for (i, j), m in self.mass.items())

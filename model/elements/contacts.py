@@ -82,7 +82,9 @@ class Contact:
 
     @cached_property
     def _relative_geometry(self) -> tuple[Vector, Arguments, Expression]:
-        """Centre of A; vector from B's centre and B's direction vectors; sum of the radii."""
+        """World centre of A's circle; (ux, uy) from B's base point to it with B's direction vectors (a line's normal;
+        an arc's start and end) turned to the world; sum of the radii, m.
+        """
         a, b, _, _ = self.s.contact[self.c]
         n = self.number
         centre = self.k.to_world_point(a, n(L.A_X), n(L.A_Y))
@@ -92,7 +94,9 @@ class Contact:
 
     @cached_property
     def gap(self) -> tuple[Expression, Vector]:
-        """Depth, m, negative where open, and the normal."""
+        """Depth, m, positive where the surfaces overlap, negative where open, and the unit normal (x, y) in the world,
+        which points from B to A.
+        """
         shape = self.s.contact[self.c][2]
         _, given, reach = self._relative_geometry
         if shape == L.LINE:
@@ -226,7 +230,9 @@ class Contact:
         return {k: dot(way, world) for k, way in self.ways.items() if k in self.s.solved}
 
     def contact_statements(self) -> list[Statement]:
-        """Statements for surfaces in contact: forces, and rates of internal variables."""
+        """Statements for surfaces in contact: normal and friction forces, added to the generalised forces ``f0``, …,
+        where felt presses, and rates of internal variables.
+        """
         pressing, force = self.felt
         rubbing, smooth = (
             [Accumulate(variable(f"f{k}"), e) for k, e in self.push(force, mu).items()]
@@ -245,7 +251,9 @@ class Contact:
         return self.law.stiffness(self.pressed_by(ZERO, rate))
 
     def energy(self, label: str = "") -> list[Statement]:
-        """Statements that set energy stored (J) and powers lost (W) in variables that end with ``label``."""
+        """Statements that add stored energy (J) to ``energy`` and powers lost (W) to ``felt`` (``rail`` for the rail's
+        felt) and ``friction``, variables whose names end with ``label``.
+        """
         lasting = bool(self.memories) and self.law.anew is None
         x, (rate, slide) = self.gap[0], self.relative_speeds
         felt = self.pressed_by(where(self.touches, x, 0.0) if lasting else x, rate)

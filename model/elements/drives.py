@@ -37,7 +37,9 @@ class Drives:
         ]
 
     def _push(self, kind: int, i: int, numbers: list[Expression]) -> dict[int, Expression]:
-        """Generalised forces by coordinate of a drive of a kind (`layout`) that acts on coordinate ``i``."""
+        """Generalised forces by coordinate of a drive of ``kind`` at coordinate ``i``: force down on the key, at its
+        point in ``numbers``; amplifier, on winding and motor; or torque on a joint.
+        """
         u, v = self._k.state.u, self._k.state.v
         if kind == L.FORCE_DOWN:
             x, y = self._k.to_world_point(i, numbers[L.DRIVE_X], numbers[L.DRIVE_Y])
@@ -59,7 +61,9 @@ class Drives:
         return [self._push(*row) for row in self._rows]
 
     def own_rates(self) -> list[Expression]:
-        """For each input, the acceleration along which it acts while no coordinate accelerates."""
+        """For each drive, the acceleration, downwards, of the point at which a force pushes while no coordinate
+        accelerates, m/s^2; ZERO for other kinds.
+        """
         out = []
         for kind, i, numbers in self._rows:
             turning = self._k.pose[i].turning
@@ -74,7 +78,9 @@ class Drives:
         ]
 
     def energy(self) -> list[Statement]:
-        """Statements that add the input power and the loss in a winding (W) to ``given`` and ``drive``."""
+        """Statements that add the power put in (W) to the variable ``given`` and the loss in a winding's resistance (W)
+        to ``drive``.
+        """
         out: list[Statement] = []
         for kind, i, numbers in self._rows:
             v = self._k.state.v

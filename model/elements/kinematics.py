@@ -93,8 +93,8 @@ class Kinematics:
         return _Pose(pivot, cosine(angle), sine(angle), speed, ways)
 
     def _lifted_key_pose(self, i: int, pivot: Vector, ways: dict[int, Vector | None]) -> _Pose:
-        """Pose of a key whose front is where it would be if the key turned by its coordinate and did not rise; adds the
-        rise to ``ways``.
+        """Pose of a key that can rise, whose coordinate is the angle which a key that cannot would need for the same
+        height of its front; adds to ``ways`` how the rise moves its points.
 
         The front is ``wanted`` above the pivot's place, ``up`` above the pivot, ``across`` beside it: with the rise r
         up = wanted - r, and the key turns at (wanted' - r') / across. A rise turns it about the point under the front.
@@ -128,7 +128,9 @@ class Kinematics:
         return (dx, dy) if body < 0 else (self.pose[body].pivot[0] + dx, self.pose[body].pivot[1] + dy)
 
     def ways(self, body: int, x: Expression, y: Expression) -> dict[int, Vector]:
-        """Velocity of the body's point that is at a world position, per unit speed of each coordinate."""
+        """Velocity (x, y) of the point of ``body`` that is at world position (``x``, ``y``), m, per unit speed of each
+        coordinate that moves it; empty for the ground.
+        """
         out: dict[int, Vector] = {}
         for k, centre in (self.pose[body].ways if body >= 0 else {}).items():
             if centre is not None:

@@ -38,7 +38,7 @@ class Spring:
 
 
 def springs(s: Structure, state: State) -> list[Spring]:
-    """Springs of the joints that are solved for, with torque T0 - k (q - q0) each."""
+    """Springs of the joints that are solved for, each with torque T0 - k (q - q0), N m, and no damping."""
     out = []
     for k, i in enumerate(s.spring):
         if i not in s.solved:

@@ -90,8 +90,9 @@ class Modes:
         return slot("w", row + self.first + k)
 
     def sums(self, row: int) -> list[Statement]:
-        """Statements that set ``sway`` and ``swing`` to the string's displacement (m) and its rate, sums of the modes
-        at ``row`` of the workspace."""
+        """Statements that set ``sway`` and ``swing`` to the string's displacement (m) and its rate (m/s), sums of the
+        modes at ``row`` of the workspace.
+        """
         return [
             Assign(variable("sway"), ZERO), Assign(variable("swing"), ZERO),
             loop_over(f"sum {row}", self.count, lambda i: [
@@ -163,8 +164,8 @@ def free_vibration(y: Any, u: Any, stiffness: Any, sigma: Any, turned: tuple[Any
 def string_contact_force(
     given: Arguments, give: Expression, curve: Curve, damping: Expression
 ) -> tuple[Expression, ...]:
-    """Whether felt presses on a string at ``given`` (depth, its rate), the force (N), and its part that a slow press
-    takes (N).
+    """Whether felt presses on a string at ``given`` (depth m, rate m/s), the force (N), and its part for a slow press
+    (N); ``give`` (m/N): of the modes left out; ``curve``: a, b, c; ``damping``: s/m.
 
     Felt and the modes left out, which give way by ``give`` (m/N) times the slow force, are springs in a row.
     """
@@ -220,7 +221,9 @@ class StringContact(Contact):
         return pressing, force, slow
 
     def forces(self) -> list[Statement]:
-        """Generalised forces without friction; the force on the string as ``on the string``."""
+        """Statements that add the contact's normal force, no friction, to the generalised forces, and set ``on the
+        string`` to it, N; not a number where it touches modes that rest.
+        """
         pressing, force = self.felt
         # modes that wait know of no contact: a step that comes upon it is tried again, shorter
         force = where(value_of("awake") > 0.0, force, NOT_A_NUMBER)
@@ -236,7 +239,9 @@ class StringContact(Contact):
         ]  # fmt: skip
 
     def energy(self, label: str = "") -> list[Statement]:
-        """Statements that add stored energy (J) and dissipated power (W) to names that end with ``label``."""
+        """Statements that add stored energy (J) of felt and string, and their dissipated power (W), to variables whose
+        names end with ``label``.
+        """
         modes, row = self.modes, self.modes.row
         pressing, force, slow = self._string_force
         x = self.depth_and_rate[0] - modes.give * slow
@@ -256,7 +261,9 @@ class StringContact(Contact):
     # what a step does with the modes ------------------------------------------------------------------------------
 
     def begin_step(self) -> list[Statement]:
-        """Statements that wake or rest the modes at the start of a step: set ``sway``, ``swing``, ``awake``."""
+        """Statements that wake the modes where the hammer is near, or let them vibrate freely where it is far, at the
+        start of a step; set ``sway`` (m), ``swing`` (m/s) and ``awake`` (1 or 0).
+        """
         m, x = self.modes, self.gap[0]
         since, first_time = read("w", W.Z + m.first + L.SINCE), read("w", W.S_COUNT) <= 0.0
         reach, now = read("w", W.S_REACH), read("w", W.NOW)
@@ -303,7 +310,8 @@ class StringContact(Contact):
         return [If(value_of("awake") > 0.0, [loop_over("weighed", m.count, one)])]
 
     def prepare_modes(self, inverse_gh: Expression, gh: Expression) -> list[Statement]:
-        """Statements that eliminate the modes from the stage equations; they set what share of a force change remains.
+        """Statements that eliminate the modes from the stage equations and set ``share``, what remains of a change of
+        force, 1 where they rest.
 
         ``gh`` is the method's gamma times the step, ``inverse_gh`` one over it.
         """
@@ -373,8 +381,9 @@ class StringContact(Contact):
         ]  # fmt: skip
 
     def known_sides(self, gh: Expression) -> list[Statement]:
-        """Statements for the right-hand sides of the modes' stage equations under the contact's force: set ``given``,
-        what they change it by."""
+        """Statements for the right-hand sides of the modes' stage equations under the contact's force, ``gh``: gamma
+        times the step; set ``given``, the change of that force by them.
+        """
         m = self.modes
 
         def one(i: Expression) -> list[Statement]:
@@ -397,7 +406,9 @@ class StringContact(Contact):
         ]  # fmt: skip
 
     def solve_modes(self, stage: Expression, more: Expression, gh: Expression) -> list[Statement]:
-        """Statements for the stages of the modes, from the change of the contact's force."""
+        """Statements that write the modes' part of ``stage``, from ``more``, the change of the contact's force, N, and
+        ``gh``, gamma times the step.
+        """
         m, behind = self.modes, intern("whole_multiply", stage, W.MOST_MEMORIES)
 
         def one(i: Expression) -> list[Statement]:

@@ -42,7 +42,9 @@ class Tip:
         return [If((self.depth > 0.0) & pressing, pushes)]
 
     def energy(self, label: str = "") -> list[Statement]:
-        """Statements that set energy stored (J) and power lost (W) in variables that end with ``label``."""
+        """Statements that, in touch, add stored energy (J) to ``energy`` and lost power (W) to ``felt``, variables
+        whose names end with ``label``.
+        """
         _, stored, lost = LAW.energy(self._felt, label)
         return [
             If(

@@ -43,7 +43,8 @@ class FeltLaw:
         raise NotImplementedError
 
     def response(self, time_s: ArrayLike, depth_m: ArrayLike) -> Response:
-        """Force and stored energy along a press, from a felt at rest.
+        """Force (n,), N, never negative, and stored energy (n,), J, along a press with depths ``depth_m`` (n,) at
+        increasing times, from a felt at rest.
 
         Rates are central differences. Between samples a memory that follows the slow curve sees that run straight; one
         that follows the way is exact for any sampling that has its turning points.

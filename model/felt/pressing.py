@@ -86,8 +86,9 @@ def _smooth_depth(depth_m: Array) -> Array:
 
 
 def check_pressing(name: str, time_s: ArrayLike, displacement_m: ArrayLike, force_n: ArrayLike) -> Pressing:
-    """Check one measured press and release, (n,) s, m, N; smooth its depths, thin it to at most `MOST_SAMPLES`;
-    ``name`` is for messages."""
+    """Check one press and release, (n,) s, evenly spaced, m and N, depth and force positive where pressed; smooth its
+    depths, thin it to at most `MOST_SAMPLES`. `InputError`, which begins with ``name``, else.
+    """
     t, x, f = (as_numbers(v, name, 1) for v in (time_s, displacement_m, force_n))
     if not len(t) == len(x) == len(f) or len(t) < FEWEST_SAMPLES:
         raise InputError(f"{name}: found {len(t)} samples, allowed at least {FEWEST_SAMPLES}")
@@ -108,7 +109,8 @@ def check_pressing(name: str, time_s: ArrayLike, displacement_m: ArrayLike, forc
 
 
 def read_pressing(path: str | Path) -> Pressing:
-    """Read one press and release from a CSV file with ``time_s,displacement_m,force_n``.
+    """Read one press and release from a CSV file with ``time_s,displacement_m,force_n`` (other columns are not read);
+    depths are smoothed, long records thinned, one without a release is refused.
 
     Parameters
     ----------

@@ -41,7 +41,8 @@ KNOTS: dict[str, tuple[list[float], list[float]]] = {
 
 
 def force_table(name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Times and forces of a named blow.
+    """Times (k,), s, and forces (k,), N, down on the key, of a built-in blow: ``forte``, ``thesis-forte``, ``piano``,
+    ``double`` or ``fortissimo``.
 
     Parameters
     ----------

@@ -26,7 +26,8 @@ PEAKS_N = (0.2, 300.0)  # an up weight is 0.2 N; the loudest strokes reach 50 to
 def check_force_table(
     time_s: ArrayLike, force_n: ArrayLike, where: str = "force table", column: str = "force_n"
 ) -> tuple[Array, Array]:
-    """Check a force table and return it as arrays.
+    """Return increasing times (k,), s, and forces (k,), N, as arrays; `InputError` names ``where``, ``column`` and the
+    first row that cannot be used.
 
     Parameters
     ----------
@@ -58,7 +59,8 @@ def check_force_table(
 
 
 def read_force_table(path: str | Path, column: str = "force_n") -> tuple[Array, Array]:
-    """Read a force table from a CSV file with the columns ``time_s,force_n``.
+    """Read times (k,), s, and forces (k,), N, from a CSV file with the columns ``time_s`` and ``column`` and no others
+    (``torque_nm``: torques, N m).
 
     Parameters
     ----------
@@ -111,7 +113,9 @@ def _longest_stretch(times: Array, forces: Array, level: float) -> float:
 
 
 def _blow_seconds(times: Array, forces: Array) -> tuple[float, float]:
-    """Durations, s, of the press without a pause, and of the rise of the force to its peak."""
+    """Longest time, s, for which the force stays above a low share (`RISE`) of its peak, and the time, s, of its last
+    rise from that share to the high one.
+    """
     peak = int(np.argmax(forces))
     most, until = float(forces[peak]), slice(0, peak + 1)
     low = np.flatnonzero(forces[until] <= RISE[0] * most)

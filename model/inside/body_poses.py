@@ -44,8 +44,9 @@ def observe_poses(
     force_n: Array,
     normal_n: Array | None = None,
 ) -> SeenMotion:
-    """Poses and contacts at states (m, n) under forces (m,) on the key; ``normal_n`` (m, contacts) are needed where
-    felt remembers or a string is struck."""
+    """Poses, contact points, depths and forces at states (m, n), rad, rad/s, under forces (m,), N, on the key;
+    ``normal_n`` (m, contacts), N, must be given where felt remembers, a string, joints that give or a drive take part.
+    """
     scene_of_places = scene
     if normal_n is None:
         found = [*scene.what_remembers, *dict.fromkeys(f"{body}_pin" for body, _ in scene.pins)]

@@ -35,8 +35,8 @@ def draw_sheet(
     path: str | Path,
     events_s: Mapping[str, float] | None = None,
 ) -> None:
-    """Write the inside view of a blow, which the solution must hold, to one sheet; ``force_n`` (m,) at its times,
-    ``events_s`` name -> time.
+    """Write the inside view of a blow, which ``solution`` must hold, to ``path`` (.svg, .pdf or .png), in place of a
+    file there; ``force_n`` (m,): the run's input at its times; ``events_s``: name -> time, s.
 
     Parameters
     ----------

@@ -128,7 +128,8 @@ class _Record:
 def observe(
     scene: Scene, states: States, time_s: ArrayLike, start: float, input_time_s: ArrayLike, value: ArrayLike
 ) -> Inside:
-    """Forces, accelerations, sliding and losses along a motion that the function ``states`` gives at any times.
+    """Forces, accelerations, sliding and losses at ``time_s`` along a motion: ``states`` gives angles, speeds (and
+    internal variables) at any times from ``start``, s; ``value`` (k,): input at ``input_time_s``.
 
     Parameters
     ----------

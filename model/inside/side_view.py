@@ -39,7 +39,9 @@ class SideView:
 
 
 def side_view(inside: Inside | SeenMotion) -> SideView:
-    """Geometry of the bodies that take part in a motion."""
+    """Curves of contact surfaces, by body (also ``ground``), and stick figures as pairs of points (k, 2, 2), both in
+    the frame of each body, m, near where the motion touches them.
+    """
     scene = inside.scene
     bodies = (*inside.bodies, GROUND)
     surfaces: dict[str, list[Shape]] = {body: [] for body in bodies}
@@ -77,7 +79,7 @@ def _rows_near_contact(inside: Inside | SeenMotion, c: int) -> NDArray[np.bool_]
 
 
 def _to_body_frame(inside: Inside | SeenMotion, body: str, point: Array) -> Array:
-    """World points (m, 2) in the frame of a body."""
+    """World points (m, 2), m, in the frame of ``body`` as it is posed at each of the m times."""
     if body == GROUND:
         return point
     pose = inside.pose[:, inside.bodies.index(body)]

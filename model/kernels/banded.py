@@ -30,7 +30,9 @@ def multiply_rows(vector, first, rows):
 
 @kernel
 def inverse_band(factor):
-    """Return the band of (U^T U)^-1 from the band of U, ``factor``, in the same form (Takahashi's recursion)."""
+    """Band of (U^T U)^-1 (Takahashi's recursion) from U, ``factor``; both as SciPy's upper form (b + 1, n): entry (i,
+    j) of the matrix at [b + i - j, j].
+    """
     b = factor.shape[0] - 1
     n = factor.shape[1]
     out = np.zeros_like(factor)
@@ -48,7 +50,8 @@ def inverse_band(factor):
 @kernel
 def row_variances(inverse, first, rows):
     """Return row · matrix · row^T (r,) for each of ``rows`` (r, k), which begin at columns ``first`` (r,), from the
-    band ``inverse`` of the matrix."""
+    band ``inverse`` (b + 1, n), SciPy's upper form, of the symmetric matrix.
+    """
     b = inverse.shape[0] - 1
     out = np.zeros(rows.shape[0])
     for r in range(rows.shape[0]):
@@ -61,7 +64,7 @@ def row_variances(inverse, first, rows):
 
 @kernel
 def window_means(x, low, high):
-    """Mean of ``x`` from ``low`` to before ``high`` for each pair, (r,)."""
+    """Means (r,) of ``x`` from index ``low`` (r,) to before ``high`` (r,)."""
     out = np.zeros(low.shape[0])
     for r in range(low.shape[0]):
         for k in range(low[r], high[r]):

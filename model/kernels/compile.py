@@ -129,7 +129,9 @@ def _compile_inner(function: Callable[..., Any], options: dict[str, Any], keep: 
 
 
 def _compile_cached(*signature: Any, inner: bool = False, **options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Decorator: compile without the GIL and cache the machine code in ``FOLDER``."""
+    """Decorator: compile with numba, without the GIL, at once where a ``signature`` is given, and cache the machine
+    code in ``FOLDER``; ``inner``: for calls from compiled code.
+    """
 
     def decorate(function: Callable[..., Any]) -> Any:
         before = numba_config.CACHE_DIR

@@ -13,8 +13,8 @@ SETTLING = 60  # steps of a few delays each, until the current is where the firs
 
 @kernel
 def integrate_torque(amplifier_kernel, lumps, source_limit, command, turned, interval, softness, out):
-    """Fill ``out`` (p, k) with the motor's torque, N m, at the ends of all substeps, for rows of ``lumps`` (p, 7);
-    ``command`` (V) by samples ``interval`` (s) apart.
+    """Fill ``out`` (p, k) with the motor's torque, N m, at the ends of substeps, for ``lumps`` (p, 7); ``command`` (V)
+    every ``interval`` s, ``turned`` (k,): motor's angle, rad, ``source_limit`` (p,), ``softness``: of limits.
 
     Equations: `model.drive.lumps`; ``amplifier_kernel`` is that of `model.codegen.single_element`; ``turned`` the angle
     of the motor, rad, at the ends of all substeps.

@@ -75,8 +75,9 @@ def rest_angle(action: Action, choice: SceneChoice) -> float:
 
 
 def prescribed_angle(free: Scene, body: str, coordinates: Array, p: Array) -> float:
-    """Angle (rad) of ``body`` that a motion would prescribe, from the ``coordinates`` (n + g,) of the scene ``free`` of
-    that motion and its parameters ``p``."""
+    """Angle (rad) of ``body`` that a motion would prescribe at ``coordinates`` (n + g,) of ``free``, its scene without
+    a motion, with parameters ``p``: for a key that rises, the angle that puts a fixed key's front there.
+    """
     angle, rise = float(coordinates[free.bodies.index(body)]), 0.0
     if body != "key":
         return angle
@@ -98,8 +99,9 @@ def run_prescribed(
     method: str = DEFAULT_METHOD,
     energy: bool = False,
 ) -> PrescribedRun:
-    """Run the action under a prescribed motion of the key, arm or finger, from rest at its first angle; ``energy``:
-    with the audit of what holds the motion."""
+    """Run the action under a prescribed motion of the key, arm or finger, from balance at its first angle; states (m,
+    n) at ``output_time_s``, s, force (m,), N, that holds it, the rail's, and with ``energy`` the audit.
+    """
     choice = choice_of(action, choice)
     action = choice.apply_to(action)
     action = with_modes(action, tolerance)
@@ -133,8 +135,9 @@ def run_prescribed(
 def run_prescribed_lanes(
     runs: Sequence[tuple[Action, KeyMotion, Array]], *, tolerance: float
 ) -> list[PrescribedMotion | ModelError]:
-    """Motions, or errors, of ``runs`` (action, motion, output times (m,)) in order, side by side in lanes where the
-    machine has them."""
+    """Motions, without forces, of ``runs`` (action, motion, output times (m,), s) in their order, or the error of each
+    that fails; integrated side by side where the processor has wide vectors.
+    """
     out: list[PrescribedMotion | ModelError] = [ModelError("not run")] * len(runs)
     alike: dict[object, list[tuple[int, _Prescribed, Plan]]] = defaultdict(list)
     for i, (action, motion, output_time_s) in enumerate(runs):
@@ -182,8 +185,9 @@ class _Prescribed:
         method: str = DEFAULT_METHOD,
         energy: bool = False,
     ) -> _Prescribed:
-        """Build the simulation of a prescribed motion, at rest at its first angle, with times counted from its
-        start."""
+        """Build (not run) the simulation of a prescribed motion, in balance at its first angle; times are counted from
+        the motion's start.
+        """
         # from zero on: a clock that has run for days has few digits left for a step
         start = float(motion.break_s[0])
         motion, times = KeyMotion(motion.break_s - start, motion.coefficient), output_time_s - start
@@ -221,8 +225,9 @@ def key_load(
     vector: Array | None = None,
     memory: Array | None = None,
 ) -> tuple[Array, Array]:
-    """Force (N, down) or torque (N m) (m,) that holds the last coordinate to its motion, and the pivot's force on the
-    key (m,), N, up; states (m, n) of all coordinates."""
+    """Force (N, down) or torque (N m) (m,) that holds the last coordinate to its motion of ``acceleration`` (m,), and
+    the joint's force on the key (m,), N, up; ``angles``, ``speeds`` (m, n) of all coordinates.
+    """
     p, states = scene.vector if vector is None else vector, (angles, speeds)
     wanted = acceleration_of_input(scene.tables, p, states, acceleration, memory)
     found = bodies_at(scene.tables, p, states, memory, prescribed=wanted)

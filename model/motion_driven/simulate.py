@@ -118,7 +118,8 @@ class MotionDriven(Moved, ArrayRecord):
         return tensions(self.time_s, np.where(self.lifted, self.rail_n, np.abs(self.rail_n)))
 
     def half_width_share(self) -> float:
-        """Half the 95 % interval of the force as a share of it: at the largest force or rms, whichever is larger.
+        """Half the 95 % interval of the force as a share of it, the larger of two: at the largest force, and rms over
+        rms; without samples where the key would lift; NaN without an ensemble.
 
         Samples where the key would lift do not count. NaN without an ensemble; from 0.5 the force says next to nothing.
         """
@@ -129,7 +130,9 @@ class MotionDriven(Moved, ArrayRecord):
         return max(rms, float(half[np.argmax(force)] / np.max(force)))
 
     def columns(self) -> dict[str, Array]:
-        """Columns by name, in the order of the command's output file."""
+        """Columns of the output file in order: ``time_s``, ``force_n``, ``u_force_n``, (``torque_nm``,)
+        ``key_joint_y_n``, ``key_lifted``, angles (rad), speeds (rad/s) by body, then string and joints.
+        """
         out = {"time_s": self.time_s, "force_n": self.force_n, "u_force_n": self.u_force_n}
         if self.arm_m is not None:
             out["torque_nm"] = self.arm_m * self.force_n
@@ -242,7 +245,9 @@ def simulate_motion(
 def _ensemble_deviation(
     run: Callable[[KeyMotion], PrescribedRun], fit: KeyFit, mean: PrescribedRun, options: MotionDrivenOptions
 ) -> tuple[Array, Array]:
-    """Root mean square departure of force (m,) and angles (m, n) of drawn motions from the mean; NaN without any."""
+    """Root mean square departure of force (m,) and angles (m, n) from ``mean``, of motions drawn from ``fit`` (as many
+    as ``options.members``) and simulated by ``run``; NaN without any.
+    """
     force_square, angle_square = np.zeros(mean.force_n.shape), np.zeros(mean.angle_rad.shape)
     if not options.members:
         return force_square * np.nan, angle_square * np.nan

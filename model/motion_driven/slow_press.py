@@ -110,7 +110,8 @@ def slow_press(
     hold_s: float = HOLD_S,
     tolerance: float = DEFAULT_TOLERANCE,
 ) -> Press:
-    """Move the key front to each of ``dips_m`` (m below rest) in turn, at a steady speed.
+    """Move the key front, from ``rest_rad`` (n,), to each of ``dips_m`` (m below rest) in turn, at ``speed_m_per_s``,
+    resting ``hold_s`` at each; dip, force (N, down), angles, contact forces and hammer height over time.
 
     Parameters
     ----------

@@ -81,7 +81,9 @@ LARGEST_U_RAD = 0.1  # rad, of a resolution, jitter or zero: twice a key's whole
 
 
 def check_motion_table(time_s: ArrayLike, key_rad: ArrayLike, where: str = "key motion") -> tuple[Array, Array]:
-    """Times and angles (n,) that can be used; lost ones (NaN) are left out. ``InputError`` names the first bad row."""
+    """Return increasing times, s, and angles, rad, as arrays without the lost ones (NaN); ``InputError`` for too few or
+    many rows, or the first row that cannot be used.
+    """
     times, angles = two_columns(time_s, key_rad, where)
     lost = np.isnan(angles)
     check_rows(times, angles, where, "key_rad", LARGEST_KEY_RAD, lost)
@@ -92,7 +94,8 @@ def check_motion_table(time_s: ArrayLike, key_rad: ArrayLike, where: str = "key 
 
 
 def read_motion_table(path: str | Path, scene: SceneChoice | str | Path = "whole") -> tuple[Array, Array]:
-    """Read the motion of a key from a CSV file with the columns ``time_s,key_rad``.
+    """Read times, s, and angles, rad, without lost ones (NaN), from a CSV file with the columns ``time_s,key_rad``
+    (``motor_rad`` or ``finger_rad`` where ``scene`` has an arm or finger).
 
     Parameters
     ----------
@@ -164,7 +167,9 @@ class KeyFit:
         return self.motion(self.coefficients + away + u_zero_rad * random.standard_normal())
 
     def evaluate(self, time_s: ArrayLike) -> tuple[Array, Array]:
-        """Angle (rad), speed, acceleration at times (k,) and their standard uncertainties; (k, 3) each."""
+        """Angle (rad), speed (rad/s) and acceleration (rad/s^2), columns of (k, 3), at times (k,), s, and their
+        standard uncertainties, (k, 3) too.
+        """
         times = np.asarray(time_s, dtype=float)
         value, u = np.empty((len(times), 3)), np.empty((len(times), 3))
         for order in range(3):
@@ -279,8 +284,9 @@ def _fit_spline(
 def fit_key_motion(
     time_s: ArrayLike, key_rad: ArrayLike, *, resolution_rad: float | None = None, jitter_rad: float | None = None
 ) -> KeyFit:
-    """Fit a spline to measured angles (n,) of the key, NaN where lost; by default the count's width and the jitter
-    (rad) are estimated."""
+    """Fit a spline to measured angles (n,), rad, of the key, NaN where lost, for angle, speed and acceleration with
+    uncertainties; width of a count and jitter (rad): None, estimated.
+    """
     times, angles = check_motion_table(time_s, key_rad)
     for name, value in (("resolution", resolution_rad), ("jitter", jitter_rad)):
         if value is not None and not 0.0 <= value <= LARGEST_U_RAD:

@@ -56,7 +56,8 @@ def simulate(
     output_time_s: ArrayLike | None = None,
     initial: RestState | None = None,
 ) -> Solution:
-    """Predict the motion of the null model under a force on the key; a stand-in for ``model.simulate``.
+    """Predict all bodies' motion by the null model (one degree of freedom and a hammer that can fly) under a force
+    table on the key (N, down); called as ``model.simulate``, but ``tolerance`` does not act.
 
     Parameters
     ----------
@@ -158,7 +159,9 @@ def _constants(action: Action, reduced: Reduced) -> Constants:
 
 
 def _interpolate_angles(reduced: Reduced, time_s: Array, rows: Array, at: Array) -> tuple[Array, Array]:
-    """Angles and speeds (m, 5) at times ``at`` from rows of (s, w, phi, omega, riding) at ``time_s``."""
+    """Angles and speeds (m, 5) of the bodies at times ``at`` from rows of (key turn, its rate, hammer turn, its rate,
+    whether it rides), rad, rad/s, at ``time_s``.
+    """
     s, w, phi, omega = (np.interp(at, time_s, rows[:, k]) for k in range(4))
     step = np.clip(np.searchsorted(time_s, at, side="right") - 1, 0, len(time_s) - 1)
     riding = rows[step, 4] > 0.0

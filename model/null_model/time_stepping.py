@@ -43,7 +43,8 @@ class Constants(NamedTuple):
 
 
 def restitution(speed_m_per_s: float, damping: float) -> float:
-    """Rebound speed over impact speed of a mass on felt F = g(x)(1 + D dx/dt).
+    """Rebound speed over impact speed, 0 to 1, of a mass that meets felt of force F = g(x)(1 + D dx/dt) at
+    ``speed_m_per_s``, m/s; ``damping``: D, s/m.
 
     From v dv/dx = -g(x)(1 + D v)/m both ways, v/D - log(1 + D v)/D^2 is the same in and out whatever g and m are.
 
@@ -135,8 +136,9 @@ def _gravity(n: Constants, phi: float) -> float:
 def integrate(
     joined: Array, away: Array, check: Array, n: Constants, s: float, h: float, force: Array, rows: Array
 ) -> None:
-    """Fill ``rows`` (m, 5) from key turn ``s`` (rad) at rest, the hammer riding, in steps ``h`` (s) under ``force`` (2
-    m - 1,), N, at half steps; ``joined``, ``away`` (p, 7) are tables of the paths."""
+    """Fill ``rows`` (m, 5): key turn, rate, hammer turn, rate, 1 where it rides; from key turn ``s`` (rad) at rest in
+    steps ``h`` (s), under ``force`` (2 m - 1,), N, at half steps. ``joined``, ``away`` (p, 7): paths; ``check`` (p,).
+    """
     w, mode, jack_out = 0.0, RIDING, False
     phi, omega = n.up * (_interpolate(joined, n, s, ANGLE) - n.rest), 0.0
     for k in range(len(rows)):

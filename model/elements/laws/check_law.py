@@ -61,7 +61,9 @@ def locate(law: Law) -> str:
 
 
 def call_method(law: Law, method: str, *arguments: Any) -> Any:
-    """Return what a method of a law returns; an error in it ends in one line that names the law."""
+    """Return what a method of a law returns; any error in it becomes an `InputError` of one line that names law and
+    method.
+    """
     try:
         return getattr(law, method)(*arguments)
     except InputError as error:

@@ -92,7 +92,9 @@ class Law:
         return [self.anew or 0.0] * memories
 
     def refuse_softening(self, contact: str, curve: tuple[float, float, float]) -> None:
-        """Refuse a loading curve with a negative slope, on which a hereditary law would generate energy."""
+        """Raise `InputError` for a loading ``curve`` (a, b, c of a x^3 + b x^2 + c x) with a negative slope, on which a
+        hereditary law would generate energy.
+        """
         a, b, c = curve
         if b < 0.0 and b * b > 3.0 * a * c * (1.0 + 1e-9):
             raise InputError(
