@@ -97,7 +97,9 @@ def simulate(
     initial: RestState | State | None = None,
     **keywords: Unpack[ForceDrivenKeywords],
 ) -> Solution:
-    """Predict the motion of all five bodies under a force on the key.
+    """Predict the motion of all bodies under a table of times, s, and forces, N, down on the key (or of motor, drive or
+    finger, as ``scene`` says), or under a recorded trial's; from ``initial``, by default at rest (a record: under its
+    preload).
 
     Parameters
     ----------

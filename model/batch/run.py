@@ -241,7 +241,8 @@ def simulate_many(
     store: str | Path | Store | None = None,
     **keywords: Unpack[BatchKeywords],
 ) -> list[Member]:
-    """Simulate every trial with every parameter set; members by set, then trial, each with its solution or its error.
+    """Simulate every trial (times s, forces N, or a record) with every parameter set (path -> value; None: the action
+    as it is); members by set, then trial, each with its solution or error; read from and kept in the folder ``store``.
 
     A member computed by itself is the same, to the last bit, as a single `simulate`. Many members of one structure are
     advanced side by side in the lanes of the processor's vector registers, about four times as fast with AVX-512: then

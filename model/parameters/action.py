@@ -146,7 +146,8 @@ class Action(Tabular):
         return found.value
 
     def with_values(self, overrides: Mapping[str, float], where: str = "`overrides`") -> Action:
-        """Return a copy with other values; ``{"contact04.friction": 0}`` switches that law off.
+        """Return a copy with other values by path, each in its quantity's unit and range, else `InputError`; 0 for a
+        law, such as ``{"contact04.friction": 0}``, switches it off.
 
         ``where`` is the source of the values in messages.
         """
@@ -205,7 +206,9 @@ _OFF_SWITCHES = {"friction": ("A",), "joint_friction": ("A",)}
 
 
 def _expand(path: str, value: float, quantities: Mapping[str, Quantity]) -> list[str]:
-    """Parameter paths that an override sets: its path, or for 0 those that switch a contact, spring or friction off."""
+    """Parameter paths that an override sets: its path, or, for the value 0 of a contact, spring, law or friction, those
+    that switch it off; `InputError` for any other.
+    """
     if path in quantities:
         return [path]
     last = path.split(".")[-1]
@@ -277,7 +280,9 @@ def _template() -> tuple[dict[str, str], dict[str, str]]:
 
 
 def find_action(name_or_path: str | Path) -> Path:
-    """File of a built-in parameter set, or the path of a file; `InputError` lists the built-in names."""
+    """File of a built-in parameter set, or the path given where it ends in .toml (it need not exist) or exists; else
+    `InputError`, which lists the built-in names.
+    """
     text = str(name_or_path)
     built_in = ACTIONS / f"{text}.toml"
     if built_in.parent == ACTIONS and built_in.is_file():
@@ -291,7 +296,9 @@ def find_action(name_or_path: str | Path) -> Path:
 
 
 def _scene_lists(table: Any, where: str) -> dict[str, tuple[str, ...]]:
-    """Lists of the table ``scene`` of a file; which names they may hold is for the scene to say."""
+    """Lists of names in the table ``scene`` of an action's file, by key, empty ones left out; `InputError` for another
+    key or no list; the names are not checked here.
+    """
     if not isinstance(table, dict):
         raise InputError(f"{where}: {SCENE}: found {table!r}, allowed a table with {', '.join(SCENE_LISTS)}")
     for key, names in table.items():
@@ -303,7 +310,8 @@ def _scene_lists(table: Any, where: str) -> dict[str, tuple[str, ...]]:
 
 
 def load_action(name_or_path: str | Path = TEMPLATE, overrides: Mapping[str, float] | None = None) -> Action:
-    """Read and check a parameter set.
+    """Read and check a parameter set, built in (``hirschkorn2004``, ``hirschkorn2004-regulated``) or a TOML file, then
+    set ``overrides``, path -> value in the quantity's unit.
 
     Parameters
     ----------
@@ -416,7 +424,8 @@ def action_text(action: Action, comment: Sequence[str] = ()) -> str:
 
 
 def write_action(action: ActionLike, path: str | Path, comment: Sequence[str] = ()) -> None:
-    """Write an action to a TOML file, whole or not at all.
+    """Write an action to a TOML file ``path``, whole or not at all, in place of a file that is there; ``comment``:
+    lines for its head.
 
     Parameters
     ----------

@@ -132,7 +132,9 @@ def check_value(path: str, value: Any, where: str) -> float:
 
 
 def read_quantity(path: str, table: Any, unit: str, where: str) -> Quantity:
-    """Check one quantity table of a file against the expected ``unit``."""
+    """Quantity from its table in a file, which must have value, unit, u, basis and source; `InputError` where one is
+    missing or wrong, or the unit is not ``unit`` (nothing is converted).
+    """
     if not isinstance(table, dict):
         raise InputError(
             f'{where}: {path}: found {table!r}, allowed a table {{ value, unit = "{unit}", u, basis, source }}'

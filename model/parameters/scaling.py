@@ -62,8 +62,8 @@ def named_paths(action: Action, name: str, where: str) -> list[str]:
 
 
 def scale_parameters(action: ActionLike, factors: Mapping[str, float]) -> Action:
-    """A copy of ``action`` with parameters multiplied, in the order given; warns of values that its felt's law does not
-    have.
+    """Copy of ``action`` with parameters multiplied by ``factors`` (path, pattern, law or group -> factor), in the
+    order given; those that a felt's law does not have are left out, with a warning.
 
     Parameters
     ----------

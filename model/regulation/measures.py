@@ -77,7 +77,8 @@ ALLOWED_M = {
 
 
 def targets_at(wanted_m: Mapping[str, float] | None = None) -> tuple[RegulationTarget, ...]:
-    """The seven targets of thesis Section 2.3, those named in ``wanted_m`` (name -> m) at another length.
+    """Targets ``dip``, ``hammer_height``, ``jack``, ``repetition``, ``let_off``, ``drop`` and ``check`` with the
+    thesis's lengths, or those of ``wanted_m`` (name -> m); `InputError` for another name or range.
 
     Parameters
     ----------
@@ -167,8 +168,8 @@ def pivot_displacements(action: Action, rest_rad: Array) -> dict[str, complex]:
 def contact_penetration(
     action: Action, contact: str, angle_rad: ArrayLike, displacements: Mapping[str, complex] | None = None
 ) -> ContactGeometry:
-    """Penetration, normal and first centre of a contact, stiff or not, at angles (n,) rad, the five bodies' first;
-    ``displacements`` (m) of pivots by body.
+    """Penetration, m (negative: open), unit normal from second to first surface and centre of the first, x + iy in the
+    world, of a contact at angles (n,), rad, the five bodies' first; ``displacements``: x + iy, m, of pivots by body.
 
     Geometry alone; points and directions are complex numbers in the world frame, x right, y up. ``displacements`` are
     displacements of pivots, m.
@@ -227,7 +228,9 @@ def first_touch_angle(action: Action, key_rest_rad: float, pivot_displacement: c
 
 
 def measure_at_rest(action: Action, rest_rad: Array | None = None) -> dict[str, float]:
-    """Dip, hammer height, jack and repetition lever (m) of an action at rest in its scene, (n,) rad."""
+    """Lengths, m, by target: ``dip``, ``hammer_height``, ``jack``, ``repetition`` (the gap under the knuckle), of an
+    action at rest at ``rest_rad`` (n,), rad; None: as a hand sets it up.
+    """
     q = hand_set_rest(action) if rest_rad is None else rest_rad
     moved, touch = pivot_displacements(action, q), q.copy()
     touch[BODIES.index("key")] = first_touch_angle(action, float(q[BODIES.index("key")]), moved.get("key", 0j))
@@ -255,7 +258,8 @@ def _component(point: complex, direction: complex) -> float:
 
 
 def measure_press(action: Action, rest_rad: Array, dip_m: float) -> tuple[dict[str, float], dict[str, str], Press]:
-    """Let-off and drop (m) in a slow press to first touch of the key-front felt, remarks, and the press itself.
+    """Slow press from ``rest_rad`` (n,), rad, to ``dip_m``: lengths, m, of ``let_off`` and ``drop`` by name, NaN where
+    the jack does not let go; remarks by name that say so; and the press itself.
 
     Let-off is the hammer's smallest distance from the string before the knuckle slips off the jack's edge, drop its
     distance when it then rests on the repetition lever with the key down.
@@ -278,7 +282,9 @@ def medium_blow() -> tuple[Array, Array]:
 
 
 def measure_blow(action: Action, rest_rad: Array) -> tuple[dict[str, float], dict[str, str]]:
-    """Height (m) at which the back check holds the hammer after a medium blow, and remarks."""
+    """Blow of medium force from ``rest_rad`` (n,), rad: the hammer's distance, m, from the string where the back check
+    holds it, as ``check``, NaN where it does not; and a remark by name that says why.
+    """
     times, force = medium_blow()
     start = State(float(times[0]), np.array(rest_rad, dtype=float), np.zeros(len(rest_rad)))
     end = simulate(action, times, force, initial=start, output_time_s=times[-1:], contact_forces=True)
@@ -292,7 +298,8 @@ def measure_blow(action: Action, rest_rad: Array) -> tuple[dict[str, float], dic
 
 
 def measure(action: ActionLike, progress: Callable[[str], None] | None = None) -> TargetValues:
-    """Measure the seven regulation targets of an action: at rest, in a slow press and in a medium blow.
+    """Measure the seven regulation targets of an action, m, at rest, in a slow press and in a medium blow; NaN with a
+    remark where one cannot be; ``progress`` is called with a short text at each step.
 
     Parameters
     ----------

@@ -87,7 +87,9 @@ class Regulation:
 
 
 def _clear_screws(bench: Bench, say: Say) -> None:
-    """Turn away screws that are close at rest: button and drop screw up, back check back; changes ``bench``."""
+    """Turn screws that are close to other parts at rest out of the way: button and drop screw up, back check back;
+    changes ``bench``; `RegulationError` where one still presses.
+    """
     for name, (contact, way) in AT_REST_CLEAR.items():
         low, high = bench.limits(name)
         away = way * LARGEST_TURN
@@ -102,7 +104,9 @@ def _clear_screws(bench: Bench, say: Say) -> None:
 
 
 def _regulate_dynamic_targets(bench: Bench, say: Say) -> None:
-    """Turn the screws of let-off, drop and back check of ``bench`` until each target is met."""
+    """Turn the screws of let-off, drop and back check of ``bench`` in turn until each target is met; `RegulationError`
+    at the first that is not, with what would help.
+    """
     for name in IN_MOTION:
         error = turn_screw(bench, name, say)
         if abs(error) <= TOLERANCE:
@@ -175,7 +179,8 @@ def regulate(
     progress: Callable[[str], None] | None = None,
     wanted_m: Mapping[str, float] | None = None,
 ) -> Regulation:
-    """Regulate an action: find the positions of the screws that meet the seven targets of thesis Section 2.3.
+    """Find the positions of the screws that meet the seven targets of regulation, at the thesis's lengths or
+    ``wanted_m`` (name -> m), and the action with them, a copy; `RegulationError` where one cannot be met.
 
     Parameters
     ----------

@@ -70,7 +70,9 @@ class Scene(Tabular, ArrayRecord):
         return f"<Scene of {', '.join(self.bodies)}: {len(self.contacts)} contacts{motion}>"
 
     def columns(self) -> dict[str, Any]:
-        """One row for each contact: its name, the two parts that touch, and their shape and law of felt."""
+        """Columns with one row for each contact: ``contact``, ``first`` and ``second`` (bodies that touch, or
+        ``ground``), ``shape`` of the second's surface and ``law`` of felt.
+        """
         parts, laws = (*self.bodies, "ground"), {law.number: name for name, law in LAWS.items()}
         shapes = {number: name for name, number in SHAPES.items()}
         first, second, shape, _, law, _ = self.tables.contact.T
@@ -152,7 +154,9 @@ class Scene(Tabular, ArrayRecord):
 
 
 def _coordinates(choice: SceneChoice, motion: KeyMotion | None) -> list[str]:
-    """Names of the coordinates in order: bodies, then what effects add; what is prescribed comes last."""
+    """Names of the coordinates in order: bodies, then what effects add; what a ``motion`` prescribes comes last;
+    `InputError` for more than the kernels can take.
+    """
     out = [*choice.bodies]
     effects = ((ARM, MOTOR), (MOTOR_DRIVE, WINDING), (FINGER, FINGER), (RAIL, KEY_LIFT), ("shank", SHANK))
     for effect, coordinate in effects:  # the winding follows the motor that it turns
@@ -182,7 +186,9 @@ def _parent_index(action: Action, bodies: list[str], body: str) -> int:
 
 
 def _body_numbers(action: Action, bodies: list[str], body: str) -> list[float]:
-    """Pivot, centre of mass, mass, inertia and joint friction of a coordinate's body."""
+    """Nine numbers of a coordinate's body: pivot x, y, centre of mass x, y (m), mass (kg), inertia (kg m^2), A, B1, B2
+    of joint friction; of a winding the inductance as inertia.
+    """
     if body == KEY_LIFT:
         friction = action[f"{RAIL}.guide_friction.A"]
         return [action["key.pivot.x"], action["key.pivot.y"], 0.0, 0.0, 0.0, 0.0, friction, 0.0, 0.0]
@@ -205,7 +211,9 @@ def _body_numbers(action: Action, bodies: list[str], body: str) -> list[float]:
 
 
 def _springs(action: Action, choice: SceneChoice, bodies: list[str]) -> list[tuple[int, list[float]]]:
-    """Coordinate (index) and torque, stiffness and angle of each spring that has any torque."""
+    """Coordinate (index) with torque (N m), stiffness (N m/rad) and angle (rad) of each spring: of jack and repetition
+    lever where they have torque, of motor arm, finger and shank.
+    """
     out = []
     for b in (b for b in ("jack", "repetition") if b in bodies and f"{b}_spring" not in choice.without):
         numbers = [action[f"{b}_spring.{k}"] for k in ("torque", "stiffness", "angle")]
@@ -231,7 +239,8 @@ def _table(rows: list, width: int) -> NDArray[np.int64]:
 
 
 def _pins(action: Action, choice: SceneChoice, bodies: Sequence[str]) -> tuple[list[list[int]], list[float]]:
-    """Body and direction (0 right, 1 up) of each compliant joint direction, and their numbers in p.
+    """Index of the body and direction (0 right, 1 up) of each compliant joint direction, and in a row stiffness (N/m),
+    damping (N s/m) and load (N) of each.
 
     A key on its balance rail gives to the side only.
     """
@@ -250,7 +259,8 @@ def _pins(action: Action, choice: SceneChoice, bodies: Sequence[str]) -> tuple[l
 
 
 def build_scene(action: ActionLike, choice: SceneChoice | None = None, key_motion: KeyMotion | None = None) -> Scene:
-    """Scene of the whole action, or of what ``choice`` leaves out and adds.
+    """Tables of numbers for the kernels, of the bodies, contacts and effects of ``choice`` (None: what the action
+    says), driven by force on the key or what presses it, or by ``key_motion`` instead.
 
     Driven by a force on the key, by what presses it where the choice has that, or by the motion of the key.
 

@@ -73,8 +73,8 @@ class KeyMotion(ArrayRecord):
         return KeyMotion(self.break_s, rows)
 
     def pack_numbers(self, front: tuple[float, float] | None = None) -> list[float]:
-        """Number of pieces, their times and coefficients, as kernels read them; a motion that lifts the ``front`` (x,
-        y) too far is refused.
+        """Number of pieces, break times (s) and coefficients in a row, as kernels read them; `InputError` for a motion
+        that takes ``front`` (x, y in the key's frame, m) too far from its pivot's height.
 
         A ``front`` of the key's frame that it moves must stay where bounds on gaps hold.
         """
@@ -90,7 +90,9 @@ class KeyMotion(ArrayRecord):
         return [float(len(self.break_s) - 1), *self.break_s.tolist(), *self.coefficient.ravel().tolist()]
 
     def evaluate(self, time_s: ArrayLike) -> Array:
-        """Angle (rad), speed and acceleration at times (k,) within the breaks; (k, 3)."""
+        """Angle (rad), speed (rad/s) and acceleration (rad/s^2), columns of (k, 3), at times (k,), s, within the
+        breaks.
+        """
         times = as_numbers(time_s, "times of a key motion", 1)
         k = np.clip(np.searchsorted(self.break_s, times, side="right") - 1, 0, len(self.coefficient) - 1)
         x, row, out = times - self.break_s[k], self.coefficient[k], []

@@ -159,7 +159,9 @@ def check_drive(action: Action) -> None:
 
 
 def command_of(action: Action, bodies: list[str]) -> Command | None:
-    """Conversion of a run's input to that of the kernels; None where they are the same."""
+    """Conversion of a run's input to that of the kernels: a drive's command, V, to its source voltage, a finger's way
+    of the hand, m, to its torque; None where they are the same.
+    """
     if WINDING in bodies:
         gain = action["motor_drive.voltage_gain"]
         if gain != 0.0:

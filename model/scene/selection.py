@@ -107,7 +107,9 @@ class SceneChoice:
         return MOTOR if ARM in self.effects else FINGER if FINGER in self.effects else "key"
 
     def apply_to(self, action: Action) -> Action:
-        """The action with this scene and its values; values that the user set by path take precedence."""
+        """Copy of the action with this scene, its laws of felt and values; values that the user has set by path in the
+        action take precedence.
+        """
         chosen = action.with_laws(dict(self.laws)) if self.laws else action
         values = {path: value for path, value in self.values if path not in action.changed}
         chosen = chosen.with_effects(values) if values else chosen

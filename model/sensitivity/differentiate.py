@@ -39,8 +39,8 @@ def sensitivities(
     options: SensitivityOptions | None = None,
     inputs: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> Sensitivities:
-    """Differentiate a blow (table or record) by parameters: angles, speeds, events, contact forces, the rest state;
-    ``inputs``: also along changes (k, m) of its force.
+    """Differentiate a blow (times s, forces N, or a record) by parameters, per SI unit of each: angles, speeds, events,
+    contact forces, rest state; ``inputs``: also along changes (k, m) of its force, and (m,) of that at rest.
 
     Parameters
     ----------
@@ -104,7 +104,9 @@ def sensitivities(
 def _differentiate_blow(
     action: Action, blow: Blow, parameters: Sequence[str], options: SensitivityOptions, inputs: Blow | None
 ) -> Sensitivities:
-    """Sensitivities of a blow, a table (time s, force N); ``inputs`` are changes of it to differentiate along, too."""
+    """Sensitivities of a blow, a table (times s, forces N), by named parameters, and by ``inputs``, changes (k, m) of
+    its force with those (m,) of that at rest.
+    """
     times, forces = check_force_table(*blow)
     outputs = check_output_times(options.output_time_s, times)
     action, choice = options.resolve(action)

@@ -46,7 +46,8 @@ NARROWINGS, NARROWED_BY = 5, 32  # to some 1e-12 s
 
 
 def contact_columns(scene: Scene, angle: Array, speed: Array, vector: Array | None = None) -> Array:
-    """Columns of contacts, as of `contacts_at`, at states (m, n) that end with what joints give: `Scene.coordinates`.
+    """Columns (m, c, 11) of contacts, forces by the slow loading curve, at states (m, n + g), angles or speeds of the
+    bodies, then of what joints give; ``vector``: other numbers of the scene.
 
     Forces are those of the slow loading curve; depths and their rates are those of every law.
     """
@@ -106,7 +107,9 @@ class Events:
     # where a level is passed
 
     def _refine_crossing(self, value: Callable[[Array, Array], Array], k: int) -> float:
-        """Time (s) between samples ``k`` and ``k + 1`` at which ``value`` (of angles, speeds) changes sign."""
+        """Time (s) between samples ``k`` and ``k + 1`` at which ``value``, a function of angles and speeds (m, n),
+        changes sign, found in the motion itself.
+        """
         left, right = (float(t) for t in self.times[k : k + 2])
         for _ in range(NARROWINGS):
             at = np.linspace(left, right, NARROWED_BY + 1)
@@ -119,8 +122,9 @@ class Events:
     def _find_first(
         self, name: str, value: Callable[[Array, Array], Array], rising: bool, after: float, why: str
     ) -> bool:
-        """Set ``at[name]`` to the first time (s) after ``after`` at which ``value`` crosses zero; where there is none,
-        ``absent[name]`` to ``why``, and return False."""
+        """Set ``at[name]`` to the first time (s) after ``after`` at which ``value`` (of angles, speeds) crosses zero,
+        upwards if ``rising``; where there is none set ``absent[name]`` to ``why`` and return False.
+        """
         y = value(*self.motion)
         above = y > 0.0
         passes = (above[1:] & ~above[:-1]) if rising else (~above[1:] & above[:-1])
@@ -215,7 +219,9 @@ class Events:
     # values and derivatives
 
     def differentiate(self, times: Array, slopes: tuple[Array, Array]) -> tuple[dict[str, float], dict[str, Array]]:
-        """Values and derivatives (P,) of all events; ``slopes`` are those of angles and speeds at ``times``."""
+        """Values by event (NaN where absent) and derivatives (P,) of each by the parameters; ``slopes`` are those of
+        angles and speeds, (k, n, P) each, at ``times`` (k,), as `find` returned them.
+        """
         events = dict.fromkeys(EVENTS, float("nan"))
         count = len(self.directions.parameters)
         d_events = {name: np.full(count, np.nan) for name in EVENTS} | {RELEASE: np.zeros(count)}
@@ -254,8 +260,9 @@ class Events:
         state: tuple[Array, Array],
         state_slopes: tuple[Array, Array],
     ) -> Array:
-        """Total derivative (P,) of a quantity by the parameters, directly and through the state; ``state_slopes`` (1,
-        n, P): of angles, of speeds."""
+        """Total derivative (P,) of ``quantity`` (of action, angles, speeds) by the parameters, directly and through the
+        state; ``state_slopes``, of angles and of speeds: (1, n, P) each.
+        """
         by_angle, by_speed = state_derivatives(partial(quantity, self.action), (state[0][0], state[1][0]))
         of_itself = parameter_derivatives(
             self.action, self.directions.parameters, lambda a: float(quantity(a, *state)[0])

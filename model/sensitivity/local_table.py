@@ -70,7 +70,8 @@ class LocalTable(ArrayRecord):
 
 
 def local_table(found: Sensitivities) -> LocalTable:
-    """Rank parameters by the effect of one percent of each on a blow, from its sensitivities ``found``.
+    """Rank parameters by the effect of one percent of each on a blow's events and body curves (rms turn), from its
+    sensitivities; times of events count from the onset.
 
     Parameters
     ----------
@@ -140,7 +141,8 @@ def lines(table: LocalTable, quantities: Mapping[str, str], max_rows: int) -> li
 
 
 def draw_local(table: LocalTable, path: str | Path, name: str = "") -> None:
-    """Write a map of percent per percent to ``path``: parameters by events and curves, the most influential on top.
+    """Write a map of percent per percent to ``path`` (.svg, .pdf or .png), in place of a file there: parameters, the
+    most influential on top, by events and curves; ``name``: of the action.
 
     Parameters
     ----------

@@ -41,8 +41,8 @@ def motion_sensitivities(
     from_rest: bool = True,
     options: SensitivityOptions | None = None,
 ) -> Sensitivities:
-    """Differentiate what follows from a motion (times s, angles rad) of the key: the other bodies' motion, and the
-    force that holds to it; ``from_rest``: angles are from rest.
+    """Differentiate by parameters what follows from a motion (times s, angles rad counter-clockwise) of the key: other
+    bodies' angles, and force that holds to it; ``from_rest``: angles are from rest, else from ground.
 
     In every scene: of the key, of its front where it lifts or its joint gives, of a motor arm or a finger, as
     `simulate_motion` has it.

@@ -80,8 +80,8 @@ def observable_derivatives(
     slopes: tuple[Array, ...],
     smooth: bool = False,
 ) -> Array:
-    """Derivatives (..., P) of ``quantity`` (of the arrays of ``state`` and the scene's vector) by the parameters;
-    ``slopes`` (..., P) are those of ``state``.
+    """Derivatives (..., P) by the parameters of ``quantity(*state, vector)``: ``state`` are angles (m, n), speeds (m,
+    n) and more, ``slopes`` their derivatives, parameters last; ``smooth``: no felt takes part.
 
     ``state`` are angles (m, n), speeds (m, n) and what else; ``slopes`` of each, with the parameters last. What no felt
     plays a part in is ``smooth``.

@@ -309,7 +309,8 @@ def _fill_group(
 
 
 def effective_paths(action: ActionLike, choice: SceneChoice | None = None) -> list[str]:
-    """Paths of all parameters of an action that have a derivative in a scene.
+    """Paths of all parameters that have a derivative in a scene (None: the action's own): those that change something
+    and are not switched off.
 
     Parameters
     ----------

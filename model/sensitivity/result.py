@@ -87,7 +87,8 @@ class Sensitivities(Tabular, ArrayRecord):
         return {**named, "u": self.uncertainties, **events}
 
     def plot(self, *bodies: str, ax: Axes | None = None, **style: Any) -> Axes:
-        """Draw how far each angle moves, degrees, where a parameter is one percent larger.
+        """Draw into ``ax``, or a new figure, how far the angle of each of ``bodies`` (None given: hammer, or the last)
+        moves, degrees, over time, where each parameter is one percent larger; return the axes.
 
         Parameters
         ----------

@@ -17,8 +17,9 @@ Array = NDArray[np.float64]
 
 
 def find_sources(directions: Directions) -> Sources:
-    """Entries of the scene's vector that parameters change, with their derivatives by each; without those of a string's
-    modes."""
+    """Entries of the scene's vector that parameters change, with the derivatives of each by each parameter; those of a
+    string's modes are left out.
+    """
     scene = directions.scene
     modes = int(scene.tables.offset[7]) + L.STRING_HEAD if len(scene.tables.string) else len(scene.vector)
     entry, column = np.nonzero(directions.slope[:, :modes].T)
@@ -58,7 +59,8 @@ def _input_slopes(
 
 
 def input_derivatives(directions: Directions, table: tuple[Array, Array], time_s: Array) -> Array:
-    """Change (k - 1, 2, P) of the kernels' input at both ends between the times (k,) of its own table.
+    """Derivatives (k - 1, 2, P) of the kernels' input by the parameters, at both ends of each interval of ``time_s``
+    (k,), its own table; ``table``: times, values of the run's input; (0, 2, P) where none acts.
 
     ``table`` is the input of the run. Empty where nothing changes the kernels' input.
     """

@@ -315,7 +315,9 @@ class RecordedMotion:
         return w[first : first + s.free]
 
     def _string_landings(self) -> Array:
-        """Times (w, 3) at which a string's modes are stepped again or left (`Landings`)."""
+        """Rows (w, 3) for each time at which a string's modes are stepped again or left to vibrate: that time, s; how
+        long they had vibrated, s (-1: they are left); index of the step.
+        """
         s, n = self.run.structure, self.run.scene.size
         if not s.string:
             return np.empty((0, 3))
@@ -330,8 +332,9 @@ class RecordedMotion:
         return max(1, round(STRIDE * (STRIDE_AT / self.simulation.tolerance) ** STRIDE_EXPONENT))
 
     def follow(self, times: Array, tolerance: float, forces: bool = False) -> TangentResult:
-        """Integrate the tangents; return derivatives at times (m,) in any order, those of channels with ``forces``, and
-        work counters."""
+        """Integrate the derivatives by the parameters along the motion to relative ``tolerance``; return them at times
+        (m,), s, in any order, for felt and string with ``forces``, and work counters.
+        """
         run, motion = self.run, self.motion
         n, p = self._d_rest.shape
         filled, count = _pad_to_lanes(p), len(run.space.channels.many)

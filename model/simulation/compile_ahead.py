@@ -28,8 +28,8 @@ _BESIDE = f"import sys; sys.path.insert(0, {_ROOT!r}); from model.simulation.com
 def compile_ahead(
     choices: Sequence[SceneChoice], *, loop: bool = False, lanes: bool = False, then: str = ""
 ) -> subprocess.Popen[bytes] | None:
-    """Start a process that compiles the step loop (``loop``) and scenes, then calls ``then`` ('module:function'); None
-    where nothing is to be compiled, or it cannot start.
+    """Start a process that compiles scenes and, if asked, step ``loop`` and ``lanes``, into the cache, then calls
+    ``then`` ('module:function'); None where they are cached, none is kept, or there is one processor.
 
     Halves the wait of a first run: call it before what integrates is first used.
 

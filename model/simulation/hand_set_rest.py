@@ -49,7 +49,9 @@ def slip_angle(action: Action, angle_rad: Array) -> Array:
 
 
 def _starts(usual: Array, found: list[Array]) -> Iterator[Array]:
-    """Start states from which the hammer is let down, with the rest states ``found`` so far."""
+    """Yield start states (n,), rad: hammer lifted and jack turned back from ``usual``; then those of ``found``, which
+    the caller fills meanwhile, with the jack as usual.
+    """
     for lift, room in LIFTS:
         start = usual.copy()
         start[HAMMER] -= lift
@@ -63,7 +65,8 @@ def _starts(usual: Array, found: list[Array]) -> Iterator[Array]:
 
 
 def hand_set_rest(action: ActionLike) -> Array:
-    """Rest state after the hammer is lifted by hand and let down on the jack.
+    """Angles (n,), rad from ground or parent, the five bodies' first, at rest after the hammer is lifted by hand and
+    let down on the jack; `StaticsError` where no balance is found.
 
     Parameters
     ----------
@@ -72,7 +75,7 @@ def hand_set_rest(action: ActionLike) -> Array:
     Returns
     -------
     ndarray
-        Angles (5,), rad, in the order of `model.BODIES`.
+        Angles (n,), rad, those of `model.BODIES` first.
 
     Raises
     ------

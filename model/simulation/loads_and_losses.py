@@ -89,7 +89,8 @@ def _negative_intervals(time_s: ArrayLike, signal: ArrayLike) -> Iterator[tuple[
 
 
 def tensions(time_s: ArrayLike, upwards_n: ArrayLike) -> list[RailTension]:
-    """Intervals in which the force of the rail on the key points down: there the rail would have to pull.
+    """Intervals (ends s, largest pull N, its time s, impulse N s) in which the rail's force on the key, positive up, is
+    negative: there the rail would have to pull.
 
     Parameters
     ----------
@@ -113,7 +114,8 @@ def tensions(time_s: ArrayLike, upwards_n: ArrayLike) -> list[RailTension]:
 
 
 def lifts(time_s: ArrayLike, depth_m: ArrayLike) -> list[RailLift]:
-    """Intervals in which the felt of the rail is not touched.
+    """Intervals (ends s, greatest height m, its time s) in which the rail's felt is not touched: ``depth_m`` is
+    negative.
 
     Parameters
     ----------
@@ -203,7 +205,9 @@ class Inside(ArrayRecord):
         return tuple(b for b, w in zip(self.bodies, self.scene.tables.parent, strict=True) if w != L.GUIDED)
 
     def columns(self) -> dict[str, Array]:
-        """Columns of the output file by name; forces of contacts first."""
+        """Columns of the output file by name, without times: forces, sliding and losses of contacts, then of the tip,
+        then joint forces and losses and motion of bodies.
+        """
         out: dict[str, Array] = {}
         for i, name in enumerate(self.contacts):
             out |= {f"{name}_{quantity}": getattr(self, quantity)[:, i] for quantity in CONTACT_WORDS}

@@ -33,8 +33,9 @@ def check_pushes(scene: Scene, time_s: Array, contact: Array, memory: Array | No
 
 
 def describe_force(scene: Scene, time_s: float, c: int, contact: Array, memory: Array) -> str:
-    """One sentence about contact ``c`` of the columns of all (C, 11) and of the internal variables: its law's force,
-    depth and rate."""
+    """Sentence on contact ``c`` at ``time_s``: its law's force, N, depth and rate, and that felt never pulls;
+    ``contact``: columns (C, 11) of all, ``memory``: internal variables.
+    """
     law = Structure(scene.tables).law(c)
     force = law_force_n(scene, c, contact, memory)
     return (

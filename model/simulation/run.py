@@ -240,7 +240,9 @@ class Simulation:
         return self.accept_result(plan, *self.carry_out(plan))
 
     def carry_out(self, plan: Plan) -> tuple[float, float, int]:
-        """Run the step loop of a plan; the time reached (s), the next step to try (s), the status."""
+        """Run the step loop of a plan, which fills the plan's state and outputs but leaves this simulation's; return
+        the time reached (s), the next step to try (s) and the status.
+        """
         if self._kernels is None:  # found once: a run may be advanced block by block
             self._kernels = load_kernels(self.scene.tables)
             if self.energy:
@@ -363,7 +365,8 @@ class Simulation:
         speed_rad_per_s: ArrayLike,
         memory: ArrayLike | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Normal and friction force of each contact at given states; (m, n) in, (m, c) out, N.
+        """Normal and friction force (m, c), N, of each contact at angles and speeds (m, n); ``memory`` (m, z), where
+        felt remembers: by default that of the last outputs.
 
         Where felt remembers, ``memory`` (m, z) belongs to the states; by default that of the last outputs.
         """

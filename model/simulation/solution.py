@@ -76,7 +76,9 @@ class Contacts(tuple[str, ...]):
         normal_n: NDArray[np.float64] | None,
         friction_n: NDArray[np.float64] | None,
     ) -> Contacts:
-        """The contacts of a solution, with their forces (m, c), N, where requested."""
+        """The contacts of a solution, which also answer to their descriptions in ``action``, with normal and friction
+        forces (m, c), N, where requested.
+        """
         out, known = cls(names or ()), {} if action is None else action.structure
         out._normal_n, out._friction_n = normal_n, friction_n
         out._titles = {known.get(f"{name}.description", name): name for name in out}
@@ -226,7 +228,9 @@ class Solution(Moved, ArrayRecord):
         return html.escape(repr(self)) + str(pd.DataFrame(rows).to_html(index=False, float_format="{:.3f}".format))
 
     def columns(self) -> dict[str, NDArray[np.float64]]:
-        """Columns by name, in the order of the command's output file."""
+        """Columns of the output file in order: ``time_s``, angles (rad), speeds (rad/s) by body, then, where requested,
+        normal and friction force (N) of contacts, string and joints, inside view.
+        """
         out = {"time_s": self.time_s}
         for i, body in enumerate(self.bodies):
             out[column(body)] = self.angle_rad[:, i]

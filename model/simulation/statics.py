@@ -48,7 +48,8 @@ class RestState(ArrayRecord):
 def balance(
     scene: Scene, q: NDArray[np.float64], u: float, v: NDArray[np.float64] | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Generalised force (n,) N m, stiffness and mass matrix (n, n) at angles ``q``, at rest or at speeds ``v``.
+    """Generalised force (n,), N m, its derivative by the angles and the mass matrix, (n, n) each, at angles ``q`` (n,)
+    under the input ``u``, at rest or at speeds ``v``; with joints that give (n + g,).
 
     Where joints give, what they give follows the angles; by default it is what holds these angles.
     """
@@ -107,7 +108,8 @@ def solve_rest(
     *,
     with_joints: bool = False,
 ) -> NDArray[np.float64]:
-    """Angles (n,) at rest under the constant input ``u``; ``with_joints``, then the joints' deflections: (n + g,).
+    """Angles (n,) of a stable balance under the constant input ``u``, from ``start`` (None: the scene's), ``held``
+    coordinates kept there; ``with_joints``: then the joints' deflections, (n + g,); else `StaticsError`.
 
     Coordinates ``held`` stay at ``start``.
     """
@@ -137,7 +139,8 @@ def solve_rest(
 def _loose_direction(
     scene: Scene, q: NDArray[np.float64], u: float, free: NDArray[np.int64], stiff: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
-    """Direction (f,) in which the equilibrium at ``q`` is unstable, None where it is stable in all.
+    """Unit vector (f,) of free coordinates along which the equilibrium at ``q`` is unstable, None where it is stable in
+    all; ``stiff`` (f, f): derivative of the force.
 
     The stiffness says it of small turns. A felt that presses by what rounding left counts in it and holds nothing: so
     each coordinate is pushed both ways as well.
@@ -156,7 +159,8 @@ def _loose_direction(
 def _minimise_energy(
     scene: Scene, q: NDArray[np.float64], u: float, free: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Follow the energy down from ``q`` to where the force on ``free`` vanishes; also returns that force and stiffness.
+    """Follow the energy down from ``q`` to where the force on the coordinates ``free`` vanishes: that place, the force
+    left (f,) and its derivative (f, f); `StaticsError` where that is not reached.
 
     The step is Newton's along each principal axis of the stiffness, downhill where that is negative, and limited
     on each axis by itself: a loose body may swing far without holding back one that is pressed hard.
@@ -184,8 +188,8 @@ def _minimise_energy(
 def rest_state(
     action: ActionLike, force_n: float = 0.0, scene: Scene | None = None, near: RestState | None = None
 ) -> RestState:
-    """Static balance of an action under a constant force on the key; the search begins at ``near`` and keeps to its
-    contacts, if it can.
+    """Static balance of an action under a constant force on the key, N, down: angles and contact forces; the search
+    begins at ``near``, whose result is kept if the same contacts touch; `StaticsError` without balance.
 
     Parameters
     ----------

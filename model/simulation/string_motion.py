@@ -74,7 +74,9 @@ def straight_string_state(scene: Scene) -> Array:
 
 
 def propagate_free_string(scene: Scene, time_s: Array, rows: Array) -> Array:
-    """Rows (m, z) with the modes of a free string advanced to ``time_s`` (m,)."""
+    """Copy of rows (m, z) of internal variables in which modes that vibrate freely are advanced to ``time_s`` (m,), s;
+    without a string, the rows themselves.
+    """
     if not len(scene.tables.string):
         return rows
     at, (_, stiffness, damping), _ = _numbers(scene)

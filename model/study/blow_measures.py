@@ -53,8 +53,8 @@ class BlowMeasures:
 
 
 def measure_blow(action: ActionLike, solution: Solution, force_n: ArrayLike) -> BlowMeasures:
-    """Measures of a blow, from strike to hold and bounces, from its solution with contact forces and the force (m,) at
-    its times.
+    """Strike (s, m/s), strikes, whether and where (m) the back check holds the hammer, its movement and bounces, of a
+    solution with contact forces and the force (m,), N, at its times; NaN where something did not happen.
 
     Parameters
     ----------

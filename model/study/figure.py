@@ -21,7 +21,7 @@ BODIES_DRAWN = ("key", "whippen", "hammer")
 
 
 def _draw_turn(axes: Axes, study: Study, body: str) -> None:
-    """Turn of a body from its first angle, one curve per variant."""
+    """Draw the turn of a body from its first angle, degrees, positive as it moves in a blow, one curve per variant."""
     i = BODIES.index(body)
     for k, name in enumerate(v.name for v in study.variants):
         angle = study[name][0].angle_rad[:, i]
@@ -34,7 +34,8 @@ def _draw_turn(axes: Axes, study: Study, body: str) -> None:
 
 
 def draw_study(study: Study, path: str | Path) -> None:
-    """Write a sheet of one blow on all variants: force, key, whippen, hammer.
+    """Write force, key, whippen and hammer of one blow on all variants to ``path`` (.svg, .pdf or .png), in place of a
+    file that is there.
 
     Parameters
     ----------

@@ -79,7 +79,9 @@ class Study(ArrayRecord):
         return float(np.ptp(self.solutions[0].angle_rad[:, BODIES.index(body)]))
 
     def rows(self) -> list[dict[str, float | int | bool | str]]:
-        """One row per variant: its measures and how far it is from the action as given."""
+        """One row per variant: name, its measures (without ``release_s``), and rms and largest difference of the
+        hammer's angle, rad, from the action as given.
+        """
         out = []
         for variant, m in zip(self.variants, self.measures, strict=True):
             away = self.difference(variant.name, "hammer")
@@ -115,7 +117,8 @@ def compare(
     variants: Sequence[Variant],
     tolerance: float = DEFAULT_TOLERANCE,
 ) -> Study:
-    """Simulate a blow on an action as given and on its variants.
+    """Simulate a blow (times s, forces N) on an action as given, which comes first, and on its variants, with the
+    measures of each; an error in one stops all.
 
     Parameters
     ----------

@@ -61,8 +61,8 @@ class CheckLoad:
 def find_check_load(
     action: ActionLike, time_s: ArrayLike, force_n: ArrayLike, whole: Solution | None = None, **keywords: Any
 ) -> CheckLoad | None:
-    """Load of the back check on the hammer before it first strikes, or before its highest point where it does not; None
-    where there is none.
+    """Load (N) of the back check on the hammer before it first strikes, or before its highest point where it does not,
+    and the speed at the string with and without the check; None where it bears none.
 
     Parameters
     ----------
@@ -117,7 +117,9 @@ def find_check_load(
 
 
 def check_loads(action: Action, forces_n: np.ndarray) -> tuple[CheckLoad | None, ...]:
-    """Load of the back check on the hammer for a blow of each force (n,), N; None where it never touches."""
+    """Load of the back check on the rising hammer for a blow of each force (n,), N, that is then held; None where the
+    hammer is free of it.
+    """
     rest, found = hand_set_rest(action), list[CheckLoad | None]()
     for force in forces_n.tolist():
         end = blow_length_s(force)

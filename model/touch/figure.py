@@ -12,8 +12,8 @@ from model.touch.measure import Touch
 
 
 def draw(feels: Sequence[Touch], path: str | Path) -> None:
-    """Write a figure of force over dip, hammer speed over force and the fastest repetition of several actions to
-    ``path``.
+    """Write force over dip, hammer speed over force and the fastest repetition of several actions to ``path`` (.svg,
+    .pdf or .png), in place of a file that is there.
 
     Parameters
     ----------

@@ -40,7 +40,8 @@ def blow_length_s(force_n: float) -> float:
 
 
 def hammer_speeds(action: ActionLike, forces_n: ArrayLike = FORCES) -> Array:
-    """Speed (m/s) of the hammer at the string for a blow of each force (n,), N; NaN where it does not reach it.
+    """Speed (k,), m/s, of the hammer at the string for blows whose force rises in 20 ms to each of ``forces_n`` (k,),
+    N, and stays; NaN where it does not reach the string.
 
     Parameters
     ----------

@@ -38,7 +38,9 @@ POINTS = 32  # of the force per blow
 def strikes_string(
     action: Action, rate_hz: float, peak_n: float, rest_rad: NDArray[np.float64] | None = None
 ) -> NDArray[np.bool_]:
-    """Which of `BLOWS` blows bring the hammer to the string, (BLOWS,); from ``rest_rad`` (5,) or the rest state."""
+    """Which of `BLOWS` blows (BLOWS,), pulses of force (sine squared) up to ``peak_n``, N, at ``rate_hz``, bring the
+    hammer to the string; from ``rest_rad`` (n,) or, None, as a hand sets it up.
+    """
     end = BLOWS / rate_hz
     times = np.linspace(0.0, end, BLOWS * POINTS + 1)
     force = peak_n * np.sin(np.pi * rate_hz * times) ** 2
@@ -54,7 +56,8 @@ def strikes_string(
 
 
 def fastest_repetition(action: ActionLike, peaks_n: ArrayLike = PEAKS) -> float:
-    """Highest rate (1/s) at which every blow of some peak force reaches the string; NaN where there is none.
+    """Highest rate (1/s, to 0.1) of a series of equal blows at which, for one of the peak forces ``peaks_n``, N, every
+    blow (but the first few) reaches the string; NaN where none does.
 
     Parameters
     ----------
@@ -152,7 +155,8 @@ def measure_touch(
     name: str | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Touch:
-    """Measure the touch of an action: a slow press, blows at each force, ever faster repetition.
+    """Measure the touch of an action: weights in a slow press, N, hammer speeds, m/s, for blows of each of
+    ``forces_n``, N, fastest repetition, 1/s; ``progress`` is called with a short text at each step.
 
     Parameters
     ----------

@@ -84,7 +84,9 @@ class Weights:
         }
 
     def curve(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-        """Dip (m) and force (N) of the press and of the release, force averaged over `SMOOTH`."""
+        """Dip (m) and force (N), averaged over `SMOOTH`, as a pair for the press, then for the release, while the key
+        moves.
+        """
         branches = []
         force, press = _smoothed_force(self.press), self.press
         moving = np.gradient(press.dip_m, press.time_s)
@@ -179,7 +181,8 @@ def _static_force(action: Action, rest: Array, press: Press, at: NDArray[np.int6
 
 
 def _find_let_off(action: Action, press: Press, dip_m: float) -> tuple[float, tuple[str, ...]]:
-    """Largest force, N, between the middle and where the jack lets go, NaN where there is none; remarks.
+    """Largest averaged force, N, from 0.6 of the dip on until the jack lets go or something jams, NaN where there is
+    none; and remarks, sentences on what was not weighed.
 
     What another contact jams is named, not weighed. Averages end before the jack lets go: what follows is a fall.
     """
@@ -200,7 +203,8 @@ def _find_let_off(action: Action, press: Press, dip_m: float) -> tuple[float, tu
 
 
 def weigh(action: ActionLike) -> Weights:
-    """Measure the weights of a key from a slow press to first touch of its felt, and its release.
+    """Down, up, balance and friction weight and let-off peak, N at the key front, with uncertainties, from a slow press
+    to first touch of the key's felt and its release; NaN with a remark where something jams.
 
     Parameters
     ----------
