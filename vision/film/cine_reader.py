@@ -198,8 +198,9 @@ class CineFilm(Film):
             raise FilmError(f"{self.path}: {words}; save it uncompressed, in grey or interpolated colour")
 
     def _read_note_offsets(self, table_offset: int, n: int, allow_truncated: bool) -> NDArray[np.int64]:
-        """Byte at which the note of each image begins, (n,), from the table of ``n`` images at ``table_offset``; of a
-        file that is cut short the whole images only, or `FilmError`."""
+        """Byte at which the note of each image begins, (n,), from the table of ``n`` images at byte ``table_offset``;
+        `FilmError` where an image lies beyond the end of the file, with ``allow_truncated`` those before it, if any.
+        """
         if table_offset + 8 * n > self._file.size:
             raise FilmError(f"{self.path}: ends within the table of its {n} images; copy the film again")
         table = self._file.view(table_offset, table_offset + 8 * n).view("<i8").astype(np.int64)

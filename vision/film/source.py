@@ -51,7 +51,9 @@ def jpeg_segments(data: bytes | NDArray[np.uint8]) -> Iterator[tuple[int, int]]:
 
 
 def jpeg_quantisation_table(data: bytes) -> NDArray[np.float64] | None:
-    """Luminance quantisation table of a JPEG, shape (8, 8); None where it has none."""
+    """Steps of the luminance quantisation table of a JPEG, grey, (8, 8), lowest frequency first; None where it has
+    none.
+    """
     at = next((at for kind, at in jpeg_segments(data) if kind == 0xDB), len(data))
     number = np.dtype(">u2") if data[at : at + 1] > b"\x0f" else np.dtype(np.uint8)
     if len(data) < at + 1 + len(ZIGZAG) * number.itemsize:
@@ -137,7 +139,8 @@ SATURATED_SHARE = 0.1
 
 
 def saturated_areas(picture: NDArray[Any], top: int) -> NDArray[np.bool_] | None:
-    """Pixels of a picture that reach ``top`` together with their four neighbours; None when there are none.
+    """Mask (height, width) of the pixels of a picture that reach ``top`` and whose four neighbours reach it too; None
+    where there are none.
 
     A single pixel that the noise lifts over the edge is hardly off; inside an area nothing is known of the light.
     """

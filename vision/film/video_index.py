@@ -246,7 +246,8 @@ def _build_index(_resolved: Path, path: Path, _changed_ns: int, _size: int) -> V
 
 def find_first_field(frame: Any) -> str | None:
     """Rows, ``even`` or ``odd``, of an interlaced PyAV frame that were exposed first: those that FFmpeg's filter
-    ``separatefields`` gives first; None where both fields show the same."""
+    ``separatefields`` gives first; None where both fields show the same or the filter fails.
+    """
     # start-up: as above
     import av
 

@@ -84,7 +84,7 @@ def prefilter(picture: NDArray[Any], out: F32) -> int:
 
 @cached_njit(nogil=True)
 def count_saturated_inside(picture: NDArray[Any], top: int) -> int:
-    """Number of pixels that reach ``top`` together with their four neighbours, as far as the picture has them."""
+    """Number of pixels that reach ``top`` and whose four neighbours, as far as the picture has them, reach it too."""
     rows, width = picture.shape
     count = 0
     for y in range(rows):

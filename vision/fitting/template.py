@@ -127,7 +127,9 @@ def build_template(
 
 
 def thin_template(template: Template, max_pixels: int) -> Template:
-    """Template of the ``max_pixels`` pixels that tell most about angle and position; its centre is unchanged."""
+    """Template of the ``max_pixels`` pixels that tell most about angle and position, its centre unchanged; the template
+    itself where it has no more.
+    """
     design = np.vstack([template.columns, np.ones(template.n_pixels)]).T.astype(float)
     inverse = invert_normal(template.normal)
     if inverse is None or max_pixels >= template.n_pixels:

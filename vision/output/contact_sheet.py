@@ -129,11 +129,10 @@ def write_contact_sheet(
 
 
 def select_worst_rows(failed: NDArray[np.bool_], zncc: NDArray[np.float64], count: int) -> list[int]:
-    """Rows to inspect first, at most ``count``: most bodies lost (``failed`` (n, m)), then lowest correlation (``zncc``
-    (n, m)) of any body.
+    """Rows to inspect first, at most ``count``, worst first: most bodies lost (``failed`` (n, m)), then lowest
+    correlation (``zncc`` (n, m)) of any body; rows that are not lost and near one chosen already come last.
 
-    Neighbours show the same, so rows that are not lost and close to one already chosen come last. Given is whether each
-    body (m) is lost in each row (n), and its correlation, both (n, m).
+    Neighbours show the same.
     """
     lost = failed.sum(axis=1)
     correlation = np.where(np.isfinite(zncc), zncc, 1.0).min(axis=1)

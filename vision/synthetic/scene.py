@@ -195,7 +195,9 @@ class Sensor:
         self._rng = np.random.default_rng(seed)
 
     def expose(self, light: NDArray[np.float32], gain: float = 1.0) -> NDArray[Any]:
-        """Stored frame (height, width) of a noise-free picture times ``gain``: with noise, rounded and clipped."""
+        """Stored frame (height, width) of a noise-free picture, grey of 8 bit, times ``gain``: noise drawn and added,
+        brought to the sensor's bits, rounded and clipped.
+        """
         frame = self._draw_noise(light.shape)
         frame *= self._noise
         frame += light * np.float32(gain)

@@ -96,11 +96,10 @@ def _match_template(
     corner_px: tuple[float, float],
     least_px: int = 0,
 ) -> list[NDArray[np.float64]]:
-    """Poses of the best match for each turn at which the template fits into ``small``, a frame's part at a
-    ``coarse``-th of its resolution whose first pixel is at ``corner_px`` (x, y); best first.
+    """Pose (turn, x, y) of the best match at each turn at which the template fits into ``small``, part of a frame at a
+    ``coarse``-th of its resolution whose first pixel lies at ``corner_px`` (x, y) of the frame; best first.
 
-    The picture is a ``coarse``-th as large as the frame, where its first pixel lies at ``corner_px`` (x, y). Where a
-    side of ``least_px`` is asked for, a template that lacks it, or does not fit in, at any turn matches nowhere.
+    With ``least_px``, a template that has a shorter side, or does not fit in, at any turn matches nowhere.
     """
     found: list[tuple[float, NDArray[np.float64]]] = []
     for phi in turns_rad.tolist():
@@ -220,8 +219,10 @@ class BodyTracker:
         search: bool = True,
         compiled_fit: Callable[[], Fit] | None = None,
     ) -> Fit:
-        """Fit the body in frame ``index``, the ``ordinal``-th tracked, from the pose ``expected``, or search for it
-        when lost; keeps fit, flag and pose. ``compiled_fit`` gives a fit from that pose that is done already."""
+        """Fit the body in frame ``index``, the ``ordinal``-th tracked, from the pose ``expected``, else from the newest
+        known one and, if ``search``, others; return and keep the fit and, unless lost, its pose. ``compiled_fit``: one
+        from ``expected`` done.
+        """
         fit = self.fitter.fit(film, index, expected, covered) if compiled_fit is None else compiled_fit()
         flag = self._judge(fit, expected)
         if flag & FAILURE:

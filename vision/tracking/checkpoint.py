@@ -62,8 +62,9 @@ class Checkpoint:
             np.savez(file, allow_pickle=False, **arrays)
 
     def load(self, table: PoseTable, tracker: FilmTracker) -> int:
-        """Fill in the rows done of this job and the trackers' state; returns the number of rows. 0, with the trackers
-        at the start, when there is nothing to resume from."""
+        """Fill in the rows done of this job and the trackers' state; return the number of rows: 0 where the file is of
+        another job, or missing or damaged, when the trackers start anew.
+        """
         try:
             # opened here: NumPy leaves a damaged archive's file open
             with self.path.open("rb") as file, np.load(file, allow_pickle=False) as stored:

@@ -77,8 +77,10 @@ def measure_field_lag(ready: PreparedFilm, table: PoseTable, time_s: NDArray[np.
 def _field_differences(
     ready: PreparedFilm, table: PoseTable, body: int, template: Template, at: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
-    """Motion per frame (k, 3), difference of the fields' steps (k, 3) and the inverse of its covariance (k, 3, 3) of a
-    body in some rows; ``at`` (n,) are the times of all rows in frames."""
+    """Of k rows in which a body moves: motion per frame (k, 3), difference of the fields' steps less that at rest (k,
+    3), in the body's axes, and the inverse of its covariance (k, 3, 3); None of too few. ``at`` (n,): times of all rows
+    in frames.
+    """
     pose, frame, known = table.pose[:, body], table.frame, ~table.is_lost[:, body]
     if frame.size < LEAST_ROWS:
         return None

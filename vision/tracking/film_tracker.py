@@ -34,7 +34,7 @@ class FilmTracker:
         self.restart()
 
     def restart(self) -> None:
-        """Put every body back to its place in the reference."""
+        """Forget all weights, fits, standards and searches, and place every body where it is in the reference."""
         self.searches_before = 0  # of trackers whose work this one goes on with
         templates = self.ready.templates
         together = self._together = FrameFit(templates, self.ready.occlusion, self.order, self._parents)

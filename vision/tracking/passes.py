@@ -148,8 +148,9 @@ def confirm_backward(ready: PreparedFilm, table: PoseTable, confirm: str, thread
 
 
 def refit_row(ready: PreparedFilm, table: PoseTable, row: int, poses: Sequence[NDArray[np.float64]]) -> None:
-    """Fit a row of the table again by itself, from ``poses`` of all bodies, and store what is found, or the failure, in
-    it."""
+    """Fit a row of the table again by itself, from ``poses`` (turn, x, y) of all bodies or, where that fails, from a
+    search near them, and store what is found, or the failure, in it.
+    """
     tracker = FilmTracker(ready)
     tracker.clear_histories()
     tracker.place(-1, poses)
@@ -177,8 +178,9 @@ def doubtful_segments(table: PoseTable) -> list[tuple[int, int]]:
 
 
 def _track_backward(ready: PreparedFilm, table: PoseTable, start: int, end: int) -> PoseTable:
-    """Track rows ``end - 1`` back to ``start``, from where the first pass has the bodies, into a new table of
-    all rows."""
+    """Track rows ``end - 1`` back to ``start``, from where the first pass has the bodies after them, into a new table
+    of all rows, in which the others are lost.
+    """
     tracker = FilmTracker(ready)
     back = PoseTable.empty(table.frame, len(ready.bodies))
     n = table.frame.size
@@ -251,7 +253,9 @@ def rereference_lost_rows(ready: PreparedFilm, table: PoseTable) -> int:
 
 
 def _lost_run_starts(table: PoseTable, i: int) -> list[int]:
-    """First rows of the runs of lost rows of the i-th body, each after a row that may become a reference."""
+    """First rows of the runs of lost rows of the i-th body that are long enough and follow a row from which a template
+    may be made.
+    """
     lost = table.is_lost[:, i] & ((table.flag[:, i] & OTHERWISE) == 0)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], lost.astype(np.int8), [0]])))
     usual = np.nanmedian(table.inlier[:, i]) if not table.is_lost[:, i].all() else np.nan
@@ -271,8 +275,9 @@ def _can_be_reference(table: PoseTable, row: int, i: int, usual: float) -> bool:
 
 
 def _track_with_new_reference(ready: PreparedFilm, table: PoseTable, i: int, start: int) -> int:
-    """Follow the i-th body through the run of lost rows from row ``start`` on, with templates made of later rows; fills
-    ``table``, returns the number of rows found."""
+    """Follow the i-th body through the run of lost rows from ``start`` on, with a template made of the row before it,
+    then of the last row found; fills ``table``, returns the number of rows found.
+    """
     usual, found, n = float(np.nanmedian(table.inlier[:, i])), 0, table.frame.size
     while True:
         row = start - 1
@@ -288,7 +293,9 @@ def _track_with_new_reference(ready: PreparedFilm, table: PoseTable, i: int, sta
 
 
 def _build_row_template(ready: PreparedFilm, table: PoseTable, row: int, i: int) -> Template | None:
-    """Template of the i-th body in a row; None where another body is lost, or too little of this one is left."""
+    """Template of the i-th body from the single frame of a row; None where any body is lost in it, too little of this
+    one is in view, or noise hides its texture.
+    """
     if table.is_lost[row].any():
         return None
     bodies = []

@@ -29,8 +29,9 @@ pass for one."""
 
 
 def reject_repeated(ready: PreparedFilm, table: PoseTable) -> None:
-    """Lose the rows of ``table`` whose frames repeat the one before (`FrameFlag.REPEATED`), of a film with predicted
-    frames."""
+    """Lose, as `FrameFlag.REPEATED`, all bodies in rows in which they stand still and the picture hardly changes while
+    they move before and after; only of films with predicted frames all of which are tracked.
+    """
     compression = ready.film.compression
     is_predicted = ready.skips_blocks or (compression is not None and compression.steps is None)
     if not is_predicted or table.frame.size < 2 * NEAR + 2 or np.any(np.diff(table.frame) != 1):

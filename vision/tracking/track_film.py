@@ -136,8 +136,10 @@ def track(
 def _track(
     film: FrameSource, bodies: Sequence[Body], frame_time_s: ArrayLike | None, settings: TrackSettings
 ) -> TrackResult:
-    """Track bodies through a film: both passes, fixed pattern, fields, uncertainty. Writes and removes the checkpoint,
-    calls ``settings.expected``, warns of faults of the film."""
+    """Track bodies: passes, fixed pattern, fields, uncertainty; all again where the motion shows another field to be
+    first. Writes and removes the checkpoint, gives ``settings.expected`` the budget to expect, warns of faults of the
+    film.
+    """
     given = film, bodies, frame_time_s
     time_s, camera = frame_times(film, frame_time_s, settings.frame_rate_hz), settings.camera_model
     u_stretch = prior_stretch_uncertainty(film, settings)

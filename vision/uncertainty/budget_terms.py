@@ -326,8 +326,8 @@ def _stretch_terms(
 
 
 def _row_interpolation(ready: PreparedFilm) -> NDArray[np.float64]:
-    """Standard uncertainty of each body's turn from the rows of the reference that are interpolated between those of a
-    field, rad, (m,).
+    """Standard uncertainty of each body's turn, rad, (m,), from the rows of the reference that are interpolated between
+    those of a field; zeros where whole frames are tracked.
 
     At rest both fields show the same, so that their difference is that of the interpolation, and noise. Once a body has
     moved, its frames are interpolated otherwise than the reference; their part is seen in the residuals and widens the
