@@ -308,8 +308,8 @@ def _calibrate_rebound(speeds: Sequence[float], u: Sequence[float]) -> Calibrate
 def _calibrate_pendulum(
     action: model.Action, body: str | None, swing: Sequence[float], u: Sequence[float]
 ) -> Calibrated:
-    """A body's inertia, kg m², about pivot and centre of mass, from ``swing`` (mass, kg; arm, m; period, s) as a
-    pendulum (eqs A.1, A.2) and their standard uncertainties ``u``: facts, a line, value.
+    """A body's inertia, kg m², by its ``swing`` (mass, kg; arm, m; period, s) as a pendulum (eqs A.1, A.2) and their
+    standard uncertainties ``u``: facts, a line, and, where ``body`` is named, the value about its centre of mass.
     """
     if body is not None and body not in model.BODIES:
         raise CommandInputError(f"--body {body}: not found; allowed {', '.join(model.BODIES)}")

@@ -40,7 +40,7 @@ def command(
 
 def export_session(path: Path, form: str, *, trials: list[int] | None = None, out: Path | None = None) -> list[Path]:
     """Write trials of a session (by number; None: all readable), or the trial file ``path``, as ``form`` (csv, mat,
-    tdms, parquet, or force) into ``out`` (None: ``export`` in the session); return the files. None is overwritten.
+    tdms, parquet, or force) into ``out`` (None: ``export`` in the session); return the files. No file is overwritten.
     """
     from rig.session.trial_export import FORMATS, export_trial  # start-up: 0.5 s of h5py and pandas
 

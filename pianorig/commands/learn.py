@@ -226,7 +226,8 @@ def learn_profile(
     progress: Callable[[rig.Blow], None] | None = None,
 ) -> rig.Learned:
     """Play up to ``blows`` blows, each with an improved command, until the force follows the target within ``goal``
-    (share of the peak); write blows, profile and picture into ``out``."""
+    (share of the peak); write blows, profile and picture into the new folder ``out``. Return what was learned.
+    """
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise CommandInputError(f"{out}: exists already and is not an empty folder; choose another --out")
     rig_file = rig.load_rig(access.rig)
