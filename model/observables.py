@@ -207,8 +207,7 @@ def encoder_rad(angle_rad: ArrayLike, lift_m: ArrayLike, radius_m: float) -> NDA
     """Angle (rad) that an optical scale of ``radius_m`` on the key reads, whose sensor stands on the front side: the
     true angle plus the pivot's rise ``lift_m`` over the radius, too small a turn of a pressed key.
 
-    The sensor stands on the key's front side, so that a lift reads as if the front had risen: too small a rotation
-    while the key is down, as in the thesis (3.2.2).
+    As in the thesis (3.2.2).
 
     Parameters
     ----------

@@ -131,7 +131,7 @@ def read_drive_log(path: str | Path) -> DriveLog:
     >>> from pathlib import Path
     >>> import model
     >>> rows = [f"{k / 5000},{0.01 * (k // 50)},0.0,0.0" for k in range(300)]
-    >>> text = "time_s,command_v,force_n,arm_rad\n" + "\n".join(rows)
+    >>> text = "time_s,command_v,force_n,arm_rad\\n" + "\\n".join(rows)
     >>> _ = Path("drive_log.csv").write_text(text)
     >>> model.drive.read_drive_log("drive_log.csv").current_a is None
     True

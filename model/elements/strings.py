@@ -167,7 +167,7 @@ def string_contact_force(
     """Whether felt presses on a string at ``given`` (depth m, rate m/s), the force (N), and its part for a slow press
     (N); ``give`` (m/N): of the modes left out; ``curve``: a, b, c; ``damping``: s/m.
 
-    Felt and the modes left out, which give way by ``give`` (m/N) times the slow force, are springs in a row.
+    Felt and these modes are springs in a row.
     """
     x, rate = given
     f = intern("argument", "slow force")

@@ -16,8 +16,7 @@ def integrate_torque(amplifier_kernel, lumps, source_limit, command, turned, int
     """Fill ``out`` (p, k) with the motor's torque, N m, at the ends of substeps, for ``lumps`` (p, 7); ``command`` (V)
     every ``interval`` s, ``turned`` (k,): motor's angle, rad, ``source_limit`` (p,), ``softness``: of limits.
 
-    Equations: `model.drive.lumps`; ``amplifier_kernel`` is that of `model.codegen.single_element`; ``turned`` the angle
-    of the motor, rad, at the ends of all substeps.
+    Equations: `model.drive.lumps`; ``amplifier_kernel`` is that of `model.codegen.single_element`.
 
     Steps are exact where the circuit is linear (exponential Rosenbrock-Euler), of second order where a limit sets in.
     """

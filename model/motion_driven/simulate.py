@@ -121,7 +121,7 @@ class MotionDriven(Moved, ArrayRecord):
         """Half the 95 % interval of the force as a share of it, the larger of two: at the largest force, and rms over
         rms; without samples where the key would lift; NaN without an ensemble.
 
-        Samples where the key would lift do not count. NaN without an ensemble; from 0.5 the force says next to nothing.
+        From 0.5 the force says next to nothing.
         """
         half, force = (a[~self.lifted] for a in (self.coverage_factor * self.u_force_n, np.abs(self.force_n)))
         if not len(force) or not np.max(force) > 0.0:

@@ -171,8 +171,7 @@ def contact_penetration(
     """Penetration, m (negative: open), unit normal from second to first surface and centre of the first, x + iy in the
     world, of a contact at angles (n,), rad, the five bodies' first; ``displacements``: x + iy, m, of pivots by body.
 
-    Geometry alone; points and directions are complex numbers in the world frame, x right, y up. ``displacements`` are
-    displacements of pivots, m.
+    Geometry alone, stiff contact or not; x is right, y up.
     """
     frames = {"ground": (0j, 0.0)}  # pivot and angle of each body from ground
     for body, angle in zip(BODIES, np.asarray(angle_rad, dtype=float)[: len(BODIES)], strict=True):

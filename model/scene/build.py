@@ -262,8 +262,6 @@ def build_scene(action: ActionLike, choice: SceneChoice | None = None, key_motio
     """Tables of numbers for the kernels, of the bodies, contacts and effects of ``choice`` (None: what the action
     says), driven by force on the key or what presses it, or by ``key_motion`` instead.
 
-    Driven by a force on the key, by what presses it where the choice has that, or by the motion of the key.
-
     Parameters
     ----------
     action : parameter set

@@ -76,7 +76,7 @@ class KeyMotion(ArrayRecord):
         """Number of pieces, break times (s) and coefficients in a row, as kernels read them; `InputError` for a motion
         that takes ``front`` (x, y in the key's frame, m) too far from its pivot's height.
 
-        A ``front`` of the key's frame that it moves must stay where bounds on gaps hold.
+        Beyond that, bounds on gaps would not hold.
         """
         if front is not None:
             x, y = front

@@ -49,7 +49,7 @@ def contact_columns(scene: Scene, angle: Array, speed: Array, vector: Array | No
     """Columns (m, c, 11) of contacts, forces by the slow loading curve, at states (m, n + g), angles or speeds of the
     bodies, then of what joints give; ``vector``: other numbers of the scene.
 
-    Forces are those of the slow loading curve; depths and their rates are those of every law.
+    Depths and their rates are those of every law.
     """
     numbers, n = scene.vector if vector is None else vector, len(scene.bodies)
     rows = np.concatenate([angle[:, n:], speed[:, n:]], axis=1)  # felt and string play no part in a depth

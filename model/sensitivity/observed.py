@@ -82,9 +82,6 @@ def observable_derivatives(
 ) -> Array:
     """Derivatives (..., P) by the parameters of ``quantity(*state, vector)``: ``state`` are angles (m, n), speeds (m,
     n) and more, ``slopes`` their derivatives, parameters last; ``smooth``: no felt takes part.
-
-    ``state`` are angles (m, n), speeds (m, n) and what else; ``slopes`` of each, with the parameters last. What no felt
-    plays a part in is ``smooth``.
     """
     parts = []
     for j, parameter in enumerate(directions.parameters):

@@ -61,8 +61,6 @@ def _input_slopes(
 def input_derivatives(directions: Directions, table: tuple[Array, Array], time_s: Array) -> Array:
     """Derivatives (k - 1, 2, P) of the kernels' input by the parameters, at both ends of each interval of ``time_s``
     (k,), its own table; ``table``: times, values of the run's input; (0, 2, P) where none acts.
-
-    ``table`` is the input of the run. Empty where nothing changes the kernels' input.
     """
     moved = directions.inputs[0] if directions.inputs[0].size else np.empty((len(table[1]), 0))
     if directions.scene.command is None and not moved.size:

@@ -367,8 +367,6 @@ class Simulation:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Normal and friction force (m, c), N, of each contact at angles and speeds (m, n); ``memory`` (m, z), where
         felt remembers: by default that of the last outputs.
-
-        Where felt remembers, ``memory`` (m, z) belongs to the states; by default that of the last outputs.
         """
         found = contacts_at(*self._states(angle_rad, speed_rad_per_s, self.remembered if memory is None else memory))
         return found[:, :, NORMAL], found[:, :, FRICTION]

@@ -110,8 +110,6 @@ def solve_rest(
 ) -> NDArray[np.float64]:
     """Angles (n,) of a stable balance under the constant input ``u``, from ``start`` (None: the scene's), ``held``
     coordinates kept there; ``with_joints``: then the joints' deflections, (n + g,); else `StaticsError`.
-
-    Coordinates ``held`` stay at ``start``.
     """
     if not abs(u) <= LARGEST_INPUT:
         raise InputError(f"rest state: input found {u:g}, allowed a finite number up to {LARGEST_INPUT:g}")
