@@ -59,8 +59,9 @@ def outline_distances(
 
 
 def masks_from_distances(bodies: Sequence[Body], distances: Sequence[NDArray[np.float32]]) -> list[NDArray[np.bool_]]:
-    """Masks (height, width) of each body's usable pixels, from its `signed_distance` (height, width), px, positive
-    inside; `BodyError` where too few are left."""
+    """Masks (height, width) of each body's usable pixels, as `build_masks` has them, from the `signed_distance`
+    (height, width) of every outline, px, positive inside; `BodyError` where too few are left.
+    """
     height, width = distances[0].shape
     masks = []
     for i, body in enumerate(bodies):

@@ -127,8 +127,9 @@ def find_points(picture: NDArray[Any], target: Target) -> NDArray[np.float64] | 
 
 
 def calibrate(film: FrameSource, target: Target, every: int = 1) -> Calibration:
-    """Calibrate the camera from one frame in ``every`` of a film (or a folder of pictures) of the target in the plane
-    of motion.
+    """Calibrate the camera from a target moved in the plane of motion, found in one frame in ``every`` of a film or
+    folder of pictures; also residual, coverage and effect on angles. `VisionInputError` where it is not found or does
+    not fix the view.
 
     Parameters
     ----------

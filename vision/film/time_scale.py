@@ -60,7 +60,8 @@ class Spacing:
 
 def classify_spacing(stamp_s: F64, tick_s: float, nominal_s: float | None = None) -> Spacing:
     """How stamps (n,), s, rounded to ``tick_s``, follow one another: evenly, with gaps, at a variable rate or as a ramp
-    of play-back; `FilmError` for stamps that go back, or too coarse to tell.
+    of play-back, their interval, s, and the frames missing after each; `FilmError` for stamps that go back, or too
+    coarse to tell.
 
     Parameters
     ----------

@@ -157,8 +157,10 @@ class IcgnFitter:
         covered: NDArray[np.uint8] | None,
         first_fit: FirstFit | None = None,
     ) -> Fit:
-        """Fit the body in frame ``index`` from ``pose``; ``covered`` (n,) is 1 at hidden pixels, ``first_fit`` one that
-        compiled code has done. Weights, light and scale are kept for the next frame."""
+        """Fit the body in frame ``index`` from ``pose`` (turn, x, y); ``covered`` (n,): 1 at hidden pixels;
+        ``first_fit``: one from there that compiled code has done. Weights, light and scale are kept for the next frame
+        unless the fit breaks down.
+        """
         result = self._fit_once(film, index, pose, covered, first_fit)
         if result.converged and max(abs(result.pose[1] - pose[1]), abs(result.pose[2] - pose[2])) > FAR_PX:
             # the fit ended where the border of the spline filter spoils the samples

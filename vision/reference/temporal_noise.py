@@ -47,9 +47,10 @@ SECOND_DIFFERENCE = np.outer(_LINE, _LINE) / np.float32(6.0)
 
 
 def estimate_delay_frames(film: FrameSource, n_still: int, level: float = LEVEL) -> float:
-    """Delay of steady motion by filtering in time, in frames; 0 where the noise of the still frames is white.
+    """Delay, in frames, of steady motion by filtering in time, from the correlation of the still frames' noise; 0 where
+    that is white, tested at ``level``, or where ``n_still`` frames cannot tell.
 
-    Fewer than `LEAST_FRAMES` still frames, and pictures without noise, cannot tell: 0.
+    Fewer than `LEAST_FRAMES` still frames, and pictures without noise, cannot tell.
     """
     limit = -float(ndtri(level))
     n = min(n_still, MOST_FRAMES)

@@ -237,8 +237,10 @@ class _Tile:
         self.u_px = self._noise * float(np.sqrt(max(inverse[0, 0], inverse[1, 1])))
 
     def fit_shift(self, region: Region, pose: F64, start: F64) -> tuple[F64, float, bool]:
-        """Shift (x, y) and turn in the template's axes where the tile fits, the shift's standard uncertainty, NaN where
-        nowhere, and whether it fits clearly better there than where the body's pose has it."""
+        """Place (x, y, px, turn, rad) where the tile fits, against the body's ``pose``, in the template's axes, by
+        steps from ``start``; standard uncertainty of x and y, px, NaN where it fits nowhere; whether it fits clearly
+        better there than at the pose.
+        """
         noise2, place, found = self._noise**2, start.copy(), None
         at_rest = self._fit_step(region, pose, np.zeros(3))
         for _ in range(ITERATIONS):
@@ -258,8 +260,9 @@ class _Tile:
         return place, u, found[1] - noise2 < (1.0 - EXPLAINED) * before
 
     def _fit_step(self, region: Region, pose: F64, place: F64) -> tuple[F64, float] | None:
-        """Step (x, y, turn) from a place towards a better one, and mean square of what is left, grey^2; None where the
-        tile fits nowhere."""
+        """Step (x, y, turn) to take off ``place`` (x, y, turn, against ``pose``) for the tile to fit better, and mean
+        square of what is left, grey^2; None where the tile fits nowhere.
+        """
         value, visible = self._work[0], self._work[1]
         offset = (turn_matrix(place[2]) @ self._inside + (self.middle + place[:2])[:, None]).astype(np.float32)
         subset = Subset(offset, self._columns, self._nothing, *self._template.centre_px, self._template.radius_px)

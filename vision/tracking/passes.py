@@ -213,8 +213,10 @@ def _track_backward(ready: PreparedFilm, table: PoseTable, start: int, end: int)
 
 
 def _reconcile(table: PoseTable, back: PoseTable, row: int, body: int, radius_px: float) -> None:
-    """Correct ``table`` for one body in one row by the backward pass ``back``: take its pose, reject the row, or add
-    the poses' difference to the covariance."""
+    """Correct ``table`` for one body in a row by the backward pass ``back``: take its pose where the first lost the
+    body; reject where ``back`` lost it or has it elsewhere; where they differ a little, keep the better, its covariance
+    widened by that.
+    """
     forward_lost, backward_lost = bool(table.is_lost[row, body]), bool(back.is_lost[row, body])
     if forward_lost and backward_lost:
         return

@@ -175,8 +175,9 @@ def track_later_segments(
 def _track_segment(
     crew: Workers, ready: PreparedFilm, frame: NDArray[np.int64], first: int, n_still: int, start: tuple[Poses, Poses]
 ) -> Segment:
-    """Track the rows from ``first`` to the last of ``frame`` (n,) into a segment, from the poses in the two rows before
-    those it shares with the segment before."""
+    """Track rows from ``first`` to the last of ``frame`` (n,) into a segment, from the poses in the two rows before
+    those it shares with the segment before; it ends there where a body is lost in these, as it cannot join.
+    """
     from_row = first - SHARED_ROWS
     tracker = FilmTracker(ready)
     tracker.clear_histories()

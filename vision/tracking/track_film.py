@@ -293,7 +293,9 @@ def _reject_untextured(ready: PreparedFilm, table: PoseTable) -> None:
 
 
 def _measure_stretch(ready: PreparedFilm, table: PoseTable, settings: TrackSettings, u_before: float) -> PictureStretch:
-    """The picture's stretch, of an uncalibrated camera, with a warning where it is significant."""
+    """The picture's stretch, with a warning where it is significant; 0 without uncertainty for a calibrated camera,
+    which has it.
+    """
     if settings.is_calibrated:
         return PictureStretch(0.0, 0.0, False)
     with workers(settings.threads or usable_threads() if is_thread_safe(ready.film) else 1) as crew:
