@@ -167,7 +167,9 @@ def _module(tables: Kind, functions: dict[str, Any], lanes: int) -> ir.Module:
 
 
 def _program_source(kind: Kind, name: str, lanes: int) -> Any:
-    """The object whose method ``name`` makes the program of that kernel."""
+    """The object whose method ``name`` makes the program of that kernel: of a structure's tables ``kind``, or of a
+    single element's whole numbers, one row.
+    """
     if len(kind) < 2:
         return SingleElement(*(int(x) for row in kind for x in row))
     if hasattr(ObservablePrograms, name):

@@ -109,8 +109,9 @@ class StepPrograms:
         return (W.P_ACC if self._s.pin else W.ACC) + i
 
     def _coordinates(self, row: int, q: int, v: int, prescribed: tuple[Row, Row]) -> tuple[Row, Row]:
-        """Coordinates and speeds of all: of what is solved for, from the workspace at ``q`` and ``v`` (joints that
-        give: after ``row``), and those ``prescribed``."""
+        """Rows of all coordinates and of all speeds, as expressions: own ones from the workspace, from ``q`` and ``v``
+        on, those ``prescribed`` (coordinates, speeds), and those of joints that give, whose places follow ``row``.
+        """
         s, places = self._s, self._s.pin_places(row)
         own = range(s.own)
         return (
@@ -566,7 +567,10 @@ class StepPrograms:
         return Program(given, [*out, *self._solve_stage(e, k)], "exceeded")
 
     def _stage_state(self, k: Expression, prescribed: tuple[Row, Row]) -> tuple[list[Statement], Row, Row, Row]:
-        """Statements that sum the stages before ``k``; coordinates, speeds and internal variables at stage ``k``."""
+        """Statements that sum the stages before ``k``, and rows of coordinates, speeds and internal variables at
+        stage ``k``; ``prescribed``: rows of coordinates and speeds that stand between own ones and those of joints
+        that give.
+        """
         s = self._s
         rows = [(f"{i}", W.Q + i, W.V + i, W.U + i, W.U + W.WIDTH + i, 2 * W.WIDTH) for i in range(s.own)]
         at_z, at_u = s.pin_places(W.Z), s.pin_places(W.Z_U)

@@ -416,7 +416,10 @@ def retire_finished_lanes(busy, rejected, sound, width, members, space):
 
 @cache
 def compile_lane_loop(width: int) -> Any:
-    """Compiled step loop of ``width`` members side by side; see ``integrate`` inside."""
+    """Compiled step loop of ``width`` members side by side, which takes (members, parent, n_contacts, kernels,
+    method, space), advances every member to its end, or as far as it comes, in place, and returns how many attempts
+    that took.
+    """
 
     @uncounted_loop(INTEGRATE_LANES)
     def integrate(members, parent, n_contacts, kernels, method, space):

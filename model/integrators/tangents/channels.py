@@ -243,7 +243,9 @@ def multiply(a, b, out):
 
 @inlined_uncounted
 def prepare_modes(h, channels):
-    """Fill ``start``, ``forced`` and ``force`` of ``channels.modes`` for a step of ``h``."""
+    """Fill ``start``, ``forced`` and ``force`` of ``channels.modes`` for a step ``h``, s, from the modes' numbers and
+    from ``hard`` and ``lossy`` at its nodes, filled before.
+    """
     modes, matrix, inverse, by_force = channels.modes, channels.small[0], channels.small[1], channels.small[2]
     for m in range(STAGES):
         for j in range(STAGES):

@@ -186,8 +186,10 @@ def solve_step(h, tangent, space):
 
 @uncounted_loop(ESTIMATED_ERROR)
 def estimate_error(h, tangent, wanted, space):
-    """Return the largest error of a step in any column over its tolerance, by a method of lower order; overwrites the
-    factors in ``space``."""
+    """Return the largest error of a step ``h``, s, in any column of ``tangent`` over its tolerance, by a method of
+    lower order, 1e300 where that cannot be solved; overwrites the factors in ``space``, whose ``slopes`` are those of
+    the step.
+    """
     n = tangent.shape[1]
     blocks = tangent.shape[2] // LANES
     a, order = space.matrix, space.order
