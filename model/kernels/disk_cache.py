@@ -24,7 +24,9 @@ _warned: set[str] = set()
 
 
 def read_entry(path: Path) -> bytes | None:
-    """Content of an entry; None where there is none, or where it is not as `write_entry` wrote it."""
+    """Content of a file of the cache; None where there is none, or, with a warning, where it is not as `write_entry`
+    wrote it.
+    """
     try:
         data = path.read_bytes()
     except FileNotFoundError:
@@ -40,7 +42,9 @@ def read_entry(path: Path) -> bytes | None:
 
 
 def write_entry(path: Path, content: bytes) -> None:
-    """Write an entry whole, or leave what was there; a folder that refuses it costs a warning."""
+    """Write content and its digest to a file of the cache, whole, or leave what was there; a folder that refuses it
+    costs a warning.
+    """
     temporary = path.with_name(f"{path.name}.{uuid.uuid4().hex[:16]}.tmp")
     try:
         try:

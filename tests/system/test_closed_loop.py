@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,6 +16,7 @@ from scipy.stats import chi2
 
 import model
 import validation
+from model.simulation.run import Simulation
 from rig.simulated import load_plant
 from tests.command_line import run
 from tests.system.conftest import BENCH, FINE, QUICK, Closed, fine_height
@@ -193,13 +195,21 @@ def test_the_demo_ends_with_what_was_seen_and_what_to_do_next(
     assert max(map(len, said[: said.index("next:")].splitlines())) <= 100
 
 
-def test_second_validation_simulates_nothing_again(closed: Closed, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_second_validation_simulates_the_raw_force_of_each_trial_alone(
+    closed: Closed, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def simulated(*given: object, **options: object) -> None:
         raise AssertionError("simulated again")
 
-    monkeypatch.setattr("model.simulation.run.Simulation.advance", simulated)  # each run of the model
+    runs, advance = [], Simulation.advance
+
+    def count_run(run: Simulation, *given: Any, **options: Any) -> Any:
+        runs.append(run)
+        return advance(run, *given, **options)
+
+    monkeypatch.setattr("model.simulation.run.Simulation.advance", count_run)  # each run of the model
     monkeypatch.setattr("validation.prediction.many_runs.run_jobs", simulated)  # many side by side
     again = validation.compare(closed.demo.session, "hirschkorn2004", **QUICK)
     pd.testing.assert_frame_equal(again.scores, closed.demo.result.scores)
-    assert again.trials["reused"].all()
+    assert again.trials["reused"].all() and len(runs) == len(again.trials)
     assert replace(again, files={}).verdict == closed.demo.result.verdict
