@@ -250,8 +250,8 @@ def inertia_from_pendulum(
 
 
 def with_calibrated(action: ActionLike, values: Mapping[str, tuple[float, float]], source: str) -> Action:
-    """Return a copy of ``action`` with measured values, path -> (value, standard uncertainty); ``source`` is noted at
-    each.
+    """Copy of ``action`` with measured values, path -> (value, standard uncertainty) in the quantity's unit, each noted
+    as measured, with ``source``; `InputError` for an unknown path or a value out of range.
 
     Parameters
     ----------

@@ -26,8 +26,8 @@ class Observer:
         self.scene = scene
 
     def evaluate(self, q: ArrayLike, v: ArrayLike, u: ArrayLike, memory: ArrayLike | None = None) -> ObservedStates:
-        """Observed quantities at angles ``q``, speeds ``v`` (m, n) and inputs ``u`` (m,); ``memory`` (m, z) are
-        internal variables, if any.
+        """Observed contacts, tips and bodies at angles ``q`` (m, n), rad, speeds ``v`` (m, n), rad/s, and inputs ``u``
+        (m,); ``memory`` (m, z): internal variables, needed where the scene has any.
 
         Raises
         ------

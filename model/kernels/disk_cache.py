@@ -122,9 +122,8 @@ class _VerifiedCache(FunctionCache):  # type: ignore[misc]
 
 
 def verify_cache(dispatcher: Any) -> Any:
-    """Return the compiled function with a disk cache that verifies each entry at loading.
-
-    Where no folder can be written, it is kept in memory only.
+    """Give a compiled function, in place, a disk cache that verifies each entry at loading, and return it; without a
+    folder that can be written it is kept in memory only.
     """
     if hasattr(dispatcher, "enable_caching"):  # not so where numba is told to compile nothing
         with contextlib.suppress(RuntimeError):

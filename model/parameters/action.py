@@ -182,7 +182,9 @@ class Action(Tabular):
         return self.law(contact) == felt[1] if felt else last != "normal.D" or LAWS[self.law(contact)].damped
 
     def with_laws(self, laws: Mapping[str, str]) -> Action:
-        """Return a copy whose contacts follow other laws of felt, contact -> law."""
+        """Copy whose contacts follow other laws of felt, contact -> name of the law; the numbers of these laws are as
+        before or usual; `InputError` for an unknown contact or law.
+        """
         structure = dict(self.structure)
         for contact, law in laws.items():
             if contact not in CONTACTS:

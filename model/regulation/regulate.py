@@ -233,7 +233,9 @@ def regulate(
 
 
 def _screw_effect(bench: Bench, target: str) -> float:
-    """Size of a screw's effect on its target, m/m: as followed while turning, else measured by a small turn."""
+    """Size of a screw's effect on its target, m/m: as found while turning, else measured by a small turn both ways and
+    kept, else the usual one.
+    """
     if target not in bench.effect:
         turn = bench.turn_m[target]
         errors = [bench.error(target, turn + step) for step in (-EFFECT_TURN, EFFECT_TURN)]
@@ -244,7 +246,8 @@ def _screw_effect(bench: Bench, target: str) -> float:
 
 
 def _regulated_action(bench: Bench) -> Action:
-    """The regulated set, with source and uncertainty of what was turned.
+    """Copy of the action with its screws as turned: each one's value, source and uncertainty, that of its target over
+    its effect; its name ends with ``-regulated``.
 
     The uncertainty of a screw is that of its target, a rectangular tolerance, divided by the screw's effect.
     """

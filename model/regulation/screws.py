@@ -117,8 +117,9 @@ class Bench:
         return self.given.with_values({path[name]: self.given[path[name]] + x for name, x in wanted.items() if x})
 
     def rest_errors(self, names: Iterable[str], turns: Mapping[str, float] | None = None) -> Array:
-        """Distance (m) of targets measured at rest from where they are aimed; NaN where the action does not rest.
-        Counted in ``evaluations``."""
+        """Measured length less that aimed at, m, of the targets ``names`` at rest, with screws at ``turns`` (m; None:
+        as they are); NaN where the action does not rest. Counted in ``evaluations``.
+        """
         self.evaluations["rest"] += 1
         try:
             found = measure_at_rest(self.action(turns))
@@ -128,8 +129,9 @@ class Bench:
         return np.array([found.get(name, math.nan) - x for name, x in aimed.items()])
 
     def error(self, name: str, turn: float) -> float:
-        """Error (m) of one target with its screw at ``turn`` (m); NaN where it cannot be measured. Counted in
-        ``evaluations``."""
+        """Measured length less that wanted, m, of one target with its screw at ``turn`` (m), the others as they are;
+        NaN where it cannot be measured. Counted in ``evaluations``.
+        """
         kind = MEASURED_IN[name]
         if kind == "rest":
             return float(self.rest_errors([name], {name: turn})[0])

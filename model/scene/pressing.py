@@ -38,7 +38,9 @@ class AmplifierCommand:
         return min(max(self.per_volt * value, -self.largest_v), self.largest_v)
 
     def table(self, time_s: Array, value: Array, held: bool) -> tuple[Array, Array]:
-        """Clipped source voltage (V) at times (s) for a command ``value`` (V), piecewise linear or ``held``."""
+        """Times (s), with those at which a limit is met, and the amplifier's source voltage (V) there, clipped, for a
+        command ``value`` (V) at ``time_s``, linear between its points or ``held``.
+        """
         source, largest = self.per_volt * value, self.largest_v
         if not held:
             at = [time_s]
@@ -64,8 +66,8 @@ class FingerCommand:
         return self.length_m * self.stiffness_n_per_m * value
 
     def table(self, time_s: Array, value: Array, held: bool) -> tuple[Array, Array]:
-        """Finger torque (N m) at times (s) for a piecewise-linear hand displacement ``value`` (m, down); ``held``
-        values are refused.
+        """Times (s) and the finger's torque (N m) there, for a displacement of the hand ``value`` (m, down) at
+        ``time_s`` (s), linear between its points; `InputError` for ``held`` values.
 
         A ramp of 2 ns stands where the hand's speed jumps.
         """

@@ -52,7 +52,9 @@ class LocalTable(ArrayRecord):
     per_u: Array
 
     def rows(self) -> list[dict[str, Any]]:
-        """One row a parameter and quantity, as written to a file."""
+        """Rows for a file, one a parameter and quantity: rank, names, unit, value, change by one percent of the
+        parameter (in percent, in the unit) and by its standard uncertainty.
+        """
         return [
             {
                 "rank": i + 1,

@@ -382,7 +382,8 @@ class RecordedMotion:
         return TangentResult(angle, speed, channel, run.scene.size, acts, counters)
 
     def _check_rates(self, kinks: Array) -> None:
-        """Refuse an added law whose force or internal rate is discontinuous at a kink (k, 2), s.
+        """Raise `InputError` for a law that the user has added whose force or internal rate jumps across a kink, (k, 2)
+        times before and after, s.
 
         The derivatives would jump there, too, by the jump times the derivative of the kink's own time.
         """

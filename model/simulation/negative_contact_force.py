@@ -69,8 +69,9 @@ def describe_jumps(scene: Scene) -> str:
 
 
 def describe_pull(scene: Scene, time_s: float, state: tuple[Array, Array, Array], u: float) -> str:
-    """The sentence where a run stopped at a state (angles, speeds, memory) because felt would pull next; empty where
-    that was not why."""
+    """Sentence (`describe_force`) on an added law that would pull next at a state (angles, speeds, memory) under input
+    ``u``, where a run stopped; empty where that was not why.
+    """
     s = Structure(scene.tables)
     watched = [c for c in range(len(s.contact)) if s.law(c).added]
     if not watched or np.any(scene.tables.prescribed) and len(state[0]) != scene.size:

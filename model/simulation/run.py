@@ -223,7 +223,8 @@ class Simulation:
         held: bool = False,
         output_time_s: ArrayLike | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Go on to time ``until`` under a tabulated input; return angles and speeds (m, n) at the output times.
+        """Go on to time ``until``, s, under an input linear between its points (``held``: constant from each on); the
+        state changes; return angles and speeds (m, n) at ``output_time_s`` (m,), None: none.
 
         Parameters
         ----------
@@ -262,8 +263,9 @@ class Simulation:
         held: bool = False,
         output_time_s: ArrayLike | None = None,
     ) -> Plan:
-        """Arguments of the step loop for `advance`; an input or output times that cannot be used are refused
-        (`check_input`)."""
+        """Arguments of the step loop for `advance`, with copies of the state and empty outputs; `InputError` for an
+        input or output times that cannot be used. Nothing is run.
+        """
         method = get_method(self.method)
         local = method.share * self.tolerance * min(1.0, (self.tolerance / REFERENCE_TOLERANCE) ** EXTRA_POWER)
         if np.any(self.scene.tables.prescribed):

@@ -147,7 +147,9 @@ def _is_finite(x: Any) -> bool:
 
 
 def trace_law(law: Law) -> Traced:
-    """Call the methods of a law with symbolic felt and check the form of what they return."""
+    """What the methods of a law return for a felt whose depth, rate and numbers are symbols, and that felt;
+    `InputError` where something is not of the form it must have.
+    """
     usual = {name: n.value for name, n in law.numbers.items()}
     given = call_method(law, "pack_numbers", "contact01", usual, TRIED_ON)
     try:
@@ -293,7 +295,9 @@ class _Press:
         }
 
     def evaluate(self, state: _State) -> tuple[float, tuple[float, ...], tuple[bool, ...]]:
-        """Return force (N), rates, and which conditions hold."""
+        """Force (N; 0 where open), rates of the internal variables (per s) and which conditions hold, touching and
+        pressing first, at a state.
+        """
         felt = self.traced.felt
         given = {**self._fixed, felt.depth: state.depth, felt.rate: state.rate}
         value = self._evaluate(given | dict(zip(felt.memory, state.memory, strict=True)))
@@ -309,7 +313,9 @@ class _Press:
         return force, rates, holds
 
     def step(self, before: _State, depth: float, rate: float, dt: float) -> _State:
-        """Advance the internal variables by the implicit Euler method to another depth and rate."""
+        """State at another depth (m) and rate (m/s), a time ``dt`` (s) later, its internal variables advanced by the
+        implicit Euler method.
+        """
         if self.law.anew is not None and not self.evaluate(_State(depth, rate, before.memory))[2][1]:
             return _State(depth, rate, (self.law.anew,) * len(before.memory))
         memory = list(before.memory)
@@ -332,8 +338,9 @@ class _Press:
 
 
 def find_jump(law: Law, traced: Traced) -> str:
-    """Press a felt that follows the law; return where its force or rates jump, empty where continuous; `InputError`
-    where not finite or pulling."""
+    """Press a felt that follows the law at several speeds; return words on where its force or rates jump first, empty
+    where they do not; `InputError` where they are not finite or the felt pulls.
+    """
     press = _Press(law, traced)
     found = ""
     resting = [
