@@ -65,8 +65,7 @@ def output_times(start: float, end: float, rate_hz: float) -> Array:
 
 def check_output_times(output_time_s: ArrayLike | None, table_s: Array) -> Array:
     """Return output times (m,), s, None: those of the force table, ``table_s``; ``InputError`` where they leave it or
-    fall (equal ones are allowed).
-    """
+    fall (equal ones are allowed)."""
     outputs = table_s if output_time_s is None else as_numbers(output_time_s, "output times", 1)
     if not np.all(np.isfinite(outputs)) or np.any(np.diff(outputs) < 0):
         raise InputError("output times: allowed a finite, increasing row of times")
@@ -173,8 +172,7 @@ def simulate(
 
 def force_table_of_trial(trial: Any) -> tuple[Array, Array, float, Array]:
     """Of a recorded trial: times (k,), s, and corrected force (k,), N, extended to the last sample; preload, N; and the
-    sample times (n,), s, from the table's first on. `InputError` for what is no trial.
-    """
+    sample times (n,), s, from the table's first on. `InputError` for what is no trial."""
     if not hasattr(trial, "corrected_force"):
         file = f"; read it by model.read_force_table({str(trial)!r})" if isinstance(trial, str | Path) else ""
         raise InputError(f"force: found {type(trial).__name__}, allowed time_s and force_n, or a recorded trial{file}")
@@ -197,8 +195,7 @@ def resolve_string_modes(
     action: Action, choice: SceneChoice, options: ForceDrivenOptions
 ) -> tuple[Scene, Scene | None]:
     """Scene with the string modes that the tolerance needs, and one with half as many to estimate their error; None
-    where the action sets their number, no string sounds or no estimate is requested.
-    """
+    where the action sets their number, no string sounds or no estimate is requested."""
     if STRING_EFFECT not in choice.effects or action["string.modes"] != 0.0:
         return build_scene(action, choice), None
     scene = build_scene(with_modes(action, options.tolerance), choice)
@@ -286,8 +283,7 @@ class ForceDrivenRun:
 
     def solution(self, under_way: Simulation, angles: Array, speeds: Array) -> Solution:
         """Solution of ``under_way``, a run that has been integrated, with ``angles`` and ``speeds`` (m, n) at the
-        output times, and contact forces if requested; no energy, inside view or error estimate.
-        """
+        output times, and contact forces if requested; no energy, inside view or error estimate."""
         contacts: tuple[str, ...] = ()
         normal, tangential = None, None
         if "contact_forces" in self.outputs:

@@ -51,8 +51,7 @@ class LazyGroup(TyperGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The command or group of this name for typer, with its old spellings; its module is imported only now. None
-        where there is none.
-        """
+        where there is none."""
         if cmd_name not in self.table:
             return None
         if cmd_name in commands.GROUPED:
@@ -75,8 +74,7 @@ class LazyGroup(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find the command that ``args[0]`` names, for typer; a retired or misspelt one ends with a usage error that
-        says what replaced it or comes near.
-        """
+        says what replaced it or comes near."""
         name = f"{self.prefix} {args[0]}".strip() if args else ""
         if name in commands.RETIRED_COMMANDS:
             ctx.fail(f"There is no command {name!r} any more: {commands.RETIRED_COMMANDS[name]}.")
@@ -110,8 +108,7 @@ class LazyGroup(TyperGroup):
 
 def _group(name: str) -> LazyGroup:
     """The group ``name`` of commands (such as ``calibrate``) for typer; the module of a command is imported when that
-    is called.
-    """
+    is called."""
     return LazyGroup(
         name,
         name=name,
@@ -157,16 +154,14 @@ def _set_global_options(
     ),
 ) -> None:
     """Set the environment variable ``PIANORIG_DEBUG`` for ``--debug``, by which errors show their traceback;
-    ``--version`` prints and ends.
-    """
+    ``--version`` prints and ends."""
     if debug:
         os.environ["PIANORIG_DEBUG"] = "1"
 
 
 def _make_warning_printer() -> Callable[..., None]:
     """Return a replacement of `warnings.showwarning` that prints ``warning: text`` on standard error, each text once,
-    without the line of source.
-    """
+    without the line of source."""
     shown: set[str] = set()
 
     def show(message: Warning | str, *where: Any, **more: Any) -> None:
@@ -200,8 +195,7 @@ def refuse_shadowed_packages() -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line with ``arguments`` (None: those of the process; none given: the help), print errors as one
-    line, and end the process with the exit code: it never returns.
-    """
+    line, and end the process with the exit code: it never returns."""
     given = (sys.argv[1:] if arguments is None else arguments) or ["--help"]
     as_json = "--json" in given[: given.index("--") if "--" in given else None]
     write_what_the_terminal_can()

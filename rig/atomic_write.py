@@ -25,8 +25,7 @@ def translate_os_error(path: Path, action: str, advice: str = "") -> Iterator[No
 @contextlib.contextmanager
 def replace_when_complete(path: Path) -> Iterator[Path]:
     """Context that yields a temporary path, beside ``path``, to write a file to; at its end the file replaces ``path``,
-    after an exception it is deleted. OSError becomes RigInputError.
-    """
+    after an exception it is deleted. OSError becomes RigInputError."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with translate_os_error(path, "written", "choose a writable place"):

@@ -32,8 +32,7 @@ class MainsHum(NamedTuple):
 
 def hum_terms(time_s: Array, mains_hz: float) -> Array:
     """Columns (n, 6) cos, sin at one, two and three times ``mains_hz``, Hz, at times (n,), s: the terms of a linear
-    fit.
-    """
+    fit."""
     turn = 2.0 * np.pi * mains_hz * time_s
     first = np.cos(turn) + 1j * np.sin(turn)
     columns, harmonic = [], first

@@ -75,8 +75,7 @@ def reserve(descriptor: int, path: Path, size: int) -> None:
 
 def lock(descriptor: int) -> bool:
     """Lock the open file of this ``descriptor`` for this process, without waiting, until it is closed or the process
-    ends; False when another process has it.
-    """
+    ends; False when another process has it."""
     try:
         if WINDOWS:
             import msvcrt  # platform: Windows only
@@ -107,8 +106,7 @@ def is_locked(error: BaseException) -> bool:
 
 def is_held(path: Path) -> bool:
     """Whether another program has the file open for writing with a lock; always False on Windows, where reading it then
-    fails.
-    """
+    fails."""
     if WINDOWS:
         return False
     import fcntl  # platform: POSIX only
@@ -134,8 +132,7 @@ def make_read_only(path: Path) -> None:
 
 def replace(source: Path, target: Path) -> None:
     """Rename ``source`` over ``target``; on Windows a target that is read-only is made writable first, as it refuses
-    otherwise.
-    """
+    otherwise."""
     try:
         os.replace(source, target)
     except PermissionError:

@@ -68,8 +68,7 @@ class SelftestRecord(Table):
 
     def write(self, folder: Path) -> Path:
         """Write the record as ``<UTC time>_<rig>.toml`` into a folder, which is created if missing; return the file's
-        path.
-        """
+        path."""
         stamp = self.created_utc.astimezone(UTC)
         path = folder / f"{stamp:%Y-%m-%dT%H%M%SZ}_{self.rig}.toml"
         with translate_os_error(folder, "created"):
@@ -161,8 +160,7 @@ def push_train(volts: float, rate_hz: float) -> NDArray[np.float64]:
 
 def push_response(force_n: NDArray[np.float64], rate_hz: float, delay: int) -> tuple[NDArray[np.float64], float]:
     """Mean response to the pushes of `push_train`, N above the force before each, counted from ``delay`` samples after
-    a push begins, (m,), and its plateau, N.
-    """
+    a push begins, (m,), and its plateau, N."""
     lead, push = int(LEAD_S * rate_hz), int(PUSH_S * rate_hz)
     period = 2 * push
     rows = [force_n[lead + i * period + delay :][:period] for i in range(PUSHES)]
@@ -177,8 +175,7 @@ UNMOVED_SHARE = 0.02  # of a stroke: below it a body has not moved; every wrong 
 
 def encoder_advice(config: RigConfig, body: int, turned_rad: float) -> str:
     """Likely cause of a wrong stroke of ``body`` (0 key, 1 whippen, 2 hammer), turned by ``turned_rad``, as text: does
-    not move, wrong sign, cable of another body, wrong scale; empty without ``[selftest]`` in the rig file.
-    """
+    not move, wrong sign, cable of another body, wrong scale; empty without ``[selftest]`` in the rig file."""
     if config.selftest is None:
         return ""
     encoders, strokes, tolerance = config.encoders, config.selftest.stroke_rad, config.selftest.stroke_tolerance
@@ -229,8 +226,7 @@ class Edge:
 
 def subtract_hum(force_n: Array, rate_hz: float, mains_hz: float, delay: int) -> Array:
     """Force (n,), N, during `push_train`, less offset, drift and mains hum, fitted to the samples in which nothing
-    pushes; the response comes ``delay`` samples after the command.
-    """
+    pushes; the response comes ``delay`` samples after the command."""
     lead, push = int(LEAD_S * rate_hz), int(PUSH_S * rate_hz)
     quiet = np.zeros(force_n.size, dtype=bool)
     quiet[:lead] = True
@@ -244,8 +240,7 @@ def subtract_hum(force_n: Array, rate_hz: float, mains_hz: float, delay: int) ->
 
 def fit_edge(response_n: Array, rate_hz: float, at_sample: float) -> Edge | None:
     """Fit when the mean response to a push (m,), N, begins, as a damped oscillation: how late after the sample
-    ``at_sample`` it was due at, s, its uncertainty, ringing; None where there is no push.
-    """
+    ``at_sample`` it was due at, s, its uncertainty, ringing; None where there is no push."""
     from scipy.optimize import least_squares  # start-up: 0.2 s that only a self-test needs
 
     t = (np.arange(response_n.size) - at_sample) / rate_hz
@@ -331,8 +326,7 @@ class Checks:
 
     def _acquire(self, command_v: NDArray[np.float64], *, enable_drive: bool) -> tuple[Timing, Block]:
         """Put out a motor command (n,), V, read until it has ended, then stop safely; return the device's timing and
-        all samples as one block. ``enable_drive``: whether the motor may push.
-        """
+        all samples as one block. ``enable_drive``: whether the motor may push."""
         timing = self.backend.configure(self.config, command_v)
         self.backend.arm(enable_drive=enable_drive)
         self.backend.start()
@@ -343,8 +337,7 @@ class Checks:
 
     def check_by_hand(self, prompt: Callable[[str], None]) -> None:
         """Show the instruction to lift the arm and press the key (``prompt`` returns when the operator is ready),
-        record with the drive disabled, and add the checks of unloaded force, preload, load cell and encoders.
-        """
+        record with the drive disabled, and add the checks of unloaded force, preload, load cell and encoders."""
         prompt(INSTRUCTION)
         _, block = self._acquire(np.zeros(int(PRESS_S * self.rate)), enable_drive=False)
         rad = (block.encoder_count - block.encoder_count[:1]) * [e.rad_per_count for e in self.config.encoders]
@@ -369,8 +362,7 @@ class Checks:
 
     def _check_force_by_hand(self, block: Block) -> None:
         """Add the checks of unloaded reading, preload and load cell (sign), from a block in which the arm was lifted
-        and the key pressed by hand; sets ``unloaded_n``.
-        """
+        and the key pressed by hand; sets ``unloaded_n``."""
         n = int(LEAD_S * self.rate)
         mean = np.convolve(block.force_n, np.full(n, 1 / n), "valid")
         resting = float(np.median(mean[: max(n // 4, 1)]))
@@ -393,8 +385,7 @@ class Checks:
 
     def _push_gently(self, *, enable_drive: bool) -> tuple[NDArray[np.float64], float]:
         """Command several pushes of the rig file's ``push_n``; return the mean response to one, N above the force
-        before, (m,), less hum, and its plateau, N. Stores the force channel's delay.
-        """
+        before, (m,), less hum, and its plateau, N. Stores the force channel's delay."""
         volts = push_train(self.expected.push_n / self.config.motor.force_per_volt_n, self.rate)
         timing, block = self._acquire(volts, enable_drive=enable_drive)
         self._delay_samples = timing.force_group_delay_s * self.rate
@@ -404,8 +395,7 @@ class Checks:
 
     def check_push_disabled(self) -> None:
         """Command gentle pushes with the drive disabled and add the check that no force reaches the key; it fails where
-        the rig file has no drive-enable line.
-        """
+        the rig file has no drive-enable line."""
         if self.config.drive_enable is None:
             self.add("drive-enable line", False, "none in the rig file", "a line", "add [drive_enable] and wire it")
             return
@@ -417,8 +407,7 @@ class Checks:
 
     def check_push_enabled(self) -> None:
         """Enable the drive, push the key gently by the motor, and add the checks of the force (sign, size) and of the
-        delay from output to force.
-        """
+        delay from output to force."""
         response, force = self._push_gently(enable_drive=True)
         wanted = self.expected.push_n
         if abs(force) < ABSENT_SHARE * wanted:
@@ -441,8 +430,7 @@ class Checks:
 
     def _add_delay(self, response: NDArray[np.float64] | None) -> None:
         """Add the check that the mean response (m,), N, begins when the delays of module and drive say, within the
-        allowed tolerance; None, for no push, fails.
-        """
+        allowed tolerance; None, for no push, fails."""
         delay, limit_s = self._delay_samples, self.expected.latency_tolerance_samples / self.rate
         at = EDGE_LEAD + delay - np.floor(delay) + self.expected.drive_delay_s * self.rate
         edge = None if response is None else fit_edge(response, self.rate, at)
@@ -506,8 +494,7 @@ class Checks:
 
     def check_shunt(self) -> None:
         """Switch the bridge's shunt resistor in, and add the check that the reading changes as predicted; nothing where
-        the force is no bridge or the rig file states no shunt.
-        """
+        the force is no bridge or the rig file states no shunt."""
         force, shunt = self.config.force, self.expected.shunt_ohm
         if force.kind != "bridge" or shunt == 0:
             return
@@ -520,8 +507,7 @@ class Checks:
 
     def check_loopback(self) -> None:
         """Put out a sine of half a volt, and add the check that the input wired to the motor's output reads each sample
-        one later; nothing where the rig file states no such input.
-        """
+        one later; nothing where the rig file states no such input."""
         if self.expected.loopback is None:
             return
         n = int(LEAD_S * self.rate)
@@ -535,8 +521,7 @@ class Checks:
 
     def check_camera(self) -> None:
         """Count the edges on the camera's terminal for half a second, and add the check of their number; nothing
-        without a camera.
-        """
+        without a camera."""
         camera = self.config.camera
         if camera is None:
             return

@@ -42,8 +42,7 @@ def digest_of_sources() -> str:
 
 def read_entry(path: Path) -> bytes | None:
     """Content of a file of the cache; None where there is none, or, with a warning, where it is not as `write_entry`
-    wrote it.
-    """
+    wrote it."""
     try:
         data = path.read_bytes()
     except FileNotFoundError:
@@ -60,8 +59,7 @@ def read_entry(path: Path) -> bytes | None:
 
 def write_entry(path: Path, content: bytes) -> None:
     """Write content and its digest to a file of the cache, whole, or leave what was there; a folder that refuses it
-    costs a warning.
-    """
+    costs a warning."""
     temporary = path.with_name(f"{path.name}.{uuid.uuid4().hex[:16]}.tmp")
     try:
         try:

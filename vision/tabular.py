@@ -50,8 +50,7 @@ def axes_or_new(ax: Axes | None) -> Axes:
 
 def save_frame(frame: pd.DataFrame, path: str | Path) -> Path:
     """Write a table as ``.csv``, ``.h5`` or ``.parquet`` by the ending of ``path``, replacing a file that is there,
-    whole or not at all; return the path. Units, by column in ``frame.attrs["units"]``, are left out of CSV.
-    """
+    whole or not at all; return the path. Units, by column in ``frame.attrs["units"]``, are left out of CSV."""
     target = Path(path)
     if target.suffix not in ENDINGS:
         raise VisionInputError(f"{target}: ending found {target.suffix!r}, allowed {', '.join(ENDINGS)}")
@@ -78,8 +77,7 @@ def write_h5(
 ) -> None:
     """Write columns (n,), numbers or text, as an HDF5 file that xarray opens; ``units`` and ``long_names`` by column (a
     unit not given follows from the name's ending), ``attributes`` of the file; ``time_s`` becomes the scale of the
-    rows.
-    """
+    rows."""
     import h5py  # start-up: 0.1 s, only such a file needs it
 
     with h5py.File(path, "w") as file:

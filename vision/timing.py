@@ -158,8 +158,7 @@ def _running_line(
     time: NDArray[np.float64], value: NDArray[np.float64], width_s: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Times, level and slope, each (k,), of straight lines fitted to the samples in a window of ``width_s`` around
-    each, as far as it is full; `VisionInputError` for a record shorter than two.
-    """
+    each, as far as it is full; `VisionInputError` for a record shorter than two."""
     half = max(1, round(0.5 * width_s / float(np.median(np.diff(time)))))
     span = np.arange(-half, half + 1)
     if time.size < 2 * span.size:

@@ -128,8 +128,7 @@ def _content_digest(value: Any, known: dict[int, bytes]) -> bytes:
 @cache
 def code_sha256() -> str:
     """SHA-256, hexadecimal, of the text of every Python file of the package ``model`` and of the versions of NumPy and
-    numba.
-    """
+    numba."""
     digest = hashlib.sha256(f"numpy {np.__version__} numba {numba.__version__}".encode())
     folder = Path(__file__).resolve().parents[1]
     for path in sorted(folder.rglob("*.py")):
@@ -206,8 +205,7 @@ def make_jobs_of_actions(
     initial: RestState | None = None,
 ) -> list[Job]:
     """Jobs of every action (label -> action or error) with every trial (name -> times s, forces N, or a record), in
-    that order; each starts from ``initial`` (None: its own rest state); one of wrong input holds its error.
-    """
+    that order; each starts from ``initial`` (None: its own rest state); one of wrong input holds its error."""
     tables: dict[str, _Table | Exception] = {}
     for trial, given in trials.items():
         try:
@@ -265,8 +263,7 @@ class _Table:
 
 def _make_table(name: str, given: tuple[ArrayLike, ArrayLike] | Recorded, options: ForceDrivenOptions) -> _Table:
     """Force table (s, N), output times, s, and load at rest, N, of a trial ``given`` as (time s, force N), then without
-    load, or as a record; the output times of ``options``, else the trial's own. ``name`` is for messages.
-    """
+    load, or as a record; the output times of ``options``, else the trial's own. ``name`` is for messages."""
     preload_n, sampled, is_recorded = 0.0, None, not isinstance(given, tuple | list)
     if isinstance(given, tuple | list):
         times, forces = check_force_table(*given, f"trial {name}")

@@ -39,8 +39,7 @@ Kind = tuple[object, ...]
 
 def _lane_group_key(jobs: Sequence[Job]) -> list[Kind | None]:
     """For each job (method, structure of its scene), by which jobs can be integrated side by side; None for a job that
-    cannot be.
-    """
+    cannot be."""
     of_scene: dict[int, Kind] = {}
     out: list[Kind | None] = []
     for job in jobs:
@@ -56,8 +55,7 @@ def _lane_group_key(jobs: Sequence[Job]) -> list[Kind | None]:
 
 def select_lane_jobs(jobs: Sequence[Job], lanes: bool | None) -> list[Job]:
     """The jobs in their order, with ``in_lanes`` set in copies of those to integrate side by side: none (``lanes``
-    False, or no wide vectors), all that can be (True), those of which there are `LEAST_MEMBERS` of a kind (None).
-    """
+    False, or no wide vectors), all that can be (True), those of which there are `LEAST_MEMBERS` of a kind (None)."""
     if lanes is False or not has_wide_vectors():
         return list(jobs)
     kinds = _lane_group_key(jobs)
@@ -70,8 +68,7 @@ def select_lane_jobs(jobs: Sequence[Job], lanes: bool | None) -> list[Job]:
 
 def group_jobs(jobs: Sequence[Job], todo: Sequence[int], workers: int) -> list[list[int]]:
     """Divide the jobs ``todo`` (indices) into units of work, lists of indices: those marked ``in_lanes`` with others of
-    their kind, in units that keep ``workers`` threads equally busy; every other job alone.
-    """
+    their kind, in units that keep ``workers`` threads equally busy; every other job alone."""
     alone: list[list[int]] = []
     groups: dict[Kind | None, list[int]] = defaultdict(list)
     for i, kind in zip(todo, _lane_group_key([jobs[i] for i in todo]), strict=True):

@@ -115,8 +115,7 @@ def check_curve(
     common: CommonErrors | None = None,
 ) -> LoadingCurve:
     """Check points (n,), m and N, each of a ``phase`` ('loading' or 'unloading'), and sort each phase by displacement.
-    ``common``: by name, the change (2, n) of displacement and force by one standard uncertainty of a shared error.
-    """
+    ``common``: by name, the change (2, n) of displacement and force by one standard uncertainty of a shared error."""
     x, f = two_columns(displacement_m, force_n, where)
     words = np.asarray(phase, dtype=str)
     for name, column in (("displacement_m", x), ("force_n", f)):
@@ -163,8 +162,7 @@ def check_curve(
 
 def _check_direction(along: Array, rows: NDArray[np.int64], name: str, x: Array, where: str) -> None:
     """Raise `InputError` where ``along``, displacements of a phase with the sign that makes them rise, fall by more
-    than a share of the range of ``x``, those of both; ``rows``: their indices in the file, ``name``: the phase.
-    """
+    than a share of the range of ``x``, those of both; ``rows``: their indices in the file, ``name``: the phase."""
     back = np.maximum.accumulate(along) - along
     limit = BACKWARDS_SHARE * float(np.ptp(x))
     if (back > limit).any():
@@ -219,8 +217,7 @@ def read_curve(path: str | Path) -> LoadingCurve:
 
 def find_common_errors(columns: Sequence[str], where: str) -> dict[str, tuple[str, str]]:
     """Columns ``common_<name>_m`` (displacement) and ``common_<name>_n`` (force) by the ``<name>`` of the shared error;
-    `InputError` for another column that begins with ``common_``.
-    """
+    `InputError` for another column that begins with ``common_``."""
     found: dict[str, tuple[str, str]] = {}
     for column in columns:
         if column.startswith(PREFIX):

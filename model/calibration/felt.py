@@ -117,8 +117,7 @@ class FeltFit(ArrayRecord):
 
     def loading_ratio(self, x_m: float) -> tuple[float, float]:
         """Force of the smoothed loading curve over that of the cubic at the displacement ``x_m``, m, and its standard
-        uncertainty.
-        """
+        uncertainty."""
         fit, load = float(self.force_n([x_m])[0]), float(self.loading.force_n([x_m])[0])
         by_force = -load / fit**2 * (_cubic_columns([x_m])[0] @ self.gain)
         by_force[: self.loading.solve.shape[1]] += (self.loading.basis([x_m])[0] @ self.loading.solve) / fit
@@ -198,8 +197,7 @@ def fit_felt(curve: LoadingCurve) -> FeltFit:
 
 def _fit_midline(curve: LoadingCurve) -> FeltFit:
     """Fit the cubic a x^3 + b x^2 + c x to the mean of loading and unloading force, with the covariance that the
-    scatter of the points alone makes; `InputError` where it is no pressing force.
-    """
+    scatter of the points alone makes; `InputError` where it is no pressing force."""
     loading = smooth_phase(curve.loading_m, curve.loading_n)
     unloading = smooth_phase(curve.unloading_m, curve.unloading_n)
     low, high = curve.shared_m

@@ -56,8 +56,7 @@ class FrictionFit:
 
 def peak_ratio(b1: float) -> float:
     """Largest value over scaled speeds s >= 0 of tanh(s) + b1 s / (1 + B2 s**4), the static over the kinetic
-    coefficient of friction (thesis eq. 2.10); at least 1.
-    """
+    coefficient of friction (thesis eq. 2.10); at least 1."""
     if b1 == 0.0:
         return 1.0  # only approached, at infinite speed
     s = np.geomspace(1e-3, 1e3, 2001)  # shares of the speed scale: the largest lies within, a step is 0.7 %

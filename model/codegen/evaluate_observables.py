@@ -37,8 +37,7 @@ def _state_rows(
 ) -> tuple[Array, Array]:
     """Check states, angles and speeds (m, n) of all coordinates, with what a run remembers (m, …), if anything; return
     rows of states (m, k) and of inputs, ``value`` (m,) or 0, then ``prescribed`` accelerations or 0, as the kernels
-    take them.
-    """
+    take them."""
     m, n = len(angle), len(tables.parent)
     if angle.shape != (m, n) or speed.shape != angle.shape:
         raise InputError(

@@ -71,8 +71,7 @@ def load_kernel(tables: Kind, what: str) -> Kernel:
 
 def memory_couplings(tables: Tables) -> list[list[int]]:
     """Indices of the coordinates that each internal variable acts on, then of those that the string acts on, in the
-    order of the workspace.
-    """
+    order of the workspace."""
 
     def find_couplings() -> list[list[int]]:
         out = StepPrograms(Structure(tables)).links()
@@ -116,8 +115,7 @@ def _path(tables: Kind, functions: dict[str, Any], lanes: int) -> Path | None:
 
 def _compile_kernels(tables: Kind, functions: dict[str, Any], lanes: int) -> dict[str, Kernel]:
     """Kernels to be called, by the names in ``functions`` (name -> signature), each for ``lanes`` members: machine code
-    read from the disk cache, or compiled and written to it. Scenes and compilations are counted in `COMPILED`.
-    """
+    read from the disk cache, or compiled and written to it. Scenes and compilations are counted in `COMPILED`."""
     path = _path(tables, functions, lanes)
     machine = _target_machine()
     code = read_entry(path) if path is not None else None
@@ -142,8 +140,7 @@ def _compile_kernels(tables: Kind, functions: dict[str, Any], lanes: int) -> dic
 
 def write_kernel(program: Program, module: ir.Module, name: str, lanes: int = 1) -> None:
     """Add a program, as LLVM function ``name`` for ``lanes`` members side by side, to ``module``; it returns what the
-    program's result says.
-    """
+    program's result says."""
     writer = KernelWriter(module, name, program.arguments, lanes, has_wide_vectors(), program.exact)
     writer.write(program.statements)
     result = program.result
@@ -168,8 +165,7 @@ def _module(tables: Kind, functions: dict[str, Any], lanes: int) -> ir.Module:
 
 def _program_source(kind: Kind, name: str, lanes: int) -> Any:
     """The object whose method ``name`` makes the program of that kernel: of a structure's tables ``kind``, or of a
-    single element's whole numbers, one row.
-    """
+    single element's whole numbers, one row."""
     if len(kind) < 2:
         return SingleElement(*(int(x) for row in kind for x in row))
     if hasattr(ObservablePrograms, name):

@@ -70,8 +70,7 @@ class ObservablePrograms:
 
     def contacts(self) -> Program:
         """Program that writes depth, forces, losses, … of each contact to ``y``: a row of columns `DEPTH` to `FELT` for
-        each, one after the other.
-        """
+        each, one after the other."""
         out = self._e.string_seen()
         for c, contact in enumerate(self._contacts()):
             depth, (nx, ny) = contact.gap
@@ -93,8 +92,7 @@ class ObservablePrograms:
 
     def tips(self) -> Program:
         """Program that writes depth (m), force (N) and lost power (W) of each tip to ``y``, in columns `TIP_DEPTH`,
-        `TIP_FORCE` and `TIP_LOST` of its row.
-        """
+        `TIP_FORCE` and `TIP_LOST` of its row."""
         out: list[Statement] = []
         for k, tip in enumerate(self._e.tips):
             pressing, force = tip.felt
@@ -105,8 +103,7 @@ class ObservablePrograms:
 
     def bodies(self) -> Program:
         """Program that writes motion, joint forces and losses of each body to ``y``: a row of columns `PIVOT_X` to
-        `HELD` for each, one after the other.
-        """
+        `HELD` for each, one after the other."""
         s, e = self._s, self._e
         out = e.string_seen()
         out += e.contactless_forces()

@@ -144,8 +144,7 @@ class ParameterDerivatives:
 
     def normals(self) -> Program:
         """Program that writes to ``y``, contact after contact, the normal force, N, 0 where it does not push, and where
-        it does its derivatives by coordinates, speeds, own internal variables and the numbers of `normal_places`.
-        """
+        it does its derivatives by coordinates, speeds, own internal variables and the numbers of `normal_places`."""
         s, e = self._s, self._e
         out, start = e.string_seen(), 0
         for c, (places, size) in enumerate(zip(normal_places(s), normal_sizes(s), strict=True)):
@@ -187,8 +186,7 @@ class ParameterDerivatives:
 
     def propagate_modes(self) -> Program:
         """Program that writes to ``y``, for each mode that vibrates freely for the time ``u``, s, `CARRIED` numbers:
-        way and rate then, derivatives of that way by way, rate, stiffness and damping, and those of that rate.
-        """
+        way and rate then, derivatives of that way by way, rate, stiffness and damping, and those of that rate."""
         out: list[Statement] = []
         for m in (contact.modes for contact in self._e.strings):
 

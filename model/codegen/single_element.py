@@ -160,8 +160,7 @@ class SingleElement:
 
     def _memory_rates(self, rate: Expression) -> tuple[list[Expression], list[Expression]]:
         """Rates of the internal variables at `DEPTH`, which changes at ``rate``, m/s, each selected by conditions, and
-        these conditions: first whether surfaces press.
-        """
+        these conditions: first whether surfaces press."""
         pressed, free = (self._felt(x, rate, self._z) for x in (maximum(DEPTH, SHALLOWEST), DEPTH))
         both = [*self._law.rates(pressed), *self._law.recovery_rates(free)]
         turning = {DEPTH, *self._z}

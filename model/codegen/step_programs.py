@@ -110,8 +110,7 @@ class StepPrograms:
 
     def _coordinates(self, row: int, q: int, v: int, prescribed: tuple[Row, Row]) -> tuple[Row, Row]:
         """Rows of all coordinates and of all speeds, as expressions: own ones from the workspace, from ``q`` and ``v``
-        on, those ``prescribed`` (coordinates, speeds), and those of joints that give, whose places follow ``row``.
-        """
+        on, those ``prescribed`` (coordinates, speeds), and those of joints that give, whose places follow ``row``."""
         s, places = self._s, self._s.pin_places(row)
         own = range(s.own)
         return (
@@ -160,8 +159,7 @@ class StepPrograms:
 
     def linearise(self) -> Program:
         """Program that writes, at the workspace's state, accelerations a, K = df/dq - (dM/dq) a, D = df/dv, df/du, mass
-        matrix, open gaps and their rates to the workspace; returns how many contacts touch.
-        """
+        matrix, open gaps and their rates to the workspace; returns how many contacts touch."""
         s, moving = self._s, ONE - read("w", W.STATIC)
         find, (pq, pv, pa, jerk) = self._prescribed_motion(moving)
         z = [read("w", W.Z + m) for m in range(len(s.memory))]
@@ -224,8 +222,7 @@ class StepPrograms:
     ) -> list[Statement]:
         """The statements, each force on what is solved for and rate of an internal variable (indices ``memories``)
         followed by its derivatives by the coordinates ``chain``, their speeds and these variables; ``differentiators``:
-        by coordinate, by speed.
-        """
+        by coordinate, by speed."""
         rates = {f"fade{m}": m for m in memories}
         forces = {f"f{i}": i for i in self._s.solved}
 
@@ -262,8 +259,7 @@ class StepPrograms:
         inverse_inertia: dict[int, Expression],
     ) -> list[Statement]:
         """Statements of a contact's gap, its rate and, in touch, its force and derivatives; ``inverse_inertia``: 1/M_ii
-        by coordinate; ``differentiators``: lists by coordinate and by speed.
-        """
+        by coordinate; ``differentiators``: lists by coordinate and by speed."""
         s, c = self._s, contact.c
         where_ = s.place[c]
         if isinstance(contact, StringContact):
@@ -313,8 +309,7 @@ class StepPrograms:
 
     def _second_rates(self, contact: Contact, place: int, prescribed_acceleration: list[Expression]) -> list[Statement]:
         """Statements for the rates of gap rate, m/s^2, and sliding speed, 0 without friction, of the contact at index
-        ``place``, from the accelerations.
-        """
+        ``place``, from the accelerations."""
         s = self._s
 
         def acceleration(k: int) -> Expression:
@@ -336,8 +331,7 @@ class StepPrograms:
         self, contact: Contact, inverse_inertia: dict[int, Expression], chain: list[int]
     ) -> list[Statement]:
         """Statements for a contact's internal variables while it is open: no push on any coordinate in ``chain``, and
-        the error of speed that a unit of each is worth; ``inverse_inertia``: 1/M_ii by coordinate.
-        """
+        the error of speed that a unit of each is worth; ``inverse_inertia``: 1/M_ii by coordinate."""
         out: list[Statement] = []
         felt = contact.pressed_by(ZERO, contact.relative_speeds[0])
         for m, z, alone in zip(contact.memories, felt.memory, contact.law.recovery_rates(felt), strict=True):
@@ -356,8 +350,7 @@ class StepPrograms:
         self, e: Elements, contact: Contact, inverse_inertia: dict[int, Expression], chain: list[int]
     ) -> list[Statement]:
         """Statements that set the error weight of each internal variable of a contact: the speed error that a unit of
-        it causes on the coordinates ``chain``; ``inverse_inertia``: 1/M_ii by coordinate.
-        """
+        it causes on the coordinates ``chain``; ``inverse_inertia``: 1/M_ii by coordinate."""
         out: list[Statement] = []
         for m in contact.memories:
             pushes = [
@@ -466,8 +459,7 @@ class StepPrograms:
 
     def prepare(self) -> Program:
         """Program that writes the inverse of the stage matrix M/gh - D - gh K, gh being gamma times the step, with
-        modes and internal variables eliminated, to the workspace; returns 1, or 0 where that would lose six digits.
-        """
+        modes and internal variables eliminated, to the workspace; returns 1, or 0 where that would lose six digits."""
         s, gh = self._s, self._condition("gh")
         inverse = 1.0 / gh
         e, pattern = self._pattern()
@@ -509,8 +501,7 @@ class StepPrograms:
 
     def skip(self) -> Program:
         """Program that returns a mask with a bit for each contact, set where it cannot touch within the step as the
-        workspace's allowances bound it.
-        """
+        workspace's allowances bound it."""
         s = self._s
         out: list[Statement] = []
         mask: list[tuple[int, Expression]] = []
@@ -544,8 +535,7 @@ class StepPrograms:
 
     def stage(self) -> Program:
         """Program that finds stage ``k`` of each state from the accelerations there, without the contacts of ``mask``;
-        returns whether a coordinate left its allowance, so that all contacts were evaluated.
-        """
+        returns whether a coordinate left its allowance, so that all contacts were evaluated."""
         s = self._s
         rate, k = self._condition("rate"), argument("k")
         find, (pq, pv, pa, _) = self._prescribed_motion(ONE)
@@ -569,8 +559,7 @@ class StepPrograms:
     def _stage_state(self, k: Expression, prescribed: tuple[Row, Row]) -> tuple[list[Statement], Row, Row, Row]:
         """Statements that sum the stages before ``k``, and rows of coordinates, speeds and internal variables at
         stage ``k``; ``prescribed``: rows of coordinates and speeds that stand between own ones and those of joints
-        that give.
-        """
+        that give."""
         s = self._s
         rows = [(f"{i}", W.Q + i, W.V + i, W.U + i, W.U + W.WIDTH + i, 2 * W.WIDTH) for i in range(s.own)]
         at_z, at_u = s.pin_places(W.Z), s.pin_places(W.Z_U)
@@ -692,8 +681,7 @@ class StepPrograms:
         inverse_inertia: dict[int, Expression],
     ) -> list[Statement]:
         """Statements of the contact with the string: force and derivatives where it touches, else the open gap;
-        ``inverse_inertia``: 1/M_ii by coordinate; ``differentiators``: lists by coordinate and by speed.
-        """
+        ``inverse_inertia``: 1/M_ii by coordinate; ``differentiators``: lists by coordinate and by speed."""
         s = self._s
         place, chain = s.place[contact.c], list(contact.ways)
         pressing, force = contact.felt
@@ -741,8 +729,7 @@ class StepPrograms:
 
     def energy(self) -> Program:
         """Program that writes the energy, J, the power put in and the powers lost, W, at the state from `W.AUDIT_Q` on,
-        to the workspace.
-        """
+        to the workspace."""
         s, prescribed = self._s, list(self._s.bodies)[self._s.own :]
         find, (pq, pv, pa, _) = self._prescribed_motion(ONE)
         z = [read("w", W.AUDIT_Z + m) for m in range(len(s.memory))]

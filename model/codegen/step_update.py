@@ -63,8 +63,7 @@ class StepUpdate:
 
     def fit(self) -> Program:
         """Program of a workspace and numbers that shortens the step in ``w[FITTED]`` to where a surface touches or
-        parts, or friction turns, within it; it returns nothing.
-        """
+        parts, or friction turns, within it; it returns nothing."""
         bound = _w(W.SPEED_LIMIT)
 
         def body(i: Expression) -> list[Statement]:

@@ -72,8 +72,7 @@ def motor_torque(
 
 def _interpolate(x: Array, parts: int) -> Array:
     """``x`` (n,) with ``parts`` - 1 values between each two samples, ((n - 1) parts + 1,), by cubics through four of
-    them.
-    """
+    them."""
     slope = 0.5 * np.diff(np.concatenate([[2.0 * x[0] - x[1]], x, [2.0 * x[-1] - x[-2]]]))
     slope = slope[:-1] + slope[1:]
     at = (np.arange(parts) / parts)[None, :]
@@ -169,8 +168,7 @@ class _Problem:
 
     def jacobian(self, x: Array) -> Array:
         """Derivatives (r, k) of `residuals` by ``x`` (k,): logarithms of the lumps, by central differences, then the
-        arm's parameters in SI units.
-        """
+        arm's parameters in SI units."""
         p = len(self.free)
         steps = DIFFERENCE * np.eye(p)[self.free]
         logs = np.concatenate([x[:p] + steps, x[:p] - steps])
@@ -275,8 +273,7 @@ def _fit_least_squares(problem: _Problem, x: Array, prior: Array, max_evaluation
 
 def _lump_fit(problem: _Problem, x: Array) -> LumpFit:
     """Result at the best ``x``: numbers, with their covariance from the residuals, correlated as they are, and from
-    errors that all samples share, and which of them the log determines.
-    """
+    errors that all samples share, and which of them the log determines."""
     p, m = len(problem.free), problem.arm.shape[1]
     rest, jacobian = problem.residuals(x), problem.jacobian(x)
     weight = _prior(problem) ** 2
@@ -309,8 +306,7 @@ def _lump_fit(problem: _Problem, x: Array) -> LumpFit:
 
 def _common_error_columns(problem: _Problem, x: Array) -> list[Array]:
     """Shifts (r,) of the residuals at ``x`` by one standard uncertainty of each error that all samples share: scale of
-    force and lever, delay, softness of limits, scale of current.
-    """
+    force and lever, delay, softness of limits, scale of current."""
     o, p = problem.options, len(problem.free)
     torque = problem.torque(x[None, :p])[0]
     blank = np.zeros_like(torque[::SUBSTEPS])

@@ -35,8 +35,7 @@ class Bodies:
 
     def _add_body(self, i: int) -> None:
         """Add the i-th body's inertia to the mass matrix, and its weight and velocity-dependent inertia forces to the
-        generalised forces; keep the acceleration that its speeds alone give it.
-        """
+        generalised forces; keep the acceleration that its speeds alone give it."""
         s, k = self._s, self._k
         mass, inertia = s.body(i, L.MASS), s.body(i, L.INERTIA)
         arm = k.to_world_vector(i, s.body(i, L.COM_X), s.body(i, L.COM_Y))
@@ -80,8 +79,7 @@ class Bodies:
 
     def joint_friction(self) -> dict[int, Expression]:
         """Friction of each joint by coordinate, with the sign of the joint's speed: a torque, N m, of a guide a force,
-        N.
-        """
+        N."""
         s, k = self._s, self._k
         return {
             i: k.friction(
@@ -104,8 +102,7 @@ class Bodies:
 
     def inertia(self, acceleration: list[Expression]) -> list[Expression]:
         """Products M a, by row (n,), of mass matrix and ``acceleration`` (n,) of all coordinates; ZERO in rows that are
-        not solved for.
-        """
+        not solved for."""
         out = [ZERO] * self._s.n
         for (i, j), m in self.mass.items():
             for row, column in {(i, j), (j, i)}:
@@ -115,8 +112,7 @@ class Bodies:
 
     def energy(self) -> list[Statement]:
         """Statements that add kinetic and gravitational energy (J) to the variable ``energy``, and power (W) lost by
-        friction to ``joints``, of a guide to ``rail``.
-        """
+        friction to ``joints``, of a guide to ``rail``."""
         s, k = self._s, self._k
         v = k.state.v
         moving = total((0.5 if i == j else 1.0) * m * v[i] * v[j] for (i, j), m in self.mass.items())

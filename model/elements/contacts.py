@@ -83,8 +83,7 @@ class Contact:
     @cached_property
     def _relative_geometry(self) -> tuple[Vector, Arguments, Expression]:
         """World centre of A's circle; (ux, uy) from B's base point to it with B's direction vectors (a line's normal;
-        an arc's start and end) turned to the world; sum of the radii, m.
-        """
+        an arc's start and end) turned to the world; sum of the radii, m."""
         a, b, _, _ = self.s.contact[self.c]
         n = self.number
         centre = self.k.to_world_point(a, n(L.A_X), n(L.A_Y))
@@ -95,8 +94,7 @@ class Contact:
     @cached_property
     def gap(self) -> tuple[Expression, Vector]:
         """Depth, m, positive where the surfaces overlap, negative where open, and the unit normal (x, y) in the world,
-        which points from B to A.
-        """
+        which points from B to A."""
         shape = self.s.contact[self.c][2]
         _, given, reach = self._relative_geometry
         if shape == L.LINE:
@@ -231,8 +229,7 @@ class Contact:
 
     def contact_statements(self) -> list[Statement]:
         """Statements for surfaces in contact: normal and friction forces, added to the generalised forces ``f0``, …,
-        where felt presses, and rates of internal variables.
-        """
+        where felt presses, and rates of internal variables."""
         pressing, force = self.felt
         rubbing, smooth = (
             [Accumulate(variable(f"f{k}"), e) for k, e in self.push(force, mu).items()]
@@ -252,8 +249,7 @@ class Contact:
 
     def energy(self, label: str = "") -> list[Statement]:
         """Statements that add stored energy (J) to ``energy`` and powers lost (W) to ``felt`` (``rail`` for the rail's
-        felt) and ``friction``, variables whose names end with ``label``.
-        """
+        felt) and ``friction``, variables whose names end with ``label``."""
         lasting = bool(self.memories) and self.law.anew is None
         x, (rate, slide) = self.gap[0], self.relative_speeds
         felt = self.pressed_by(where(self.touches, x, 0.0) if lasting else x, rate)

@@ -38,8 +38,7 @@ class Drives:
 
     def _push(self, kind: int, i: int, numbers: list[Expression]) -> dict[int, Expression]:
         """Generalised forces by coordinate of a drive of ``kind`` at coordinate ``i``: force down on the key, at its
-        point in ``numbers``; amplifier, on winding and motor; or torque on a joint.
-        """
+        point in ``numbers``; amplifier, on winding and motor; or torque on a joint."""
         u, v = self._k.state.u, self._k.state.v
         if kind == L.FORCE_DOWN:
             x, y = self._k.to_world_point(i, numbers[L.DRIVE_X], numbers[L.DRIVE_Y])
@@ -62,8 +61,7 @@ class Drives:
 
     def own_rates(self) -> list[Expression]:
         """For each drive, the acceleration, downwards, of the point at which a force pushes while no coordinate
-        accelerates, m/s^2; ZERO for other kinds.
-        """
+        accelerates, m/s^2; ZERO for other kinds."""
         out = []
         for kind, i, numbers in self._rows:
             turning = self._k.pose[i].turning
@@ -79,8 +77,7 @@ class Drives:
 
     def energy(self) -> list[Statement]:
         """Statements that add the power put in (W) to the variable ``given`` and the loss in a winding's resistance (W)
-        to ``drive``.
-        """
+        to ``drive``."""
         out: list[Statement] = []
         for kind, i, numbers in self._rows:
             v = self._k.state.v

@@ -7,8 +7,7 @@ from model.compiler.expressions import ZERO, Arguments, Expression, compute_wher
 
 def friction(everywhere: bool) -> Callable[..., Expression]:
     """Return a function f((speed,), 1 / threshold speed, A, B1, B2) for the friction coefficient (or torque), with the
-    sign of the speed; ``everywhere``: without branches, differentiable at B1 = 0 too.
-    """
+    sign of the speed; ``everywhere``: without branches, differentiable at B1 = 0 too."""
 
     @differentiate_once
     def coefficient(given: Arguments, per: Expression, a: Expression, b1: Expression, b2: Expression) -> Expression:

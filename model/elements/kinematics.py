@@ -129,8 +129,7 @@ class Kinematics:
 
     def ways(self, body: int, x: Expression, y: Expression) -> dict[int, Vector]:
         """Velocity (x, y) of the point of ``body`` that is at world position (``x``, ``y``), m, per unit speed of each
-        coordinate that moves it; empty for the ground.
-        """
+        coordinate that moves it; empty for the ground."""
         out: dict[int, Vector] = {}
         for k, centre in (self.pose[body].ways if body >= 0 else {}).items():
             if centre is not None:

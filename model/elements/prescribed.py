@@ -16,8 +16,7 @@ Motion = tuple[Expression, Expression, Expression, Expression]
 
 def interpolate_motion(offset: int, t: Expression, piece: Expression) -> tuple[list[Statement], Motion]:
     """Statements that set the variable ``piece``, searched from ``piece``, to the polynomial that holds time ``t``, s;
-    angle and its three derivatives there. The motion's numbers begin at ``offset`` in the parameters.
-    """
+    angle and its three derivatives there. The motion's numbers begin at ``offset`` in the parameters."""
     count = read("p", offset)
     k = value_of("piece")
 

@@ -91,8 +91,7 @@ class Modes:
 
     def sums(self, row: int) -> list[Statement]:
         """Statements that set ``sway`` and ``swing`` to the string's displacement (m) and its rate (m/s), sums of the
-        modes at ``row`` of the workspace.
-        """
+        modes at ``row`` of the workspace."""
         return [
             Assign(variable("sway"), ZERO), Assign(variable("swing"), ZERO),
             loop_over(f"sum {row}", self.count, lambda i: [
@@ -222,8 +221,7 @@ class StringContact(Contact):
 
     def forces(self) -> list[Statement]:
         """Statements that add the contact's normal force, no friction, to the generalised forces, and set ``on the
-        string`` to it, N; not a number where it touches modes that rest.
-        """
+        string`` to it, N; not a number where it touches modes that rest."""
         pressing, force = self.felt
         # modes that wait know of no contact: a step that comes upon it is tried again, shorter
         force = where(value_of("awake") > 0.0, force, NOT_A_NUMBER)
@@ -240,8 +238,7 @@ class StringContact(Contact):
 
     def energy(self, label: str = "") -> list[Statement]:
         """Statements that add stored energy (J) of felt and string, and their dissipated power (W), to variables whose
-        names end with ``label``.
-        """
+        names end with ``label``."""
         modes, row = self.modes, self.modes.row
         pressing, force, slow = self._string_force
         x = self.depth_and_rate[0] - modes.give * slow
@@ -262,8 +259,7 @@ class StringContact(Contact):
 
     def begin_step(self) -> list[Statement]:
         """Statements that wake the modes where the hammer is near, or let them vibrate freely where it is far, at the
-        start of a step; set ``sway`` (m), ``swing`` (m/s) and ``awake`` (1 or 0).
-        """
+        start of a step; set ``sway`` (m), ``swing`` (m/s) and ``awake`` (1 or 0)."""
         m, x = self.modes, self.gap[0]
         since, first_time = read("w", W.Z + m.first + L.SINCE), read("w", W.S_COUNT) <= 0.0
         reach, now = read("w", W.S_REACH), read("w", W.NOW)
@@ -382,8 +378,7 @@ class StringContact(Contact):
 
     def known_sides(self, gh: Expression) -> list[Statement]:
         """Statements for the right-hand sides of the modes' stage equations under the contact's force, ``gh``: gamma
-        times the step; set ``given``, the change of that force by them.
-        """
+        times the step; set ``given``, the change of that force by them."""
         m = self.modes
 
         def one(i: Expression) -> list[Statement]:
@@ -407,8 +402,7 @@ class StringContact(Contact):
 
     def solve_modes(self, stage: Expression, more: Expression, gh: Expression) -> list[Statement]:
         """Statements that write the modes' part of ``stage``, from ``more``, the change of the contact's force, N, and
-        ``gh``, gamma times the step.
-        """
+        ``gh``, gamma times the step."""
         m, behind = self.modes, intern("whole_multiply", stage, W.MOST_MEMORIES)
 
         def one(i: Expression) -> list[Statement]:

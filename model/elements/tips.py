@@ -43,8 +43,7 @@ class Tip:
 
     def energy(self, label: str = "") -> list[Statement]:
         """Statements that, in touch, add stored energy (J) to ``energy`` and lost power (W) to ``felt``, variables
-        whose names end with ``label``.
-        """
+        whose names end with ``label``."""
         _, stored, lost = LAW.energy(self._felt, label)
         return [
             If(

@@ -92,8 +92,7 @@ def _cubic(s: Array, depth: float, force: float) -> tuple[float, float, float]:
 
 def law_search(kind: str, presses: Sequence[Pressing]) -> Search:
     """Search for the parameters of the law ``kind`` (``hunt-crossley``, ``hysteresis``, ``stulov`` or an added one):
-    box of coordinates, and maps to law and parameters, scaled by depth, force and speed of ``presses``.
-    """
+    box of coordinates, and maps to law and parameters, scaled by depth, force and speed of ``presses``."""
     depth, force = max(p.deepest_m for p in presses), max(p.peak_n for p in presses)
     speed = float(np.nanmedian([p.speed_m_per_s for p in presses]))
     if kind == "hunt-crossley":
@@ -134,8 +133,7 @@ def law_search(kind: str, presses: Sequence[Pressing]) -> Search:
 
 def cubic_law_search(kind: str, depth: float, force: float, speed: float) -> Search:
     """Search for a, b, c, D (where the law has it) and own numbers of the law ``kind`` within their ranges, scaled by
-    ``depth`` (m), ``force`` (N) and ``speed`` (m/s); as logarithms where these span decades.
-    """
+    ``depth`` (m), ``force`` (N) and ``speed`` (m/s); as logarithms where these span decades."""
     numbers = KNOWN[kind].numbers
     far = {name for name, n in numbers.items() if n.low > 0.0 and n.high > DECADES * n.low}
     damped = KNOWN[kind].damped
@@ -169,8 +167,7 @@ def draw_starts(search: Search) -> Array:
 
 def _fit_coordinates(search: Search, presses: Sequence[Pressing], starts: ArrayLike) -> Array:
     """Coordinates (k,) of the search at the least sum of squared relative residuals of all presses, the best of those
-    found from ``starts`` (s, k).
-    """
+    found from ``starts`` (s, k)."""
 
     def residual(s: Array) -> Array:
         law = search.law(s)

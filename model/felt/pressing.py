@@ -87,8 +87,7 @@ def _smooth_depth(depth_m: Array) -> Array:
 
 def check_pressing(name: str, time_s: ArrayLike, displacement_m: ArrayLike, force_n: ArrayLike) -> Pressing:
     """Check one press and release, (n,) s, evenly spaced, m and N, depth and force positive where pressed; smooth its
-    depths, thin it to at most `MOST_SAMPLES`. `InputError`, which begins with ``name``, else.
-    """
+    depths, thin it to at most `MOST_SAMPLES`. `InputError`, which begins with ``name``, else."""
     t, x, f = (as_numbers(v, name, 1) for v in (time_s, displacement_m, force_n))
     if not len(t) == len(x) == len(f) or len(t) < FEWEST_SAMPLES:
         raise InputError(f"{name}: found {len(t)} samples, allowed at least {FEWEST_SAMPLES}")

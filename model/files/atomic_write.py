@@ -13,8 +13,7 @@ from model.errors import InputError
 @contextmanager
 def whole_file(path: Path, advice: str = "choose another file") -> Iterator[Path]:
     """Yield a temporary name in the folder of ``path``; renamed to ``path``, in place of a file that is there, when the
-    block succeeds, else deleted. `InputError`, which ends with ``advice``, where that cannot be written.
-    """
+    block succeeds, else deleted. `InputError`, which ends with ``advice``, where that cannot be written."""
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         yield part

@@ -45,8 +45,7 @@ def read_columns(
     path: str | Path, wanted: Sequence[str], optional: Sequence[str] | None = None, prefix: str | None = None
 ) -> ColumnFile:
     """Read a CSV file, without lines that begin with ``#``: it must have the columns ``wanted``; others must be in
-    ``optional`` (None: any) or begin with ``prefix``. `InputError` else.
-    """
+    ``optional`` (None: any) or begin with ``prefix``. `InputError` else."""
     where, allowed = str(path), ",".join(wanted)
     if optional:
         allowed += f" and optionally {','.join(optional)}"

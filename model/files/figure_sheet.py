@@ -19,8 +19,7 @@ ENDINGS = (".svg", ".pdf", ".png")
 @contextmanager
 def new_sheet(path: str | Path, width_inch: float, height_inch: float) -> Iterator[Figure]:
     """Yield an empty figure without a window; when the block ends it is written to ``path`` (.svg, .pdf or .png), in
-    place of a file that is there.
-    """
+    place of a file that is there."""
     target = Path(path)
     if target.suffix not in ENDINGS:
         raise InputError(f"{target}: ending found {target.suffix!r}, allowed {', '.join(ENDINGS)}")

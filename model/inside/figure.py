@@ -181,8 +181,7 @@ def _draw_contact(axes: Axes, inside: Inside, c: int, label: str | None) -> None
 
 def _draw_rail(axes: Axes, inside: Inside, shown_s: tuple[float, float] | None) -> None:
     """Draw the rail's upward force on the key, N, red where a joint there would have to pull or the key is off its
-    felt; the largest are labelled, within the times ``shown_s`` only (None: all).
-    """
+    felt; the largest are labelled, within the times ``shown_s`` only (None: all)."""
     time, force = inside.dense_time_s, inside.dense_joint_n[:, inside.bodies.index("key"), 1]
     if RAIL in inside.contacts:
         time, force = inside.time_s, inside.normal_n[:, inside.contacts.index(RAIL)]

@@ -40,8 +40,7 @@ class SideView:
 
 def side_view(inside: Inside | SeenMotion) -> SideView:
     """Curves of contact surfaces, by body (also ``ground``), and stick figures as pairs of points (k, 2, 2), both in
-    the frame of each body, m, near where the motion touches them.
-    """
+    the frame of each body, m, near where the motion touches them."""
     scene = inside.scene
     bodies = (*inside.bodies, GROUND)
     surfaces: dict[str, list[Shape]] = {body: [] for body in bodies}

@@ -79,8 +79,7 @@ N_WHOLE = 9
 @inlined_uncounted
 def write_row(lane, width, starts, members, space):
     """Write angles, speeds and internal variables, which begin at the three rows ``starts`` of the step's memory, to
-    the next output of the member in a lane.
-    """
+    the next output of the member in a lane."""
     memory, at = space.step, space.whole[N_WHOLE * lane : N_WHOLE * lane + N_WHOLE]
     sizes = members.angle.shape[1], members.angle.shape[1], members.memory.shape[1]
     for k in range(3):
@@ -143,8 +142,7 @@ def clear_lane(lane, width, memory, number):
 @uncounted
 def retire_lane(lane, width, status, members, space):
     """Write state, time reached, next step, time at rest and ``status`` of a lane to its member, and leave the lane
-    idle.
-    """
+    idle."""
     memory, _, number, whole, _, _ = space
     m = whole[N_WHOLE * lane + MEMBER]
     for i in range(members.angle.shape[1]):
@@ -163,8 +161,7 @@ def retire_lane(lane, width, status, members, space):
 def fill_lanes(busy, following, width, members, space):
     """Load the next members with something to do, from number ``following`` on, into the lanes without a bit in
     ``busy``; return the bits of busy lanes and the number of who is next. Members with nothing to do are retired as
-    `DONE`.
-    """
+    `DONE`."""
     for lane in range(width):
         while not busy >> lane & 1 and following < members.angle.shape[0]:
             load_lane(lane, width, following, members, space)
@@ -181,8 +178,7 @@ def fill_lanes(busy, following, width, members, space):
 @inlined_uncounted
 def is_nearly_at_rest(lane, width, n, memory, number):
     """Return whether a lane's ``n`` coordinates move, in a step of the size to try, by less than its limit of rest,
-    under an input that does not change, so that it may be at rest.
-    """
+    under an input that does not change, so that it may be at rest."""
     if number[SLOPE * width + lane] != 0.0:
         return False
     fastest = 0.0
@@ -230,8 +226,7 @@ def skip_resting_lanes(bits, width, parent, members, space):
 @inlined_uncounted
 def read_start_input(bits, width, n_contacts, members, space):
     """Set the input at the start of the step, and its slope, of the lanes of ``bits``, which are linearised there, and
-    count that for their members.
-    """
+    count that for their members."""
     number, whole, counters, memory = space.number, space.whole, members.counters, space.step
     drive = InputTable(members.time, members.value, False)
     for lane in range(width):
@@ -275,8 +270,7 @@ def read_stage_input(bits, width, node, members, space):
 @inlined_uncounted
 def choose_steps(bits, width, gamma, members, space):
     """Set the step of each lane and how far each coordinate may go in it: steps end where their member ends and, in the
-    lanes of ``bits``, at harmful kinks of the input; ``gamma``: the method's.
-    """
+    lanes of ``bits``, at harmful kinks of the input; ``gamma``: the method's."""
     number, whole, memory = space.number, space.whole, space.step
     n = members.angle.shape[1]
     drive = InputTable(members.time, members.value, False)
@@ -304,8 +298,7 @@ def choose_steps(bits, width, gamma, members, space):
 @inlined_uncounted
 def accept_or_reject(trying, sound, rejected, exponent, width, space):
     """Set the next step size of the lanes of ``trying``; return the bits of those whose error norm is at most 1.
-    ``sound``: lanes that could be solved and are finite; ``rejected``: lanes whose attempt before was rejected.
-    """
+    ``sound``: lanes that could be solved and are finite; ``rejected``: lanes whose attempt before was rejected."""
     number, memory = space.number, space.step
     within = 0
     for lane in range(width):
@@ -376,8 +369,7 @@ def store_accepted(within, width, members, space):
 @inlined_uncounted
 def count_attempt(trying, within, prepared, shape, width, members, space):
     """Count an attempt for the members in the lanes of ``trying``: steps (lanes of ``within``), else rejections, and,
-    in the lanes of ``prepared``, evaluations; ``shape``: numbers of stages and of contacts.
-    """
+    in the lanes of ``prepared``, evaluations; ``shape``: numbers of stages and of contacts."""
     n_stages, n_contacts = shape
     for lane in range(width):
         if trying >> lane & 1:
@@ -394,8 +386,7 @@ def count_attempt(trying, within, prepared, shape, width, members, space):
 @inlined_uncounted
 def retire_finished_lanes(busy, rejected, sound, width, members, space):
     """Retire members that are at their end, took a step too small, are not finite or had too many attempts; return the
-    bits of the lanes that stay busy.
-    """
+    bits of the lanes that stay busy."""
     number, whole = space.number, space.whole
     for lane in range(width):
         if busy >> lane & 1:
@@ -418,8 +409,7 @@ def retire_finished_lanes(busy, rejected, sound, width, members, space):
 def compile_lane_loop(width: int) -> Any:
     """Compiled step loop of ``width`` members side by side, which takes (members, parent, n_contacts, kernels,
     method, space), advances every member to its end, or as far as it comes, in place, and returns how many attempts
-    that took.
-    """
+    that took."""
 
     @uncounted_loop(INTEGRATE_LANES)
     def integrate(members, parent, n_contacts, kernels, method, space):

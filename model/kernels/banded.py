@@ -31,8 +31,7 @@ def multiply_rows(vector, first, rows):
 @kernel
 def inverse_band(factor):
     """Band of (U^T U)^-1 (Takahashi's recursion) from U, ``factor``; both as SciPy's upper form (b + 1, n): entry (i,
-    j) of the matrix at [b + i - j, j].
-    """
+    j) of the matrix at [b + i - j, j]."""
     b = factor.shape[0] - 1
     n = factor.shape[1]
     out = np.zeros_like(factor)
@@ -50,8 +49,7 @@ def inverse_band(factor):
 @kernel
 def row_variances(inverse, first, rows):
     """Return row · matrix · row^T (r,) for each of ``rows`` (r, k), which begin at columns ``first`` (r,), from the
-    band ``inverse`` (b + 1, n), SciPy's upper form, of the symmetric matrix.
-    """
+    band ``inverse`` (b + 1, n), SciPy's upper form, of the symmetric matrix."""
     b = inverse.shape[0] - 1
     out = np.zeros(rows.shape[0])
     for r in range(rows.shape[0]):

@@ -116,8 +116,7 @@ FOLDER = _writable_cache()
 
 def _compile_inner(function: Callable[..., Any], options: dict[str, Any], keep: bool = False) -> Any:
     """Compile a ``function`` that compiled code calls, without the wrappers for Python (a sixth less to compile); a
-    call from Python compiles a twin. ``keep``: cache it on disk.
-    """
+    call from Python compiles a twin. ``keep``: cache it on disk."""
     compile_with: Any = numba.njit  # its types do not name all options
     made = compile_with(**options | NO_WRAPPERS)(function)
     if keep:
@@ -130,8 +129,7 @@ def _compile_inner(function: Callable[..., Any], options: dict[str, Any], keep: 
 
 def _compile_cached(*signature: Any, inner: bool = False, **options: Any) -> Callable[[Callable[..., Any]], Any]:
     """Decorator: compile with numba, without the GIL, at once where a ``signature`` is given, and cache the machine
-    code in ``FOLDER``; ``inner``: for calls from compiled code.
-    """
+    code in ``FOLDER``; ``inner``: for calls from compiled code."""
 
     def decorate(function: Callable[..., Any]) -> Any:
         before = numba_config.CACHE_DIR

@@ -25,8 +25,7 @@ _warned: set[str] = set()
 
 def read_entry(path: Path) -> bytes | None:
     """Content of a file of the cache; None where there is none, or, with a warning, where it is not as `write_entry`
-    wrote it.
-    """
+    wrote it."""
     try:
         data = path.read_bytes()
     except FileNotFoundError:
@@ -43,8 +42,7 @@ def read_entry(path: Path) -> bytes | None:
 
 def write_entry(path: Path, content: bytes) -> None:
     """Write content and its digest to a file of the cache, whole, or leave what was there; a folder that refuses it
-    costs a warning.
-    """
+    costs a warning."""
     temporary = path.with_name(f"{path.name}.{uuid.uuid4().hex[:16]}.tmp")
     try:
         try:
@@ -123,8 +121,7 @@ class _VerifiedCache(FunctionCache):  # type: ignore[misc]
 
 def verify_cache(dispatcher: Any) -> Any:
     """Give a compiled function, in place, a disk cache that verifies each entry at loading, and return it; without a
-    folder that can be written it is kept in memory only.
-    """
+    folder that can be written it is kept in memory only."""
     if hasattr(dispatcher, "enable_caching"):  # not so where numba is told to compile nothing
         with contextlib.suppress(RuntimeError):
             dispatcher._cache = _VerifiedCache(dispatcher.py_func)

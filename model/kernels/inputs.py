@@ -18,8 +18,7 @@ JUMP = 1e-10
 @uncounted
 def interpolate_input(t, k, first_row, last_row, drive):
     """Return the input at ``t``, its slope (0 if held) and the row that holds ``t``, searched from row ``k``;
-    ``drive``: (times, values, whether held from row to row); outside the table the nearest end's value.
-    """
+    ``drive``: (times, values, whether held from row to row); outside the table the nearest end's value."""
     time, value, held = drive
     early = 0.0 if held else JUMP
     while k < last_row - 1 and t >= time[k + 1] - early:

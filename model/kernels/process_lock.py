@@ -44,8 +44,7 @@ else:
 @contextmanager
 def hold_lock(folder: Path | None, name: str) -> Iterator[None]:
     """Hold the lock ``name`` among the processes that use a cache folder, waiting for it; nothing is locked without a
-    folder, or where it cannot be written.
-    """
+    folder, or where it cannot be written."""
     with ExitStack() as held:
         if folder is not None:
             with suppress(OSError):  # a folder that cannot be written, a file system without locks

@@ -76,8 +76,7 @@ def rest_angle(action: Action, choice: SceneChoice) -> float:
 
 def prescribed_angle(free: Scene, body: str, coordinates: Array, p: Array) -> float:
     """Angle (rad) of ``body`` that a motion would prescribe at ``coordinates`` (n + g,) of ``free``, its scene without
-    a motion, with parameters ``p``: for a key that rises, the angle that puts a fixed key's front there.
-    """
+    a motion, with parameters ``p``: for a key that rises, the angle that puts a fixed key's front there."""
     angle, rise = float(coordinates[free.bodies.index(body)]), 0.0
     if body != "key":
         return angle
@@ -100,8 +99,7 @@ def run_prescribed(
     energy: bool = False,
 ) -> PrescribedRun:
     """Run the action under a prescribed motion of the key, arm or finger, from balance at its first angle; states (m,
-    n) at ``output_time_s``, s, force (m,), N, that holds it, the rail's, and with ``energy`` the audit.
-    """
+    n) at ``output_time_s``, s, force (m,), N, that holds it, the rail's, and with ``energy`` the audit."""
     choice = choice_of(action, choice)
     action = choice.apply_to(action)
     action = with_modes(action, tolerance)
@@ -136,8 +134,7 @@ def run_prescribed_lanes(
     runs: Sequence[tuple[Action, KeyMotion, Array]], *, tolerance: float
 ) -> list[PrescribedMotion | ModelError]:
     """Motions, without forces, of ``runs`` (action, motion, output times (m,), s) in their order, or the error of each
-    that fails; integrated side by side where the processor has wide vectors.
-    """
+    that fails; integrated side by side where the processor has wide vectors."""
     out: list[PrescribedMotion | ModelError] = [ModelError("not run")] * len(runs)
     alike: dict[object, list[tuple[int, _Prescribed, Plan]]] = defaultdict(list)
     for i, (action, motion, output_time_s) in enumerate(runs):
@@ -186,8 +183,7 @@ class _Prescribed:
         energy: bool = False,
     ) -> _Prescribed:
         """Build (not run) the simulation of a prescribed motion, in balance at its first angle; times are counted from
-        the motion's start.
-        """
+        the motion's start."""
         # from zero on: a clock that has run for days has few digits left for a step
         start = float(motion.break_s[0])
         motion, times = KeyMotion(motion.break_s - start, motion.coefficient), output_time_s - start
@@ -226,8 +222,7 @@ def key_load(
     memory: Array | None = None,
 ) -> tuple[Array, Array]:
     """Force (N, down) or torque (N m) (m,) that holds the last coordinate to its motion of ``acceleration`` (m,), and
-    the joint's force on the key (m,), N, up; ``angles``, ``speeds`` (m, n) of all coordinates.
-    """
+    the joint's force on the key (m,), N, up; ``angles``, ``speeds`` (m, n) of all coordinates."""
     p, states = scene.vector if vector is None else vector, (angles, speeds)
     wanted = acceleration_of_input(scene.tables, p, states, acceleration, memory)
     found = bodies_at(scene.tables, p, states, memory, prescribed=wanted)

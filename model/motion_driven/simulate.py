@@ -131,8 +131,7 @@ class MotionDriven(Moved, ArrayRecord):
 
     def columns(self) -> dict[str, Array]:
         """Columns of the output file in order: ``time_s``, ``force_n``, ``u_force_n``, (``torque_nm``,)
-        ``key_joint_y_n``, ``key_lifted``, angles (rad), speeds (rad/s) by body, then string and joints.
-        """
+        ``key_joint_y_n``, ``key_lifted``, angles (rad), speeds (rad/s) by body, then string and joints."""
         out = {"time_s": self.time_s, "force_n": self.force_n, "u_force_n": self.u_force_n}
         if self.arm_m is not None:
             out["torque_nm"] = self.arm_m * self.force_n
@@ -246,8 +245,7 @@ def _ensemble_deviation(
     run: Callable[[KeyMotion], PrescribedRun], fit: KeyFit, mean: PrescribedRun, options: MotionDrivenOptions
 ) -> tuple[Array, Array]:
     """Root mean square departure of force (m,) and angles (m, n) from ``mean``, of motions drawn from ``fit`` (as many
-    as ``options.members``) and simulated by ``run``; NaN without any.
-    """
+    as ``options.members``) and simulated by ``run``; NaN without any."""
     force_square, angle_square = np.zeros(mean.force_n.shape), np.zeros(mean.angle_rad.shape)
     if not options.members:
         return force_square * np.nan, angle_square * np.nan

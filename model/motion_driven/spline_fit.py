@@ -82,8 +82,7 @@ LARGEST_U_RAD = 0.1  # rad, of a resolution, jitter or zero: twice a key's whole
 
 def check_motion_table(time_s: ArrayLike, key_rad: ArrayLike, where: str = "key motion") -> tuple[Array, Array]:
     """Return increasing times, s, and angles, rad, as arrays without the lost ones (NaN); ``InputError`` for too few or
-    many rows, or the first row that cannot be used.
-    """
+    many rows, or the first row that cannot be used."""
     times, angles = two_columns(time_s, key_rad, where)
     lost = np.isnan(angles)
     check_rows(times, angles, where, "key_rad", LARGEST_KEY_RAD, lost)
@@ -168,8 +167,7 @@ class KeyFit:
 
     def evaluate(self, time_s: ArrayLike) -> tuple[Array, Array]:
         """Angle (rad), speed (rad/s) and acceleration (rad/s^2), columns of (k, 3), at times (k,), s, and their
-        standard uncertainties, (k, 3) too.
-        """
+        standard uncertainties, (k, 3) too."""
         times = np.asarray(time_s, dtype=float)
         value, u = np.empty((len(times), 3)), np.empty((len(times), 3))
         for order in range(3):
@@ -285,8 +283,7 @@ def fit_key_motion(
     time_s: ArrayLike, key_rad: ArrayLike, *, resolution_rad: float | None = None, jitter_rad: float | None = None
 ) -> KeyFit:
     """Fit a spline to measured angles (n,), rad, of the key, NaN where lost, for angle, speed and acceleration with
-    uncertainties; width of a count and jitter (rad): None, estimated.
-    """
+    uncertainties; width of a count and jitter (rad): None, estimated."""
     times, angles = check_motion_table(time_s, key_rad)
     for name, value in (("resolution", resolution_rad), ("jitter", jitter_rad)):
         if value is not None and not 0.0 <= value <= LARGEST_U_RAD:

@@ -103,8 +103,7 @@ def _static_states(
 
 def _reflected_quantities(scene: Scene, angle_rad: Array, sense: float) -> Path:
     """Mass, pull, force ratio, friction and damping of all bodies reflected to the key along states (p, 5), with these
-    angles and ratios; ``sense``: sign of the key's angle as its front goes down.
-    """
+    angles and ratios; ``sense``: sign of the key's angle as its front goes down."""
     ratio = np.gradient(angle_rad, STEP, axis=0)
     ratio[:, KEY] = sense  # exact
     rows = np.empty((len(ratio), 5))
@@ -130,8 +129,7 @@ def _penetration(scene: Scene, name: str, q: Array) -> float:
 
 def _catch_angle(scene: Scene, angle_rad: Array, rest: float, up: float, string: float) -> Array:
     """Highest hammer angle (p,), rad above rest, at which the back check touches a falling hammer, by key state (p, 5),
-    -inf where it does not; ``string``: turn from rest to the string, ``up``: sign of that turn.
-    """
+    -inf where it does not; ``string``: turn from rest to the string, ``up``: sign of that turn."""
     if BACK_CHECK not in scene.contacts:
         return np.full(len(angle_rad), -np.inf)
     column = scene.contacts.index(BACK_CHECK)
@@ -156,8 +154,7 @@ def _catch_angle(scene: Scene, angle_rad: Array, rest: float, up: float, string:
 
 def _turn_to_string(action: Action, rest: float) -> tuple[float, float]:
     """Sign (+1 or -1) of the hammer's turn towards the string, and how far (rad) it turns from ``rest``, rad, to the
-    string; inf beyond 1 rad.
-    """
+    string; inf beyond 1 rad."""
     turn = np.linspace(0.0, 1.0, 20001)  # rad, in steps of 0.05 mrad
     up = 1.0 if hammer_height_from_angle(action, rest + 1e-6) < hammer_height_from_angle(action, rest) else -1.0
     height = hammer_height_from_angle(action, rest + up * turn)

@@ -160,8 +160,7 @@ def _constants(action: Action, reduced: Reduced) -> Constants:
 
 def _interpolate_angles(reduced: Reduced, time_s: Array, rows: Array, at: Array) -> tuple[Array, Array]:
     """Angles and speeds (m, 5) of the bodies at times ``at`` from rows of (key turn, its rate, hammer turn, its rate,
-    whether it rides), rad, rad/s, at ``time_s``.
-    """
+    whether it rides), rad, rad/s, at ``time_s``."""
     s, w, phi, omega = (np.interp(at, time_s, rows[:, k]) for k in range(4))
     step = np.clip(np.searchsorted(time_s, at, side="right") - 1, 0, len(time_s) - 1)
     riding = rows[step, 4] > 0.0

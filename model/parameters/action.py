@@ -183,8 +183,7 @@ class Action(Tabular):
 
     def with_laws(self, laws: Mapping[str, str]) -> Action:
         """Copy whose contacts follow other laws of felt, contact -> name of the law; the numbers of these laws are as
-        before or usual; `InputError` for an unknown contact or law.
-        """
+        before or usual; `InputError` for an unknown contact or law."""
         structure = dict(self.structure)
         for contact, law in laws.items():
             if contact not in CONTACTS:
@@ -209,8 +208,7 @@ _OFF_SWITCHES = {"friction": ("A",), "joint_friction": ("A",)}
 
 def _expand(path: str, value: float, quantities: Mapping[str, Quantity]) -> list[str]:
     """Parameter paths that an override sets: its path, or, for the value 0 of a contact, spring, law or friction, those
-    that switch it off; `InputError` for any other.
-    """
+    that switch it off; `InputError` for any other."""
     if path in quantities:
         return [path]
     last = path.split(".")[-1]
@@ -283,8 +281,7 @@ def _template() -> tuple[dict[str, str], dict[str, str]]:
 
 def find_action(name_or_path: str | Path) -> Path:
     """File of a built-in parameter set, or the path given where it ends in .toml (it need not exist) or exists; else
-    `InputError`, which lists the built-in names.
-    """
+    `InputError`, which lists the built-in names."""
     text = str(name_or_path)
     built_in = ACTIONS / f"{text}.toml"
     if built_in.parent == ACTIONS and built_in.is_file():
@@ -299,8 +296,7 @@ def find_action(name_or_path: str | Path) -> Path:
 
 def _scene_lists(table: Any, where: str) -> dict[str, tuple[str, ...]]:
     """Lists of names in the table ``scene`` of an action's file, by key, empty ones left out; `InputError` for another
-    key or no list; the names are not checked here.
-    """
+    key or no list; the names are not checked here."""
     if not isinstance(table, dict):
         raise InputError(f"{where}: {SCENE}: found {table!r}, allowed a table with {', '.join(SCENE_LISTS)}")
     for key, names in table.items():

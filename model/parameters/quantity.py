@@ -133,8 +133,7 @@ def check_value(path: str, value: Any, where: str) -> float:
 
 def read_quantity(path: str, table: Any, unit: str, where: str) -> Quantity:
     """Quantity from its table in a file, which must have value, unit, u, basis and source; `InputError` where one is
-    missing or wrong, or the unit is not ``unit`` (nothing is converted).
-    """
+    missing or wrong, or the unit is not ``unit`` (nothing is converted)."""
     if not isinstance(table, dict):
         raise InputError(
             f'{where}: {path}: found {table!r}, allowed a table {{ value, unit = "{unit}", u, basis, source }}'

@@ -24,8 +24,7 @@ GROUND_COLOR = "#777777"
 
 def draw_side(ax: Axes, quantities: Mapping[str, Quantity], structure: Mapping[str, str]) -> None:
     """Draw into ``ax`` the side view of the action at the printed rest angles, x right and y up, mm; circles and lines
-    are the surfaces of its contacts.
-    """
+    are the surfaces of its contacts."""
 
     def place(path: str) -> complex:
         return complex(quantities[f"{path}.x"].value, quantities[f"{path}.y"].value)
@@ -53,8 +52,7 @@ def draw_side(ax: Axes, quantities: Mapping[str, Quantity], structure: Mapping[s
 
 def _surface(path: str, at: complex, quantities: Mapping[str, Quantity]) -> NDArray[Any]:
     """Points (k,), x + iy, m, of the surface ``path``, a circle, an arc or a line around its place ``at``, in its
-    body's frame.
-    """
+    body's frame."""
     number = {name: quantities[key].value for name in ("radius", "arc_start", "arc_end", "normal.x", "normal.y")
               if (key := f"{path}.{name}") in quantities}  # fmt: skip
     if "radius" not in number:

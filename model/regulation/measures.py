@@ -228,8 +228,7 @@ def first_touch_angle(action: Action, key_rest_rad: float, pivot_displacement: c
 
 def measure_at_rest(action: Action, rest_rad: Array | None = None) -> dict[str, float]:
     """Lengths, m, by target: ``dip``, ``hammer_height``, ``jack``, ``repetition`` (the gap under the knuckle), of an
-    action at rest at ``rest_rad`` (n,), rad; None: as a hand sets it up.
-    """
+    action at rest at ``rest_rad`` (n,), rad; None: as a hand sets it up."""
     q = hand_set_rest(action) if rest_rad is None else rest_rad
     moved, touch = pivot_displacements(action, q), q.copy()
     touch[BODIES.index("key")] = first_touch_angle(action, float(q[BODIES.index("key")]), moved.get("key", 0j))
@@ -282,8 +281,7 @@ def medium_blow() -> tuple[Array, Array]:
 
 def measure_blow(action: Action, rest_rad: Array) -> tuple[dict[str, float], dict[str, str]]:
     """Blow of medium force from ``rest_rad`` (n,), rad: the hammer's distance, m, from the string where the back check
-    holds it, as ``check``, NaN where it does not; and a remark by name that says why.
-    """
+    holds it, as ``check``, NaN where it does not; and a remark by name that says why."""
     times, force = medium_blow()
     start = State(float(times[0]), np.array(rest_rad, dtype=float), np.zeros(len(rest_rad)))
     end = simulate(action, times, force, initial=start, output_time_s=times[-1:], contact_forces=True)

@@ -88,8 +88,7 @@ class Regulation:
 
 def _clear_screws(bench: Bench, say: Say) -> None:
     """Turn screws that are close to other parts at rest out of the way: button and drop screw up, back check back;
-    changes ``bench``; `RegulationError` where one still presses.
-    """
+    changes ``bench``; `RegulationError` where one still presses."""
     for name, (contact, way) in AT_REST_CLEAR.items():
         low, high = bench.limits(name)
         away = way * LARGEST_TURN
@@ -105,8 +104,7 @@ def _clear_screws(bench: Bench, say: Say) -> None:
 
 def _regulate_dynamic_targets(bench: Bench, say: Say) -> None:
     """Turn the screws of let-off, drop and back check of ``bench`` in turn until each target is met; `RegulationError`
-    at the first that is not, with what would help.
-    """
+    at the first that is not, with what would help."""
     for name in IN_MOTION:
         error = turn_screw(bench, name, say)
         if abs(error) <= TOLERANCE:
@@ -234,8 +232,7 @@ def regulate(
 
 def _screw_effect(bench: Bench, target: str) -> float:
     """Size of a screw's effect on its target, m/m: as found while turning, else measured by a small turn both ways and
-    kept, else the usual one.
-    """
+    kept, else the usual one."""
     if target not in bench.effect:
         turn = bench.turn_m[target]
         errors = [bench.error(target, turn + step) for step in (-EFFECT_TURN, EFFECT_TURN)]

@@ -118,8 +118,7 @@ class Bench:
 
     def rest_errors(self, names: Iterable[str], turns: Mapping[str, float] | None = None) -> Array:
         """Measured length less that aimed at, m, of the targets ``names`` at rest, with screws at ``turns`` (m; None:
-        as they are); NaN where the action does not rest. Counted in ``evaluations``.
-        """
+        as they are); NaN where the action does not rest. Counted in ``evaluations``."""
         self.evaluations["rest"] += 1
         try:
             found = measure_at_rest(self.action(turns))
@@ -130,8 +129,7 @@ class Bench:
 
     def error(self, name: str, turn: float) -> float:
         """Measured length less that wanted, m, of one target with its screw at ``turn`` (m), the others as they are;
-        NaN where it cannot be measured. Counted in ``evaluations``.
-        """
+        NaN where it cannot be measured. Counted in ``evaluations``."""
         kind = MEASURED_IN[name]
         if kind == "rest":
             return float(self.rest_errors([name], {name: turn})[0])

@@ -53,8 +53,7 @@ Say = Callable[[str], None]  # progress callback: called with a line of text
 
 def turn_screw(bench: Bench, name: str, say: Say, beyond_m: float = 0.0) -> float:
     """Turn the screw of the target ``name`` on ``bench`` until the target's error is ``beyond_m``, or nearest; return
-    what is left, m, NaN where it cannot be measured; ``say`` is told each turn.
-    """
+    what is left, m, NaN where it cannot be measured; ``say`` is told each turn."""
     errors: dict[float, float] = {}
 
     def error_at(turn: float) -> float:
@@ -113,8 +112,7 @@ def _sign_changes(errors: dict[float, float]) -> list[float]:
 
 def _iterate_secant(bench: Bench, name: str, turn: float, error_at: Callable[[float], float]) -> None:
     """Secant iteration on the screw of target ``name`` from ``turn``, m, within its travel; ``error_at``: turn ->
-    error, m, which keeps what it finds; updates the slope in ``bench.effect``.
-    """
+    error, m, which keeps what it finds; updates the slope in ``bench.effect``."""
     low, high = bench.limits(name)
     aim = CONVERGED[MEASURED_IN[name]]
     usual = SCREW[name].usual_effect

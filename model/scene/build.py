@@ -71,8 +71,7 @@ class Scene(Tabular, ArrayRecord):
 
     def columns(self) -> dict[str, Any]:
         """Columns with one row for each contact: ``contact``, ``first`` and ``second`` (bodies that touch, or
-        ``ground``), ``shape`` of the second's surface and ``law`` of felt.
-        """
+        ``ground``), ``shape`` of the second's surface and ``law`` of felt."""
         parts, laws = (*self.bodies, "ground"), {law.number: name for name, law in LAWS.items()}
         shapes = {number: name for name, number in SHAPES.items()}
         first, second, shape, _, law, _ = self.tables.contact.T
@@ -155,8 +154,7 @@ class Scene(Tabular, ArrayRecord):
 
 def _coordinates(choice: SceneChoice, motion: KeyMotion | None) -> list[str]:
     """Names of the coordinates in order: bodies, then what effects add; what a ``motion`` prescribes comes last;
-    `InputError` for more than the kernels can take.
-    """
+    `InputError` for more than the kernels can take."""
     out = [*choice.bodies]
     effects = ((ARM, MOTOR), (MOTOR_DRIVE, WINDING), (FINGER, FINGER), (RAIL, KEY_LIFT), ("shank", SHANK))
     for effect, coordinate in effects:  # the winding follows the motor that it turns
@@ -187,8 +185,7 @@ def _parent_index(action: Action, bodies: list[str], body: str) -> int:
 
 def _body_numbers(action: Action, bodies: list[str], body: str) -> list[float]:
     """Nine numbers of a coordinate's body: pivot x, y, centre of mass x, y (m), mass (kg), inertia (kg m^2), A, B1, B2
-    of joint friction; of a winding the inductance as inertia.
-    """
+    of joint friction; of a winding the inductance as inertia."""
     if body == KEY_LIFT:
         friction = action[f"{RAIL}.guide_friction.A"]
         return [action["key.pivot.x"], action["key.pivot.y"], 0.0, 0.0, 0.0, 0.0, friction, 0.0, 0.0]
@@ -212,8 +209,7 @@ def _body_numbers(action: Action, bodies: list[str], body: str) -> list[float]:
 
 def _springs(action: Action, choice: SceneChoice, bodies: list[str]) -> list[tuple[int, list[float]]]:
     """Coordinate (index) with torque (N m), stiffness (N m/rad) and angle (rad) of each spring: of jack and repetition
-    lever where they have torque, of motor arm, finger and shank.
-    """
+    lever where they have torque, of motor arm, finger and shank."""
     out = []
     for b in (b for b in ("jack", "repetition") if b in bodies and f"{b}_spring" not in choice.without):
         numbers = [action[f"{b}_spring.{k}"] for k in ("torque", "stiffness", "angle")]

@@ -63,8 +63,7 @@ def _contact_numbers(action: Action, name: str) -> list[float]:
 
 def law_of_contact(action: Action, name: str, numbers: list[float]) -> tuple[int, list[float]]:
     """Number of internal variables of contact ``name`` and its law's packed numbers; sets the damping D in ``numbers``,
-    those of the contact, to 0 for laws without it.
-    """
+    those of the contact, to 0 for laws without it."""
     law = LAWS[action.law(name)]
     values = {k: action[f"{name}.{law.name}.{k}"] for k in law.numbers}
     if not law.damped:

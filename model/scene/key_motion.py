@@ -91,8 +91,7 @@ class KeyMotion(ArrayRecord):
 
     def evaluate(self, time_s: ArrayLike) -> Array:
         """Angle (rad), speed (rad/s) and acceleration (rad/s^2), columns of (k, 3), at times (k,), s, within the
-        breaks.
-        """
+        breaks."""
         times = as_numbers(time_s, "times of a key motion", 1)
         k = np.clip(np.searchsorted(self.break_s, times, side="right") - 1, 0, len(self.coefficient) - 1)
         x, row, out = times - self.break_s[k], self.coefficient[k], []

@@ -39,8 +39,7 @@ class AmplifierCommand:
 
     def table(self, time_s: Array, value: Array, held: bool) -> tuple[Array, Array]:
         """Times (s), with those at which a limit is met, and the amplifier's source voltage (V) there, clipped, for a
-        command ``value`` (V) at ``time_s``, linear between its points or ``held``.
-        """
+        command ``value`` (V) at ``time_s``, linear between its points or ``held``."""
         source, largest = self.per_volt * value, self.largest_v
         if not held:
             at = [time_s]
@@ -115,8 +114,7 @@ class Presser(NamedTuple):
 
 def presser_numbers(action: Action, body: str, key_rad: float) -> Presser:
     """Return the numbers of the presser ``body`` (`MOTOR` or `FINGER`) of an action: body, spring, tip, damper; its tip
-    lies on the key at the absolute angle ``key_rad``.
-    """
+    lies on the key at the absolute angle ``key_rad``."""
     section, law, friction = TIP[body]
     x, y = action["drive.point.x"], action["drive.point.y"]
     c, s = math.cos(key_rad), math.sin(key_rad)
@@ -162,8 +160,7 @@ def check_drive(action: Action) -> None:
 
 def command_of(action: Action, bodies: list[str]) -> Command | None:
     """Conversion of a run's input to that of the kernels: a drive's command, V, to its source voltage, a finger's way
-    of the hand, m, to its torque; None where they are the same.
-    """
+    of the hand, m, to its torque; None where they are the same."""
     if WINDING in bodies:
         gain = action["motor_drive.voltage_gain"]
         if gain != 0.0:

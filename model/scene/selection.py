@@ -108,8 +108,7 @@ class SceneChoice:
 
     def apply_to(self, action: Action) -> Action:
         """Copy of the action with this scene, its laws of felt and values; values that the user has set by path in the
-        action take precedence.
-        """
+        action take precedence."""
         chosen = action.with_laws(dict(self.laws)) if self.laws else action
         values = {path: value for path, value in self.values if path not in action.changed}
         chosen = chosen.with_effects(values) if values else chosen

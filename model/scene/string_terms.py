@@ -61,8 +61,7 @@ def moved_modes(action: Action) -> Array:
 
 def string_numbers(action: Action) -> list[float]:
     """Number of modes, compliance (m/N) of those left out, then of each mode gain (1/kg), stiffness (1/s^2) and damping
-    (1/s); `InputError` for a felt with friction or another law under a string.
-    """
+    (1/s); `InputError` for a felt with friction or another law under a string."""
     if action.law(CONTACT) != USUAL:
         raise InputError(f"string: found {CONTACT}.law {action.law(CONTACT)}, allowed {USUAL} under a string")
     if action[f"{CONTACT}.friction.A"] != 0.0:

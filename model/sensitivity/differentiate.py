@@ -105,8 +105,7 @@ def _differentiate_blow(
     action: Action, blow: Blow, parameters: Sequence[str], options: SensitivityOptions, inputs: Blow | None
 ) -> Sensitivities:
     """Sensitivities of a blow, a table (times s, forces N), by named parameters, and by ``inputs``, changes (k, m) of
-    its force with those (m,) of that at rest.
-    """
+    its force with those (m,) of that at rest."""
     times, forces = check_force_table(*blow)
     outputs = check_output_times(options.output_time_s, times)
     action, choice = options.resolve(action)

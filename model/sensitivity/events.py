@@ -108,8 +108,7 @@ class Events:
 
     def _refine_crossing(self, value: Callable[[Array, Array], Array], k: int) -> float:
         """Time (s) between samples ``k`` and ``k + 1`` at which ``value``, a function of angles and speeds (m, n),
-        changes sign, found in the motion itself.
-        """
+        changes sign, found in the motion itself."""
         left, right = (float(t) for t in self.times[k : k + 2])
         for _ in range(NARROWINGS):
             at = np.linspace(left, right, NARROWED_BY + 1)
@@ -123,8 +122,7 @@ class Events:
         self, name: str, value: Callable[[Array, Array], Array], rising: bool, after: float, why: str
     ) -> bool:
         """Set ``at[name]`` to the first time (s) after ``after`` at which ``value`` (of angles, speeds) crosses zero,
-        upwards if ``rising``; where there is none set ``absent[name]`` to ``why`` and return False.
-        """
+        upwards if ``rising``; where there is none set ``absent[name]`` to ``why`` and return False."""
         y = value(*self.motion)
         above = y > 0.0
         passes = (above[1:] & ~above[:-1]) if rising else (~above[1:] & above[:-1])
@@ -220,8 +218,7 @@ class Events:
 
     def differentiate(self, times: Array, slopes: tuple[Array, Array]) -> tuple[dict[str, float], dict[str, Array]]:
         """Values by event (NaN where absent) and derivatives (P,) of each by the parameters; ``slopes`` are those of
-        angles and speeds, (k, n, P) each, at ``times`` (k,), as `find` returned them.
-        """
+        angles and speeds, (k, n, P) each, at ``times`` (k,), as `find` returned them."""
         events = dict.fromkeys(EVENTS, float("nan"))
         count = len(self.directions.parameters)
         d_events = {name: np.full(count, np.nan) for name in EVENTS} | {RELEASE: np.zeros(count)}
@@ -261,8 +258,7 @@ class Events:
         state_slopes: tuple[Array, Array],
     ) -> Array:
         """Total derivative (P,) of ``quantity`` (of action, angles, speeds) by the parameters, directly and through the
-        state; ``state_slopes``, of angles and of speeds: (1, n, P) each.
-        """
+        state; ``state_slopes``, of angles and of speeds: (1, n, P) each."""
         by_angle, by_speed = state_derivatives(partial(quantity, self.action), (state[0][0], state[1][0]))
         of_itself = parameter_derivatives(
             self.action, self.directions.parameters, lambda a: float(quantity(a, *state)[0])

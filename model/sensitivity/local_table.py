@@ -53,8 +53,7 @@ class LocalTable(ArrayRecord):
 
     def rows(self) -> list[dict[str, Any]]:
         """Rows for a file, one a parameter and quantity: rank, names, unit, value, change by one percent of the
-        parameter (in percent, in the unit) and by its standard uncertainty.
-        """
+        parameter (in percent, in the unit) and by its standard uncertainty."""
         return [
             {
                 "rank": i + 1,

@@ -81,8 +81,7 @@ def observable_derivatives(
     smooth: bool = False,
 ) -> Array:
     """Derivatives (..., P) by the parameters of ``quantity(*state, vector)``: ``state`` are angles (m, n), speeds (m,
-    n) and more, ``slopes`` their derivatives, parameters last; ``smooth``: no felt takes part.
-    """
+    n) and more, ``slopes`` their derivatives, parameters last; ``smooth``: no felt takes part."""
     parts = []
     for j, parameter in enumerate(directions.parameters):
         along = [slope[..., j] for slope in slopes]

@@ -18,8 +18,7 @@ Array = NDArray[np.float64]
 
 def find_sources(directions: Directions) -> Sources:
     """Entries of the scene's vector that parameters change, with the derivatives of each by each parameter; those of a
-    string's modes are left out.
-    """
+    string's modes are left out."""
     scene = directions.scene
     modes = int(scene.tables.offset[7]) + L.STRING_HEAD if len(scene.tables.string) else len(scene.vector)
     entry, column = np.nonzero(directions.slope[:, :modes].T)
@@ -60,8 +59,7 @@ def _input_slopes(
 
 def input_derivatives(directions: Directions, table: tuple[Array, Array], time_s: Array) -> Array:
     """Derivatives (k - 1, 2, P) of the kernels' input by the parameters, at both ends of each interval of ``time_s``
-    (k,), its own table; ``table``: times, values of the run's input; (0, 2, P) where none acts.
-    """
+    (k,), its own table; ``table``: times, values of the run's input; (0, 2, P) where none acts."""
     moved = directions.inputs[0] if directions.inputs[0].size else np.empty((len(table[1]), 0))
     if directions.scene.command is None and not moved.size:
         return np.empty((0, 2, len(directions.parameters)))

@@ -302,8 +302,7 @@ class RecordedMotion:
 
     def acceleration(self, time: float) -> Array:
         """Accelerations (n + joints that give,) of all coordinates solved for, in the order of `coordinates`, rad/s^2
-        or m/s^2, at a time, s.
-        """
+        or m/s^2, at a time, s."""
         s, w, n = self.run.structure, self.run.workspace(), self.run.scene.size
         state = self.whole_states(np.array([time]))[0]
         w[W.Q : W.Q + n], w[W.V : W.V + n], w[W.Z : W.Z + len(state) - 2 * n] = np.split(state, [n, 2 * n])
@@ -316,8 +315,7 @@ class RecordedMotion:
 
     def _string_landings(self) -> Array:
         """Rows (w, 3) for each time at which a string's modes are stepped again or left to vibrate: that time, s; how
-        long they had vibrated, s (-1: they are left); index of the step.
-        """
+        long they had vibrated, s (-1: they are left); index of the step."""
         s, n = self.run.structure, self.run.scene.size
         if not s.string:
             return np.empty((0, 3))
@@ -333,8 +331,7 @@ class RecordedMotion:
 
     def follow(self, times: Array, tolerance: float, forces: bool = False) -> TangentResult:
         """Integrate the derivatives by the parameters along the motion to relative ``tolerance``; return them at times
-        (m,), s, in any order, for felt and string with ``forces``, and work counters.
-        """
+        (m,), s, in any order, for felt and string with ``forces``, and work counters."""
         run, motion = self.run, self.motion
         n, p = self._d_rest.shape
         filled, count = _pad_to_lanes(p), len(run.space.channels.many)

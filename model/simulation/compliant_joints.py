@@ -54,8 +54,7 @@ def bushing_parameters(scene: Scene) -> Array:
 
 def compliant_joint_motion(scene: Scene, rows: Array) -> CompliantJointMotion | None:
     """Displacement (m), speed (m/s) and force (N) of a scene's compliant joint directions, from rows (m, z) of internal
-    variables; None where joints are rigid.
-    """
+    variables; None where joints are rigid."""
     if not scene.pins:
         return None
     way, speed = pin_motion(scene, rows)

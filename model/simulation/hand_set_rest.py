@@ -50,8 +50,7 @@ def slip_angle(action: Action, angle_rad: Array) -> Array:
 
 def _starts(usual: Array, found: list[Array]) -> Iterator[Array]:
     """Yield start states (n,), rad: hammer lifted and jack turned back from ``usual``; then those of ``found``, which
-    the caller fills meanwhile, with the jack as usual.
-    """
+    the caller fills meanwhile, with the jack as usual."""
     for lift, room in LIFTS:
         start = usual.copy()
         start[HAMMER] -= lift

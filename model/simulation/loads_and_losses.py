@@ -206,8 +206,7 @@ class Inside(ArrayRecord):
 
     def columns(self) -> dict[str, Array]:
         """Columns of the output file by name, without times: forces, sliding and losses of contacts, then of the tip,
-        then joint forces and losses and motion of bodies.
-        """
+        then joint forces and losses and motion of bodies."""
         out: dict[str, Array] = {}
         for i, name in enumerate(self.contacts):
             out |= {f"{name}_{quantity}": getattr(self, quantity)[:, i] for quantity in CONTACT_WORDS}
@@ -235,8 +234,7 @@ class Inside(ArrayRecord):
 
     def key_tensions(self) -> list[RailTension]:
         """Return the intervals in which a joint at the balance rail would have to pull the key down: predicted lift.
-        Empty where the key lies on a one-sided rail (see `key_lifts`).
-        """
+        Empty where the key lies on a one-sided rail (see `key_lifts`)."""
         if RAIL in self.contacts:
             return []
         return tensions(self.dense_time_s, self.dense_joint_n[:, self.bodies.index("key"), 1])

@@ -34,8 +34,7 @@ def check_pushes(scene: Scene, time_s: Array, contact: Array, memory: Array | No
 
 def describe_force(scene: Scene, time_s: float, c: int, contact: Array, memory: Array) -> str:
     """Sentence on contact ``c`` at ``time_s``: its law's force, N, depth and rate, and that felt never pulls;
-    ``contact``: columns (C, 11) of all, ``memory``: internal variables.
-    """
+    ``contact``: columns (C, 11) of all, ``memory``: internal variables."""
     law = Structure(scene.tables).law(c)
     force = law_force_n(scene, c, contact, memory)
     return (
@@ -70,8 +69,7 @@ def describe_jumps(scene: Scene) -> str:
 
 def describe_pull(scene: Scene, time_s: float, state: tuple[Array, Array, Array], u: float) -> str:
     """Sentence (`describe_force`) on an added law that would pull next at a state (angles, speeds, memory) under input
-    ``u``, where a run stopped; empty where that was not why.
-    """
+    ``u``, where a run stopped; empty where that was not why."""
     s = Structure(scene.tables)
     watched = [c for c in range(len(s.contact)) if s.law(c).added]
     if not watched or np.any(scene.tables.prescribed) and len(state[0]) != scene.size:

@@ -242,8 +242,7 @@ class Simulation:
 
     def carry_out(self, plan: Plan) -> tuple[float, float, int]:
         """Run the step loop of a plan, which fills the plan's state and outputs but leaves this simulation's; return
-        the time reached (s), the next step to try (s) and the status.
-        """
+        the time reached (s), the next step to try (s) and the status."""
         if self._kernels is None:  # found once: a run may be advanced block by block
             self._kernels = load_kernels(self.scene.tables)
             if self.energy:
@@ -264,8 +263,7 @@ class Simulation:
         output_time_s: ArrayLike | None = None,
     ) -> Plan:
         """Arguments of the step loop for `advance`, with copies of the state and empty outputs; `InputError` for an
-        input or output times that cannot be used. Nothing is run.
-        """
+        input or output times that cannot be used. Nothing is run."""
         method = get_method(self.method)
         local = method.share * self.tolerance * min(1.0, (self.tolerance / REFERENCE_TOLERANCE) ** EXTRA_POWER)
         if np.any(self.scene.tables.prescribed):
@@ -368,8 +366,7 @@ class Simulation:
         memory: ArrayLike | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Normal and friction force (m, c), N, of each contact at angles and speeds (m, n); ``memory`` (m, z), where
-        felt remembers: by default that of the last outputs.
-        """
+        felt remembers: by default that of the last outputs."""
         found = contacts_at(*self._states(angle_rad, speed_rad_per_s, self.remembered if memory is None else memory))
         return found[:, :, NORMAL], found[:, :, FRICTION]
 

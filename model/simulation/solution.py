@@ -77,8 +77,7 @@ class Contacts(tuple[str, ...]):
         friction_n: NDArray[np.float64] | None,
     ) -> Contacts:
         """The contacts of a solution, which also answer to their descriptions in ``action``, with normal and friction
-        forces (m, c), N, where requested.
-        """
+        forces (m, c), N, where requested."""
         out, known = cls(names or ()), {} if action is None else action.structure
         out._normal_n, out._friction_n = normal_n, friction_n
         out._titles = {known.get(f"{name}.description", name): name for name in out}
@@ -229,8 +228,7 @@ class Solution(Moved, ArrayRecord):
 
     def columns(self) -> dict[str, NDArray[np.float64]]:
         """Columns of the output file in order: ``time_s``, angles (rad), speeds (rad/s) by body, then, where requested,
-        normal and friction force (N) of contacts, string and joints, inside view.
-        """
+        normal and friction force (N) of contacts, string and joints, inside view."""
         out = {"time_s": self.time_s}
         for i, body in enumerate(self.bodies):
             out[column(body)] = self.angle_rad[:, i]

@@ -109,8 +109,7 @@ def solve_rest(
     with_joints: bool = False,
 ) -> NDArray[np.float64]:
     """Angles (n,) of a stable balance under the constant input ``u``, from ``start`` (None: the scene's), ``held``
-    coordinates kept there; ``with_joints``: then the joints' deflections, (n + g,); else `StaticsError`.
-    """
+    coordinates kept there; ``with_joints``: then the joints' deflections, (n + g,); else `StaticsError`."""
     if not abs(u) <= LARGEST_INPUT:
         raise InputError(f"rest state: input found {u:g}, allowed a finite number up to {LARGEST_INPUT:g}")
     q = np.array(scene.start if start is None else start, dtype=float)

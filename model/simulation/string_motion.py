@@ -75,8 +75,7 @@ def straight_string_state(scene: Scene) -> Array:
 
 def propagate_free_string(scene: Scene, time_s: Array, rows: Array) -> Array:
     """Copy of rows (m, z) of internal variables in which modes that vibrate freely are advanced to ``time_s`` (m,), s;
-    without a string, the rows themselves.
-    """
+    without a string, the rows themselves."""
     if not len(scene.tables.string):
         return rows
     at, (_, stiffness, damping), _ = _numbers(scene)

@@ -80,8 +80,7 @@ class Study(ArrayRecord):
 
     def rows(self) -> list[dict[str, float | int | bool | str]]:
         """One row per variant: name, its measures (without ``release_s``), and rms and largest difference of the
-        hammer's angle, rad, from the action as given.
-        """
+        hammer's angle, rad, from the action as given."""
         out = []
         for variant, m in zip(self.variants, self.measures, strict=True):
             away = self.difference(variant.name, "hammer")

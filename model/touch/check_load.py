@@ -118,8 +118,7 @@ def find_check_load(
 
 def check_loads(action: Action, forces_n: np.ndarray) -> tuple[CheckLoad | None, ...]:
     """Load of the back check on the rising hammer for a blow of each force (n,), N, that is then held; None where the
-    hammer is free of it.
-    """
+    hammer is free of it."""
     rest, found = hand_set_rest(action), list[CheckLoad | None]()
     for force in forces_n.tolist():
         end = blow_length_s(force)

@@ -39,8 +39,7 @@ def strikes_string(
     action: Action, rate_hz: float, peak_n: float, rest_rad: NDArray[np.float64] | None = None
 ) -> NDArray[np.bool_]:
     """Which of `BLOWS` blows (BLOWS,), pulses of force (sine squared) up to ``peak_n``, N, at ``rate_hz``, bring the
-    hammer to the string; from ``rest_rad`` (n,) or, None, as a hand sets it up.
-    """
+    hammer to the string; from ``rest_rad`` (n,) or, None, as a hand sets it up."""
     end = BLOWS / rate_hz
     times = np.linspace(0.0, end, BLOWS * POINTS + 1)
     force = peak_n * np.sin(np.pi * rate_hz * times) ** 2

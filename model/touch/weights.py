@@ -85,8 +85,7 @@ class Weights:
 
     def curve(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
         """Dip (m) and force (N), averaged over `SMOOTH`, as a pair for the press, then for the release, while the key
-        moves.
-        """
+        moves."""
         branches = []
         force, press = _smoothed_force(self.press), self.press
         moving = np.gradient(press.dip_m, press.time_s)

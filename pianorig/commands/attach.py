@@ -83,8 +83,7 @@ def attach_film(
     author: str = "unknown",
 ) -> FilmRecord:
     """Check that a film fits trial ``number`` of a session, copy it beside the trial's file, write its record and a
-    note in the annotations; return the record. CommandInputError where it does not fit; nothing stays then.
-    """
+    note in the annotations; return the record. CommandInputError where it does not fit; nothing stays then."""
     # start-up: 0.5 s of h5py and pandas that --help does not need
     from rig.session.annotation_file import utc_now
     from rig.session.film_record import FilmRecord, count_clock_pulses, record_path, write_record
@@ -148,8 +147,7 @@ def attach_film(
 
 def _check_unused(session: rig.Session, trial: rig.Trial, data: Path, digest: str) -> None:
     """CommandInputError where the film file ``data``, of SHA-256 ``digest``, is attached to another trial of the
-    session already.
-    """
+    session already."""
     for other in session.trials:
         film = other.film
         if film is None or other.number == trial.number or film.stat().st_size != data.stat().st_size:
@@ -163,8 +161,7 @@ def _check_unused(session: rig.Session, trial: rig.Trial, data: Path, digest: st
 
 def _first_frame(film: Path, stated: int | None, option: int | None) -> int:
     """Number of the film's first frame, counted from the trigger: as its header has ``stated`` it, or the command's
-    ``option``; `CommandInputError` for neither (None), or two that differ.
-    """
+    ``option``; `CommandInputError` for neither (None), or two that differ."""
     if stated is not None and option is not None and stated != option:
         raise CommandInputError(
             f"{film}: its header says first frame {stated}, --first-frame {option}; leave out the option"
@@ -185,8 +182,7 @@ def _check_rate(film: Path, trial: rig.Trial, camera: rig.CameraInfo, rate: floa
 
 def _check_range(film: Path, trial: rig.Trial, camera: rig.CameraInfo, first: int, last: int) -> None:
     """CommandInputError where the film's frames ``first`` to ``last``, counted from the trigger, are not all among
-    those that the trial's clock counted.
-    """
+    those that the trial's clock counted."""
     if first < 0:
         raise CommandInputError(f"{film}: begins {-first} frames before the trigger; save it from the trigger on")
     if last >= camera.n_frames:
@@ -198,8 +194,7 @@ def _check_range(film: Path, trial: rig.Trial, camera: rig.CameraInfo, first: in
 
 def _say_gaps(film: Path, steps: NDArray[np.int64]) -> None:
     """Warn of frames that the clock counted and the film lacks; ``steps`` (n,): number of each frame in the clock, from
-    0.
-    """
+    0."""
     import numpy as np  # start-up: 0.1 s that --help does not need
 
     gaps = np.flatnonzero(np.diff(steps) > 1)

@@ -82,8 +82,7 @@ def calibrate_contact(
 ) -> dict[str, Any]:
     """Let a body swing on the bench without and with a pad on a drum, find the pad's coefficient of friction, write an
     action with it to the new file ``out`` and a record beside; return the facts by name. ``ask`` shows a question to
-    the operator.
-    """
+    the operator."""
     record = workflows.calibration_record(out, "pad")
     workflows.check_swings(order.body, order.swings)
     u = order.u_load_n, order.u_radius_m
@@ -127,8 +126,7 @@ def contact_friction(
     order: PadOrder, action: model.Action, bare: workflows.Swings, braked: workflows.Swings
 ) -> dict[str, Any]:
     """Facts by name: coefficient of friction ``friction`` from swings ``bare`` and ``braked`` by the pad, its standard
-    uncertainty, and what both are made of; `CommandInputError` where the pad slipped too slowly.
-    """
+    uncertainty, and what both are made of; `CommandInputError` where the pad slipped too slowly."""
     # start-up: --help needs none of it
     from rig.calibration.joint_friction import MOVING_SHARE
 

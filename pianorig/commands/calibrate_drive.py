@@ -77,8 +77,7 @@ def command(
 
 def _drive_options(mode: str, length: str, known: list[str], u: tuple[float, float, float]) -> model.drive.DriveOptions:
     """Options of the identification from texts: ``length`` (m) as VALUE or VALUE+-U, ``known`` each as NAME=VALUE+-U;
-    ``u``: standard uncertainties of force (N), current (A) and delay (s).
-    """
+    ``u``: standard uncertainties of force (N), current (A) and delay (s)."""
     values = {}
     for text in known:
         name, sign, value = text.partition("=")
@@ -96,8 +95,7 @@ def _format_uncertainty(e: model.drive.Estimate) -> str:
 
 def scene_text(found: model.drive.DriveIdentified, length_m: float) -> str:
     """Text of a scene file (TOML) with the parameters of arm and drive that were determined and the arm's length; a
-    line says why another was not, which then keeps the built-in value.
-    """
+    line says why another was not, which then keeps the built-in value."""
     arm, drive = ["[motor_arm]", f"length = {length_m!r}"], ["[motor_drive]"]
     for name in ("inertia", "joint_friction", "spring_stiffness"):
         e = found[name]

@@ -67,8 +67,7 @@ def calibrate_encoder(
 ) -> dict[str, Any]:
     """Read the encoder of ``body`` at reference angles, rad, up and down, write a rig file corrected by it to the new
     file ``out`` and a record beside; return what was found by name. ``u_angle_rad``: standard uncertainty of a
-    reference.
-    """
+    reference."""
     # start-up: --help needs none of it
     from rig.calibration import encoder_scale
     from rig.configuration.rig_file import BODIES

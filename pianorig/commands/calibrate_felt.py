@@ -154,8 +154,7 @@ def _blow_speeds(
     action: model.Action, forces: Sequence[Path], motions: Sequence[Path]
 ) -> tuple[dict[str, model.calibration.MeanSpeeds], Calibrated]:
     """Mean normal speed of every contact in each blow, by the name of its file: simulated from force tables, or read
-    from tables of motion; then the same as facts and lines to print.
-    """
+    from tables of motion; then the same as facts and lines to print."""
     blows: dict[str, model.calibration.MeanSpeeds] = {}
     for path in [*forces, *motions]:
         if path.stem in blows:
@@ -183,8 +182,7 @@ def _blow_speeds(
 
 def _speed_table(blows: dict[str, model.calibration.MeanSpeeds]) -> list[str]:
     """Lines of a table: mean normal speed, m/s, at each contact in each blow, and the first blow's over each other's,
-    which is the ratio of their damping factors D.
-    """
+    which is the ratio of their damping factors D."""
     first, *others = blows
     lines = [
         f"mean normal speed while pressed and faster than {model.calibration.REST_SHARE:.0%} of the contact's largest, "
@@ -213,8 +211,7 @@ def _fit_felt(
     figure: Path | None,
 ) -> Calibrated:
     """Fit the felt's cubic to a loading experiment, and its damping factor D at ``speed`` (text, m/s) and at the
-    contact's mean speed in each blow; facts, lines, and parameter values with u where a contact is named.
-    """
+    contact's mean speed in each blow; facts, lines, and parameter values with u where a contact is named."""
     if blows and contact is None:
         raise CommandInputError("--contact: missing; it says whose mean speed in the blow counts")
     curve = model.calibration.read_curve(path)
@@ -267,8 +264,7 @@ def _fit_felt(
 
 def _describe_misfit(fit: model.calibration.FeltFit) -> list[str]:
     """Lines that say where the measured points contradict the cubic (eq. 2.5) or the damping (eq. 2.7) by more than
-    their scatter; none where both fit.
-    """
+    their scatter; none where both fit."""
     lines = []
     if not fit.law_fits:
         lines.append(
@@ -286,8 +282,7 @@ def _describe_misfit(fit: model.calibration.FeltFit) -> list[str]:
 
 def _calibrate_friction(contact: str | None, mu: Sequence[float], u: Sequence[float]) -> Calibrated:
     """Parameters A, B1, B2 of a contact's friction (eq. 2.10) as facts, a line and values with u, from ``mu`` (static,
-    kinetic coefficient) and ``u`` (their standard uncertainties).
-    """
+    kinetic coefficient) and ``u`` (their standard uncertainties)."""
     fit = model.calibration.fit_friction(*mu, *u)
     facts = {"A": fit.a, "B1": fit.b1, "B2": fit.b2, "u_A": fit.u_a, "u_B1": fit.u_b1}
     line = (
@@ -309,8 +304,7 @@ def _calibrate_pendulum(
     action: model.Action, body: str | None, swing: Sequence[float], u: Sequence[float]
 ) -> Calibrated:
     """A body's inertia, kg m², by its ``swing`` (mass, kg; arm, m; period, s) as a pendulum (eqs A.1, A.2) and their
-    standard uncertainties ``u``: facts, a line, and, where ``body`` is named, the value about its centre of mass.
-    """
+    standard uncertainties ``u``: facts, a line, and, where ``body`` is named, the value about its centre of mass."""
     if body is not None and body not in model.BODIES:
         raise CommandInputError(f"--body {body}: not found; allowed {', '.join(model.BODIES)}")
     u_of = dict(zip(("u_mass_kg", "u_arm_m", "u_period_s"), u, strict=True))
@@ -331,8 +325,7 @@ def _calibrate_pendulum(
 
 def _fit_felt_laws(paths: Sequence[Path], contact: str | None, figure: Path | None) -> Calibrated:
     """Fit every felt law to all presses (CSV files) and judge it by presses held out: facts and lines of all; parameter
-    values, where a contact is named, are those of the thesis's law, also if another is nearer.
-    """
+    values, where a contact is named, are those of the thesis's law, also if another is nearer."""
     if len(paths) < FEWEST_PRESSES:
         raise CommandInputError(
             f"calibrate felt: found {len(paths)} presses, allowed {FEWEST_PRESSES} or more, to judge laws by presses "

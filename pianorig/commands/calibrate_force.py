@@ -83,8 +83,7 @@ def calibrate_force(
 ) -> dict[str, Any]:
     """Calibrate the force channel with weights, by its zero or its shunt, as ``order.kind`` says; write a rig file with
     the result to the new file ``out`` and a record beside; return what was found by name. ``ask`` waits for the
-    operator.
-    """
+    operator."""
     # start-up: --help needs none of it
     from rig.calibration import load_cell
     from rig.configuration.rig_file_edit import rewrite_table

@@ -54,8 +54,7 @@ def calibrate_joint(
     body: str, rig_name: str, backend: str, out: Path, action: str, swings: int, ask: Callable[[str], object]
 ) -> dict[str, Any]:
     """Let a body swing freely ``swings`` times, find the friction torque of its joint, N m, write an action with it to
-    the new file ``out`` and a record beside; return what was found by name. ``ask`` waits for the operator.
-    """
+    the new file ``out`` and a record beside; return what was found by name. ``ask`` waits for the operator."""
     record = workflows.calibration_record(out, "swing")
     workflows.check_swings(body, swings)
     given, rig_file = model.load_action(action), rig.load_rig(rig_name)

@@ -118,8 +118,7 @@ class Figures:
 
     def facts(self) -> dict[str, Any]:
         """The measured figures by name with units in it (ms, rad, frames/s, s, MiB), as plain data; ``seconds`` by
-        stage, the tracking error over its bound by body.
-        """
+        stage, the tracking error over its bound by body."""
         return {
             "simulation_ms": self.simulation_s * 1e3,
             "simulation_error_rad": self.simulation_error_rad,
@@ -141,8 +140,7 @@ class Demo:
 
 def tracking_errors(result: vision.TrackResult, truth: FilmTruth) -> tuple[TrackingError, ...]:
     """For jack and repetition lever: RMS error of the tracked angle relative to its parent against the film's true one
-    (rad), the lower bound, the stated uncertainty, and the number of frames lost.
-    """
+    (rad), the lower bound, the stated uncertainty, and the number of frames lost."""
     import numpy as np  # start-up: 0.1 s that --help does not need
 
     out = []
@@ -169,8 +167,7 @@ def measure_simulation(
     time_s: NDArray[np.float64], force_n: NDArray[np.float64], tolerance: float = DEFAULT_TOLERANCE
 ) -> tuple[float, float, int]:
     """Simulate the built-in action under a force (n,), N, at times (n,), s; return the best of five run times (s), the
-    largest error of an angle against a run at 1e-9 (rad), and the number of steps.
-    """
+    largest error of an angle against a run at 1e-9 (rad), and the number of steps."""
     action = model.load_action()
     fine = model.simulate(action, time_s, force_n, tolerance=1e-9)
     best = float("inf")
@@ -194,8 +191,7 @@ def peak_memory_mib() -> float | None:
 
 def run_demo(out: Path, *, trials: int, profile: str = "forte", quiet: bool = True) -> Demo:
     """Record ``trials`` blows on the virtual bench into the new folder ``out``, film and track the first, compare all
-    with the model and write the report; return all results with measured speed, errors and memory.
-    """
+    with the model and write the report; return all results with measured speed, errors and memory."""
     # on a first run the bench's own scene compiles here, and what comes after it on the other processor
     whole = model.load_scene("whole")
     beside = model.compile_ahead([whole], loop=True, then="pianorig.workflows.first_run:call_once")
@@ -254,8 +250,7 @@ def run_demo(out: Path, *, trials: int, profile: str = "forte", quiet: bool = Tr
 @contextmanager
 def _name_session_on_interrupt(folder: Path) -> Iterator[None]:
     """Context in which Ctrl-C raises `Interrupted`, whose message names the session's folder, says that its trials are
-    sealed, and gives the command that goes on.
-    """
+    sealed, and gives the command that goes on."""
     try:
         yield
     except KeyboardInterrupt as interrupt:
@@ -267,8 +262,7 @@ def _name_session_on_interrupt(folder: Path) -> Iterator[None]:
 
 def describe_demo(demo: Demo) -> list[str]:
     """Three paragraphs for the terminal: what the demo recorded and tracked, how the model was compared, what the
-    report shows.
-    """
+    report shows."""
     trials = len(demo.session.trials)
     lost = sum(error.lost for error in demo.figures.tracking)
     return [
@@ -294,8 +288,7 @@ def next_commands(session: Path) -> list[tuple[str, str]]:
 
 def figure_lines(figures: Figures) -> list[str]:
     """Lines of a table of what the demo measured: run time and error of a simulation, tracking speed and errors, run
-    time by stage, memory.
-    """
+    time by stage, memory."""
     mdeg = 1e3 * 180 / math.pi
     rows = [
         ("simulation of 0.7 s of trial 1, warm", f"{figures.simulation_s * 1e3:.0f} ms"),

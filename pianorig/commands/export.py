@@ -61,8 +61,7 @@ def export_session(path: Path, form: str, *, trials: list[int] | None = None, ou
 
 def _choose_trials(path: Path, numbers: list[int] | None) -> list[rig.Trial]:
     """Trials of the session folder ``path`` with these numbers (None or none: all that can be read, also rejected
-    ones), or the one trial of the file ``path``, which takes no numbers.
-    """
+    ones), or the one trial of the file ``path``, which takes no numbers."""
     if path.suffix == ".h5":
         found = [trial for trial in rig.Session.open(path.parent).trials if trial.path.name == path.name]
         if not found or numbers:

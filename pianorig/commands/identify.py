@@ -183,8 +183,7 @@ def _scores(name: str, scores: dict[str, Any]) -> str:
 
 def _plain_facts(found: Any) -> dict[str, Any]:
     """An identification as a dict of plain lists, tables and texts, as ``--json`` prints it: estimates, correlation,
-    undetermined parameters, warnings, scores, and how it ended.
-    """
+    undetermined parameters, warnings, scores, and how it ended."""
     supported = found.details.supported
     return {
         "estimates": [asdict(e) for e in found.estimates],
@@ -207,8 +206,7 @@ NO_SESSION = (
 
 def next_strokes(found: validation.Identification) -> tuple[list[Prospect], list[str]]:
     """Candidate strokes, each with the sensors to add, best first by how far recording it would shrink the parameters'
-    intervals; and a text for each that cannot be played or predicted. CommandInputError without a session.
-    """
+    intervals; and a text for each that cannot be played or predicted. CommandInputError without a session."""
     from validation.infer.further import list_candidate_strokes, prospects  # start-up: --help needs none of it
 
     sources = found.details.sources
@@ -230,8 +228,7 @@ def check_plan(sessions: Sequence[Path], motion_driven: bool) -> None:
 
 def next_strokes_or_reason(found: validation.Identification) -> tuple[list[Prospect], list[str], str]:
     """Ranked strokes, texts of refused ones (both as `next_strokes`), and the reason why no plan can be written, empty
-    where one can; an error of input or bench becomes that reason, so that the fit is not lost.
-    """
+    where one can; an error of input or bench becomes that reason, so that the fit is not lost."""
     # start-up: --help needs none of it
     from validation.infer.further import best_stroke
     from validation.infer.sentences import group_by_reason
@@ -252,8 +249,7 @@ def next_strokes_or_reason(found: validation.Identification) -> tuple[list[Prosp
 
 def write_best_stroke(found: validation.Identification, ranked: list[Prospect], plan: Path) -> Path:
     """Write the best of the ranked strokes as the trial plan ``plan`` (its profile beside), with remarks where the fit
-    it rests on is doubtful; return the plan's path.
-    """
+    it rests on is doubtful; return the plan's path."""
     # start-up: --help needs none of it
     from validation.infer.estimates import LACKING
     from validation.infer.further import write_plan
@@ -273,8 +269,7 @@ def reading_lines(
     most: int = 5,  # lines on a screen
 ) -> list[str]:
     """Lines to print: the identification in sentences, then the ``most`` strokes that would shrink the intervals most,
-    best first, and the ``refused`` ones grouped by reason.
-    """
+    best first, and the ``refused`` ones grouped by reason."""
     # start-up: --help needs none of it
     from validation.infer.sentences import group_by_reason, plain_sentences
 
@@ -291,8 +286,7 @@ def reading_lines(
 @contextmanager
 def cluster_executor(address: str) -> Iterator[Executor]:
     """Context: connect to the Dask scheduler at ``address`` (tcp://host:port), yield an executor that runs on its
-    workers, disconnect; CommandInputError where none answers or it has no workers.
-    """
+    workers, disconnect; CommandInputError where none answers or it has no workers."""
     try:
         import distributed  # start-up: 0.5 s, an extra
     except ImportError:
@@ -316,8 +310,7 @@ def cluster_executor(address: str) -> Iterator[Executor]:
 @contextmanager
 def _quiet_dask() -> Iterator[None]:
     """Context in which Dask's loggers print nothing below CRITICAL: a lost scheduler is said by the command in one
-    line, without Dask's traceback.
-    """
+    line, without Dask's traceback."""
     loggers = [logging.getLogger(name) for name in DASK_LOGGERS]
     levels = [one.level for one in loggers]
     for one in loggers:

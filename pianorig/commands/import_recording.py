@@ -28,8 +28,7 @@ def _position_facts(position: Position) -> dict[str, Any]:
 
 def _describe_doubts(row: dict[str, Any]) -> str:
     """Text to append to the line of an imported trial (``row``: its facts by name): condition, rejection, status,
-    limits exceeded, encoders absent, each after a semicolon; empty for none.
-    """
+    limits exceeded, encoders absent, each after a semicolon; empty for none."""
     found = [row["condition"]] if row["condition"] else []
     found += [f"rejected: {row['rejected']}"] if row["rejected"] else []
     found += [f"{row['status']}: {row['reason']}"] if row["status"] != "complete" else []
@@ -45,8 +44,7 @@ def _describe_doubts(row: dict[str, Any]) -> str:
 
 def _implausibility(data: rig.TrialData) -> str:
     """Sentence on why the raw force of a trial cannot be that of a blow on a key; empty where it can, or where no force
-    was recorded.
-    """
+    was recorded."""
     import numpy as np  # start-up: --help needs none of it
 
     known = np.isfinite(data.raw_force_n)

@@ -85,8 +85,7 @@ def command(
 
 def _versions() -> dict[str, str]:
     """Versions by name of Python, the platform and the packages this tool rests on, ``not installed`` where one is
-    absent.
-    """
+    absent."""
     found = {"python": platform.python_version(), "platform": platform.platform()}
     for package in PACKAGES:
         try:
@@ -98,8 +97,7 @@ def _versions() -> dict[str, str]:
 
 def session_facts(path: Path) -> dict[str, Any]:
     """Facts of a session by name: folder, operator, date, action, profile; ``trials``: a dict each of number, status,
-    peak force (N), film, …, of an unreadable one with its problem.
-    """
+    peak force (N), film, …, of an unreadable one with its problem."""
     session = rig.Session.open(path)
     rows = []
     for trial in session.trials:
@@ -183,8 +181,7 @@ def _rows(devices: list[FoundDevice]) -> list[dict[str, Any]]:
 
 def write_proposal(backend: str, path: Path, rig_name: str | None = None) -> dict[str, Any]:
     """Write a rig file proposed for the devices behind a backend address to ``path``, where no file may be, once it
-    passes the check of rig files; return its path, device and product by name.
-    """
+    passes the check of rig files; return its path, device and product by name."""
     # start-up: 0.2 s of nidaqmx, which --help does not need
     from rig.atomic_write import write_text
     from rig.daq.address import discover

@@ -113,8 +113,7 @@ def command(
 
 def draw_recorded(path: Path, targets: Sequence[rig.TargetForce]) -> None:
     """Write a PNG picture to ``path``: recorded forces, N, over time, s, one line a target, a dot where the key reaches
-    its bottom (after Fig. 3.6).
-    """
+    its bottom (after Fig. 3.6)."""
     # start-up: 0.5 s of NumPy and matplotlib that --help does not need
     import numpy as np
     from matplotlib.figure import Figure
@@ -134,8 +133,7 @@ def draw_recorded(path: Path, targets: Sequence[rig.TargetForce]) -> None:
 
 def draw_learned(folder: Path, learned: rig.Learned) -> None:
     """Write ``pianist_and_motor.png`` into ``folder``: target, measured force and command of the best blow (after Figs
-    3.7, 3.8), and below the error of each blow.
-    """
+    3.7, 3.8), and below the error of each blow."""
     from matplotlib.figure import Figure  # start-up: 0.4 s that --help does not need
 
     from rig.learning.target_force import FADE_S  # start-up: scipy.signal, as above
@@ -163,8 +161,7 @@ def draw_learned(folder: Path, learned: rig.Learned) -> None:
 
 def _draw_errors(axes: Any, learned: rig.Learned) -> None:
     """Draw into matplotlib ``axes`` the RMS error of each blow, percent of the target's peak, over its number, and the
-    goal as a line.
-    """
+    goal as a line."""
     numbers = [blow.number for blow in learned.blows]
     axes.plot(numbers, [100 * blow.error for blow in learned.blows], "o-", ms=4)
     axes.axhline(100 * learned.goal, color="C2", lw=1.0, label=f"goal, {100 * learned.goal:g} %")
@@ -226,8 +223,7 @@ def learn_profile(
     progress: Callable[[rig.Blow], None] | None = None,
 ) -> rig.Learned:
     """Play up to ``blows`` blows, each with an improved command, until the force follows the target within ``goal``
-    (share of the peak); write blows, profile and picture into the new folder ``out``. Return what was learned.
-    """
+    (share of the peak); write blows, profile and picture into the new folder ``out``. Return what was learned."""
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise CommandInputError(f"{out}: exists already and is not an empty folder; choose another --out")
     rig_file = rig.load_rig(access.rig)
@@ -259,8 +255,7 @@ def learn_profile(
 
 def learning_summary(learned: rig.Learned) -> dict[str, Any]:
     """Facts of a learned profile by name, as ``--json`` prints them: errors in percent of the target's peak, times in
-    s, forces in N, whether it follows, else the obstacle.
-    """
+    s, forces in N, whether it follows, else the obstacle."""
     best = learned.best
     return {
         "target": learned.target.name,
@@ -279,8 +274,7 @@ def learning_summary(learned: rig.Learned) -> dict[str, Any]:
 
 def _write_results(out: Path, learned: rig.Learned) -> None:
     """Write ``profile.toml`` (profile of the best blow) and ``learning.json`` (`learning_summary`) into the folder
-    ``out``, replacing what is there.
-    """
+    ``out``, replacing what is there."""
     best = learned.best
     found = f"{100 * best.error:.2f} % RMS of the peak before key bottom in blow {best.number}"
     text = best.profile.text.replace(

@@ -40,8 +40,7 @@ def command(
 
 def find_report(where: Path | None = None) -> Path:
     """Path of the report's HTML file: in the folder ``where`` (a session or a report's), the file itself, or for None
-    the newest below ``sessions/``; CommandInputError where there is none.
-    """
+    the newest below ``sessions/``; CommandInputError where there is none."""
     if where is None:
         reports = sorted(SESSIONS.glob(f"*/{REPORT}"), key=lambda path: path.stat().st_mtime)
         if not reports:

@@ -205,8 +205,7 @@ def _press_felt(
     room: rig.RoomInfo | None,
 ) -> None:
     """Record the ordered presses of a felt into ``out`` (None: a new folder below ``sessions/``) and print what was
-    found; ``operator_and_action``: their names, in this order.
-    """
+    found; ``operator_and_action``: their names, in this order."""
     target = out or workflows.new_session_folder(f"felt_{order.contact}")
     title = f"pressing {order.contact} on {access.backend} into {target}"
     with workflows.report_interrupt(target), recording_line(as_json, title) as progress:
@@ -226,8 +225,7 @@ def press_felt(
     out: Path, order: rig.FeltOrder, access: workflows.BenchAccess, **keywords: Unpack[RecordingKeywords]
 ) -> tuple[rig.FeltSession, dict[str, Any]]:
     """Record the ordered presses of a felt, or of the steel block, into the session ``out``; return the session and the
-    facts to print: of each press, or the compliance of arm and cell, with which a rig file is then written.
-    """
+    facts to print: of each press, or the compliance of arm and cell, with which a rig file is then written."""
     # start-up: 0.5 s of NumPy and h5py, which --help does not need
     from rig.atomic_write import write_text
     from rig.felt.order import check_order
@@ -261,8 +259,7 @@ def press_felt(
 
 def _press_facts(press: rig.FeltPress) -> dict[str, Any]:
     """Facts of a press by name: trial, file, peak force (N), depth (m), speed (m/s), coefficients a, b, c of the felt's
-    cubic with their uncertainties; D where loading lies above unloading.
-    """
+    cubic with their uncertainties; D where loading lies above unloading."""
     curve, fit = press.curve, model.calibration.fit_felt(model.calibration.read_curve(press.file))
     row: dict[str, Any] = {
         "trial": press.trial,
@@ -284,8 +281,7 @@ def _press_facts(press: rig.FeltPress) -> dict[str, Any]:
 
 def _fit_loop(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Fit a line over speed to the loop of presses (D times speed): ``{"loop": …}`` with its value at no speed, which
-    eq. 2.7 lacks, its slope, s/m, and their uncertainties; empty with fewer than three presses, or speeds too alike.
-    """
+    eq. 2.7 lacks, its slope, s/m, and their uncertainties; empty with fewer than three presses, or speeds too alike."""
     import numpy as np  # start-up: 0.1 s that --help does not need
 
     known = [row for row in rows if "D" in row and row["u_D"] > 0]
@@ -305,8 +301,7 @@ def _fit_loop(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 def felt_lines(order: rig.FeltOrder, facts: dict[str, Any]) -> list[str]:
     """Lines printed of a session of presses: each press, the fitted loop, the command to use next; of the block the
-    compliance of arm and cell.
-    """
+    compliance of arm and cell."""
     if order.contact == BLOCK:
         return [
             f"compliance of arm and cell {1e6 * facts['compliance_m_per_n']:.4g} um/N (standard uncertainty "
@@ -340,8 +335,7 @@ def felt_order(
     contact: str, speeds: Sequence[float] | None, peaks: Sequence[float] | None, repeats: int | None
 ) -> rig.FeltOrder:
     """The order of presses of ``contact`` (contact01 to contact13, or the block): speeds, m/s, and peak forces, N,
-    where None the built-in ones, ``repeats`` (None: 1); CommandInputError for another contact.
-    """
+    where None the built-in ones, ``repeats`` (None: 1); CommandInputError for another contact."""
     if contact != BLOCK and not (contact.startswith("contact") and contact[7:].isdigit()):
         raise CommandInputError(f"--felt {contact}: allowed contact01 to contact13, or {BLOCK}")
     usual = rig.FeltOrder(contact)

@@ -62,8 +62,7 @@ def _measure(
     as_json: bool,
 ) -> None:
     """Measure the seven regulated lengths of an action, print each with the wanted one, mm, under ``title``, and draw
-    them where ``figure`` names a file; the action is not changed.
-    """
+    them where ``figure`` names a file; the action is not changed."""
     with working("measuring the action", quiet=as_json):
         seen = model.regulation.measure(given)
     rows: list[dict[str, Any]] = [
@@ -90,8 +89,7 @@ def _regulate(
     given: model.Action, title: str, wanted_m: Mapping[str, float], files: tuple[Path, Path | None], as_json: bool
 ) -> None:
     """Turn the seven screws of an action until the ``wanted_m`` lengths are met, write the result, and print each
-    length before and after; ``files``: the action to write, and the figure or None.
-    """
+    length before and after; ``files``: the action to write, and the figure or None."""
     out, figure = files
     with working("turning seven screws until seven targets are met", quiet=as_json):
         done = model.regulation.regulate(given, wanted_m=wanted_m)

@@ -65,8 +65,7 @@ def check_bench(
     show: Callable[[rig.SelftestFinding], None] = lambda finding: None,
 ) -> tuple[Path, rig.SelftestRecord]:
     """Test a bench by gentle pushes of its motor, ``show`` each finding, write the record into the folder ``out``;
-    return its path and the record. Hardware moves only after ``ask`` confirmed it, or ``yes``.
-    """
+    return its path and the record. Hardware moves only after ``ask`` confirmed it, or ``yes``."""
     from rig.safety.interrupts import termination_as_interrupt  # start-up: 0.2 s of nidaqmx that --help does not need
     from rig.safety.permission import confirm  # start-up: as above
 

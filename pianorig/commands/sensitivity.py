@@ -79,8 +79,7 @@ def command(
 
 def _find_force_file(blow: Path, trial: int | None) -> Path:
     """File of the force: ``blow`` itself where it is a file; of a session folder that of trial ``trial``, by default
-    the first that can be read and is not rejected.
-    """
+    the first that can be read and is not rejected."""
     if not blow.is_dir():
         if trial is not None:
             raise CommandInputError(f"--trial {trial}: goes with a session; {blow} is no folder")
@@ -100,8 +99,7 @@ def _local_sensitivities(
     action: model.Action, driving: workflows.DrivingForce, names: list[str] | None, quiet: bool
 ) -> model.sensitivity.LocalTable:
     """Elasticities (percent per percent) of a blow's results to the parameters ``names``, paths such as
-    contact04.friction.A; None: all that have an effect. ``quiet``: no progress.
-    """
+    contact04.friction.A; None: all that have an effect. ``quiet``: no progress."""
     for name in names or ():
         if name.endswith(DIRECTION) and name in action.quantities:
             raise CommandInputError(
@@ -119,8 +117,7 @@ def _local_sensitivities(
 
 def _print_elasticities(table: model.sensitivity.LocalTable, action_name: str) -> None:
     """Print a table of elasticities, percent of a result per percent of a parameter: the first `MOST_LINES` parameters,
-    and how many more there are.
-    """
+    and how many more there are."""
     from model.sensitivity.local_table import lines  # start-up: NumPy, which --help does not need
 
     print(f"{action_name}: percent of a quantity per percent of a parameter")

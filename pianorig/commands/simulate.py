@@ -242,8 +242,7 @@ def _judge_blow(
 
 def missed_request(solution: model.Solution) -> str:
     """Sentence on a solution whose estimated error misses the requested tolerance so far that its detail cannot be
-    trusted; empty where it does not, or was not estimated.
-    """
+    trusted; empty where it does not, or was not estimated."""
     if solution.error_rad is None or not solution.misses_tolerance:
         return ""
     return (
@@ -255,8 +254,7 @@ def missed_request(solution: model.Solution) -> str:
 
 def _reading_facts(driven: model.MotionDriven) -> dict[str, float]:
     """How well the key's motion was known, by name: coverage factor for 95 %, encoder's resolution (rad), jitter of the
-    readings (rad) and of the clock (s).
-    """
+    readings (rad) and of the clock (s)."""
     return {
         "coverage_factor_95": driven.coverage_factor,
         "resolution_rad": driven.fit.resolution_rad,
@@ -267,8 +265,7 @@ def _reading_facts(driven: model.MotionDriven) -> dict[str, float]:
 
 def _motion_facts(driven: model.MotionDriven) -> dict[str, Any]:
     """Facts by name of the force found from a motion, as ``--json`` prints them: first and largest force, N, with
-    uncertainty, intervals in which the key would lift, quality of the readings.
-    """
+    uncertainty, intervals in which the key would lift, quality of the readings."""
     largest = int(abs(driven.force_n).argmax())
     return {
         "rows": len(driven.time_s),
@@ -285,8 +282,7 @@ def _motion_facts(driven: model.MotionDriven) -> dict[str, Any]:
 
 def _motion_lines(driven: model.MotionDriven) -> list[str]:
     """Lines printed of the force found from a motion: the largest with its 95 % interval and time, then each reason to
-    doubt it: interval too wide, start away from rest, key that would lift.
-    """
+    doubt it: interval too wide, start away from rest, key that would lift."""
     largest = int(abs(driven.force_n).argmax())
     half = driven.coverage_factor * driven.u_force_n[largest]
     lines = [
@@ -319,8 +315,7 @@ def _contact_descriptions(action: model.Action) -> dict[str, str]:
 
 def _loss_facts(inside: model.inside.Inside) -> dict[str, object]:
     """Losses of a simulation by name, as ``--json`` prints them: friction and felt energy, J, sliding path, m, largest
-    normal force, N, by contact; friction by joint; intervals in which the key lifts or would.
-    """
+    normal force, N, by contact; friction by joint; intervals in which the key lifts or would."""
     contacts = [
         {
             "contact": name,
@@ -351,8 +346,7 @@ def _lift_attributes(inside: model.inside.Inside) -> dict[str, list[float]]:
 
 def _loss_lines(inside: model.inside.Inside, words: dict[str, str]) -> list[str]:
     """Lines of a table of largest force, rubbed path and losses, mJ, by contact and joint, then the intervals in which
-    the key lifts or would; ``words``: what a contact is called, by name.
-    """
+    the key lifts or would; ``words``: what a contact is called, by name."""
     lines = [f"{'contact':<34}{'largest N':>10}{'rubbed mm':>11}{'friction mJ':>13}{'felt mJ':>9}"]
     for i, name in enumerate(inside.contacts):
         title = f"{name.removeprefix('contact')} {words[name]}" if name in words else name.replace("_", " ")

@@ -89,8 +89,7 @@ def _report(
     output: tuple[Path | None, bool],
 ) -> None:
     """Run ``study`` (action, times s, force N) on the user's table ``force`` or, for None, the ``built_in`` one, print
-    what it found; ``output``: folder for its tables and pictures or None, and whether to print JSON.
-    """
+    what it found; ``output``: folder for its tables and pictures or None, and whether to print JSON."""
     out, as_json = output
     make_folder(out)
     driving = None if force is None else workflows.read_driving_force(force, model.choice_of(action).input_column)
@@ -119,8 +118,7 @@ def _compare(given: Sequence[model.study.Variant], action: model.Action, time_s:
 
 def _compare_as_thesis(action: model.Action, time_s: Any, force_n: Any) -> Found:
     """Compare the thesis's variants: of damping under the built-in piano blow (Section 4.2.2), and of damping and
-    friction under the given force as its forte blow (Section 4.4); lines, tables and pictures of both.
-    """
+    friction under the given force as its forte blow (Section 4.4); lines, tables and pictures of both."""
     studies = {
         "piano": model.study.compare(action, *model.force_table("piano"), model.study.PIANO_VARIANTS),
         "forte": model.study.compare(action, time_s, force_n, model.study.FORTE_VARIANTS),
@@ -135,8 +133,7 @@ def _compare_as_thesis(action: model.Action, time_s: Any, force_n: Any) -> Found
 
 def _study_lines(study: model.study.Study) -> list[str]:
     """Lines of a table, a variant a row: time and speed of the strike, whether the hammer is held and where, bounces of
-    the lever, RMS difference of the hammer's angle from the action as given.
-    """
+    the lever, RMS difference of the hammer's angle from the action as given."""
     width = max(12, *(len(v.name) for v in study.variants))  # column
     lines = [
         f"{'variant':<{width}}  {'strike s':>9} {'m/s':>6} {'strikes':>7} {'held':>5} {'hold mm':>8} {'moved mm':>9}"

@@ -69,8 +69,7 @@ def command(
 
 def _cells(feels: Sequence[model.Touch], rows: Sequence[Mapping[str, float]]) -> list[list[str]]:
     """Rows of the table as text, a column an action: touch weights in grams with their standard uncertainty, everything
-    else in the unit of `model.Touch.rows`, whose dicts ``rows`` are.
-    """
+    else in the unit of `model.Touch.rows`, whose dicts ``rows`` are."""
     weights = [f.weights.rows() for f in feels]
     table = []
     for words in rows[0]:

@@ -146,8 +146,7 @@ def command(
 
 def _parse_limits(given: list[str]) -> dict[str, float]:
     """Smallest relevant difference by name, in SI units or as a share, from texts NAME=VALUE of ``--relevant``, VALUE
-    in the unit that is shown for it; CommandInputError for another name or no number above 0.
-    """
+    in the unit that is shown for it; CommandInputError for another name or no number above 0."""
     out = {}
     for text in given:
         name, _, value = text.partition("=")

@@ -96,8 +96,7 @@ def draw_curve(values: NDArray[np.float64], width: int, height: int, braille: bo
 
 def view_facts(view: LiveView) -> dict[str, Any]:
     """Facts of what a session shows now, as ``--json`` prints them: trial, state, samples, last raw force and its peak,
-    N, last angle of each body, rad since the first sample.
-    """
+    N, last angle of each body, rad since the first sample."""
     from rig.session.trial_data import absent_bodies  # start-up: 0.4 s of h5py
 
     return {
@@ -155,8 +154,7 @@ def follow_session(
     wait: Callable[[float], None] = time.sleep,
 ) -> LiveView | None:
     """Call ``show`` with each new view of a session, looking every ``every_s``, until its plan is complete, its
-    recording has ended or, with ``once``, after one look; return the last view, None where there was none.
-    """
+    recording has ended or, with ``once``, after one look; return the last view, None where there was none."""
     from rig.session.live_view import SessionFollower  # start-up: 0.4 s of h5py
 
     follower = SessionFollower(session)
@@ -174,8 +172,7 @@ def follow_session(
 
 def draw_view(path: Path, view: LiveView) -> None:
     """Write a PNG picture to ``path``, replaced whole: raw force, N, and angles of the recorded bodies, degrees, over
-    time.
-    """
+    time."""
     # start-up: 0.5 s that text needs not
     import numpy as np
     from matplotlib.figure import Figure

@@ -23,8 +23,7 @@ FIGURE_ENDINGS = (".svg", ".pdf", ".png")
 
 def check_writable(path: Path | None, *endings: str) -> None:
     """CommandInputError, before any work is done, for a path that cannot be written, or that ends in none of
-    ``endings`` (none given: any); an existing file may be replaced, None is fine.
-    """
+    ``endings`` (none given: any); an existing file may be replaced, None is fine."""
     if path is None:
         return
     if endings and path.suffix not in endings:
@@ -63,8 +62,7 @@ def run_attributes(
     action: model.Action, choice: model.SceneChoice, scene: str, tolerance: float, method: str
 ) -> dict[str, Any]:
     """What a file of columns says about the run that it came from, by name: action, changed values, tolerance (rad),
-    method, scene (as ``scene`` calls ``choice``), effects.
-    """
+    method, scene (as ``scene`` calls ``choice``), effects."""
     laws = {path: law for path, law in action.structure.items() if path.endswith(f".{LAW}")}
     return {
         "action": action.name,
@@ -105,8 +103,7 @@ def write_table(path: Path, table: pd.DataFrame) -> None:
 
 def read_table(path: Path, advice: str, columns: Iterable[str] = ()) -> pd.DataFrame:
     """Read a CSV file into a table; CommandInputError, one line that ends with ``advice``, where it cannot be read or
-    lacks one of ``columns``.
-    """
+    lacks one of ``columns``."""
     import pandas as pd  # start-up: 0.3 s that only a table needs
 
     try:

@@ -28,8 +28,7 @@ def how_stopped(interrupt: BaseException) -> str:
 
 def tell_failure(problem: BaseException, as_json: bool) -> int:
     """Print why a command ended as one line on standard error and, ``as_json``, as an object on standard output; return
-    the exit code, 1 for a defect, else the error's own.
-    """
+    the exit code, 1 for a defect, else the error's own."""
     code = getattr(problem, "exit_code", None)
     if hasattr(problem, "format_message"):  # a usage error of typer's
         message = _usage(problem)

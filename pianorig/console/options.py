@@ -21,8 +21,7 @@ SCENES = (
 
 def complete_file(folder: str) -> Callable[[str], list[str]]:
     """A function for the shell's completion, from what was typed to the names that begin with it of the TOML files in
-    ``folder`` of our packages, such as ``rig/profiles``.
-    """
+    ``folder`` of our packages, such as ``rig/profiles``."""
 
     def complete(incomplete: str) -> list[str]:
         names = sorted(path.stem for path in (HOUSE / folder).glob("*.toml"))

@@ -20,8 +20,7 @@ def _to_plain(value: Any) -> Any:
 
 def _make_json_ready(content: Any) -> Any:
     """Copy of nested content in which arrays and tuples are lists, and numbers that are not finite None, which JSON
-    does not know.
-    """
+    does not know."""
     if hasattr(content, "tolist"):
         content = content.tolist()
     if isinstance(content, float):
@@ -74,8 +73,7 @@ MOST_COLUMNS, MOST_ROWS = 80, 20
 
 def table_lines(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     """Lines of a table under ``head``, at most 80 characters wide and 20 lines long: first column to the left, others
-    to the right, cells cut where needed; the last line counts rows left out.
-    """
+    to the right, cells cut where needed; the last line counts rows left out."""
     shown = rows[: MOST_ROWS - 2] if len(rows) > MOST_ROWS - 1 else rows
     cells = [[str(cell) for cell in row] for row in (head, *shown)]
     wide = [max(map(len, column)) for column in zip(*cells, strict=True)]

@@ -20,8 +20,7 @@ _EXAMPLES = {
 
 def read_settings(settings: Sequence[str], option: str = "--set") -> dict[str, float]:
     """Numbers by path from texts ``path=value``; CommandInputError, which names ``option``, for another form, no
-    number, or a path given twice.
-    """
+    number, or a path given twice."""
     out: dict[str, float] = {}
     for setting in settings:
         path, equals, text = (part.strip() for part in setting.partition("="))
@@ -38,8 +37,7 @@ def read_settings(settings: Sequence[str], option: str = "--set") -> dict[str, f
 
 def split_laws(settings: Sequence[str]) -> tuple[dict[str, str], list[str]]:
     """Split ``--set`` texts into felt laws, law by contact from ``contact12.law=stulov``, and all others, unparsed, in
-    their order; CommandInputError for a contact given twice.
-    """
+    their order; CommandInputError for a contact given twice."""
     laws: dict[str, str] = {}
     others = []
     for setting in settings:
@@ -66,8 +64,7 @@ def _change_action(
     action: str, laws: dict[str, str], values: dict[str, float], factors: dict[str, float], scene: str | None
 ) -> model.Action:
     """Load an action, apply scene, felt laws by contact, values and factors by path, in this order, so that values go
-    before the scene's; an error for a value whose effect or law the action lacks.
-    """
+    before the scene's; an error for a value whose effect or law the action lacks."""
     loaded = model.load_action(action)
     if scene is not None:
         loaded = model.load_scene(scene).apply_to(loaded)
@@ -92,8 +89,7 @@ def name_with_scene(action: model.Action, scene: str | None) -> model.Action:
 
 def read_variant(text: str, called: str = "--variant") -> tuple[str, dict[str, float], dict[str, float]]:
     """Parse ``name: --set path=value --scale name=factor``: the name, values by path, factors by name;
-    CommandInputError, which begins with ``called``, for another form, a scene or a law.
-    """
+    CommandInputError, which begins with ``called``, for another form, a scene or a law."""
     name, colon, rest = (part.strip() for part in text.partition(":"))
     example = 'allowed "name: --set path=value --scale name=factor"'
     if not colon or not name:
@@ -112,8 +108,7 @@ def read_variant(text: str, called: str = "--variant") -> tuple[str, dict[str, f
 
 def _options_of(name: str, rest: str, called: str, example: str) -> dict[str, list[str]]:
     """Values of ``--scene``, ``--set`` and ``--scale`` in the text ``rest`` after a variant's ``name``, as written, by
-    option; CommandInputError, with ``called`` and ``example``, for another option or none.
-    """
+    option; CommandInputError, with ``called`` and ``example``, for another option or none."""
     given: dict[str, list[str]] = {"--scene": [], "--set": [], "--scale": []}
     words = iter(rest.split())
     for word in words:
@@ -163,8 +158,7 @@ def split_model(text: str) -> tuple[str, str]:
 
 def read_measured(text: str, option: str) -> tuple[float, float | None]:
     """Parse ``0.35+-0.01`` to value and standard uncertainty, ``0.35`` to value and None; CommandInputError, which
-    begins with ``option``, for another form or a negative uncertainty.
-    """
+    begins with ``option``, for another form or a negative uncertainty."""
     value, sign, u = (part.strip() for part in text.partition("+-"))
     try:
         found = float(value), float(u) if sign else None

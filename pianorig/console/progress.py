@@ -57,8 +57,7 @@ class _OnImport(MetaPathFinder):
 
 def _listener(events: Any) -> Any:
     """A listener to numba's compile events that says one line at the first outermost compilation of this process;
-    ``events``: the module ``numba.core.event``.
-    """
+    ``events``: the module ``numba.core.event``."""
     inside, said = threading.local(), threading.Event()
 
     class Listener(events.Listener):  # type: ignore[misc]
@@ -102,8 +101,7 @@ def clock(seconds: float) -> str:
 
 def bar_text(label: str, done: int, total: int, spent_s: float, columns: int) -> str:
     """Text of a progress line: ``label done/total``, then a drawn bar and the time left, each only where it fits into
-    ``columns`` characters; ``spent_s``: time since the beginning.
-    """
+    ``columns`` characters; ``spent_s``: time since the beginning."""
     text = f"{label} {done}/{total}"
     left = f"  {clock(spent_s * (total - done) / done)} left" if 0 < done < total and spent_s > 1.0 else ""
     filled = BAR * done // total if total else 0
@@ -117,8 +115,7 @@ def bar_text(label: str, done: int, total: int, spent_s: float, columns: int) ->
 @contextmanager
 def bar(label: str, quiet: bool = False, what: str = "frames") -> Iterator[Callable[[int, int], None] | None]:
     """Context that yields ``update(done, total)``, which draws a bar on standard error, or None when quiet; without a
-    terminal one line is printed after 5 s; ``what``: plural of what is counted.
-    """
+    terminal one line is printed after 5 s; ``what``: plural of what is counted."""
     if quiet:
         yield None
         return
@@ -150,8 +147,7 @@ def bar(label: str, quiet: bool = False, what: str = "frames") -> Iterator[Calla
 @contextmanager
 def working(text: str, quiet: bool = False) -> Iterator[Callable[[str], None]]:
     """Context that shows ``text`` on standard error while its block works, on a terminal with the time spent, else once
-    after 5 s; yields a function that replaces the text.
-    """
+    after 5 s; yields a function that replaces the text."""
     if quiet:
         yield lambda words: None
         return

@@ -59,8 +59,7 @@ class LiveLine:
 
     def show(self, text: str, *, at_once: bool = False) -> None:
         """Draw ``text`` over the line on standard error, cut to the terminal's width, at most ten times a second unless
-        ``at_once``; nothing where that is no terminal.
-        """
+        ``at_once``; nothing where that is no terminal."""
         now = time.monotonic()
         with self._lock:
             if not self.is_on or (now < self._next_s and not at_once):

@@ -43,8 +43,7 @@ class Access:
 
     def check(self, method: str, path: str, headers: Mapping[str, str]) -> None:
         """Raise `Refused` (HTTP 403) for a request whose Host or Origin is not this page's, or that another site's page
-        began; ``headers``: those of the request, by name.
-        """
+        began; ``headers``: those of the request, by name."""
         hosts = {f"{name}:{self.port}" for name in NAMES}
         host = headers.get("Host", "")
         if host.lower() not in hosts:

@@ -47,8 +47,7 @@ def built_in_actions() -> list[str]:
 
 def chosen_scene(text: str) -> model.SceneChoice:
     """The scene of this built-in name, or that the text of a scene file (TOML) describes; CommandInputError for
-    anything else, or a scene that no force drives. No file is opened.
-    """
+    anything else, or a scene that no force drives. No file is opened."""
     if text in model.SCENES:
         choice = model.SCENES[text]
     elif "\n" in text or "=" in text:
@@ -80,8 +79,7 @@ def _load_given_action(name: str, scene: str) -> model.Action:
 
 def changed_action(name: str, changes: Sequence[str], scene: str = "whole") -> model.Action:
     """The built-in action ``name`` in a scene (as `chosen_scene` takes it) with the texts ``path=value``, SI units,
-    applied; CommandInputError for another form, or too many.
-    """
+    applied; CommandInputError for another form, or too many."""
     if len(changes) > MOST_CHANGES:
         raise CommandInputError(f"{len(changes)} changes: allowed {MOST_CHANGES}")
     values = {}
@@ -101,8 +99,7 @@ def changed_action(name: str, changes: Sequence[str], scene: str = "whole") -> m
 
 def action_facts(name: str, scene: str = "whole") -> dict[str, Any]:
     """Screws and parameters of a built-in action in a scene as plain dicts for the page: path, name, value, unit,
-    standard uncertainty, and the slider's lowest and highest value, SI units.
-    """
+    standard uncertainty, and the slider's lowest and highest value, SI units."""
     given = _load_given_action(name, scene)
     contacts = {key.removesuffix(".description"): text for key, text in given.structure.items() if "description" in key}
     screws = []
@@ -143,8 +140,7 @@ def _name(path: str, action: model.Action) -> str:
 
 def slider_range(path: str, value: float, unit: str) -> tuple[float, float]:
     """Lowest and highest value of a parameter's slider, in its ``unit``: a fixed distance either way of a length or
-    angle, a factor either way of any other quantity, within what is allowed.
-    """
+    angle, a factor either way of any other quantity, within what is allowed."""
     if path in COUNTS:
         return allowed_range(path)[:2]
     if path.endswith((".normal.x", ".normal.y")):
@@ -179,8 +175,7 @@ def _blow(
     name: str, changes: tuple[str, ...], blow: str, scene: str
 ) -> tuple[model.Action, NDArray[np.float64], model.Solution, NDArray[np.float64]]:
     """Simulate a built-in blow on a changed action: the action, the force (m,), N, at the solution's times, the
-    solution, the angles at rest (n,), rad. Cached: the same arguments give the same objects.
-    """
+    solution, the angles at rest (n,), rad. Cached: the same arguments give the same objects."""
     action = changed_action(name, changes, scene)
     table_s, table_n = model.force_table(blow)
     times = model.output_times(float(table_s[0]), float(table_s[-1]), RATE_HZ)
@@ -201,8 +196,7 @@ def blow_curves(name: str, changes: Sequence[str], blow: str, scene: str = "whol
 
 def live_blow(name: str, changes: Sequence[str], blow: str, scene: str = "whole") -> dict[str, Any]:
     """Simulate an action with ``changes`` (path=value) under a built-in blow: force, N, angle curves, degrees, as
-    packed float32 (`pack`), the moving drawing, and the events, for the page.
-    """
+    packed float32 (`pack`), the moving drawing, and the events, for the page."""
     action, force_n, solution, rest_rad = _blow(name, tuple(changes), blow, scene)
     times = solution.time_s
     rows = slice(None, None, EVERY)
@@ -230,8 +224,7 @@ def live_blow(name: str, changes: Sequence[str], blow: str, scene: str = "whole"
 
 def _events(action: model.Action, solution: model.Solution, rest_rad: NDArray[np.float64]) -> list[dict[str, Any]]:
     """Events of a simulated blow, found by the report's definitions, a dict each: title, meaning, value in the unit
-    shown (None where absent), time, s, for those that are a time; ``rest_rad``: (n,).
-    """
+    shown (None where absent), time, s, for those that are a time; ``rest_rad``: (n,)."""
     change, geometry = solution.angle_rad - rest_rad, geometry_of(action, rest_rad[: len(BODIES)])
     motion = motion_of(geometry, solution.time_s, change[:, ENCODER_BODIES], np.full(3, DEFAULT_TOLERANCE))
     rows = []
@@ -257,8 +250,7 @@ LARGEST_TURN_M = LENGTH_M
 
 def measure_touch(action: model.Action) -> dict[str, Any]:
     """Press and release the key of an action slowly: force, N, over dip, m, of either way, as packed float32 (`pack`),
-    and the touch weights read from them, N, by name.
-    """
+    and the touch weights read from them, N, by name."""
     found = model.touch.weigh(action)
     (down_m, down_n), (up_m, up_n) = found.curve()
     return {
@@ -271,8 +263,7 @@ def measure_touch(action: model.Action) -> dict[str, Any]:
 
 def technician_step(action: model.Action, target: str, turn_m: float) -> dict[str, Any]:
     """Measure the seven regulated lengths, m, before and after the screw of the length ``target`` is turned by
-    ``turn_m`` (None where one cannot be measured); the action given is not changed.
-    """
+    ``turn_m`` (None where one cannot be measured); the action given is not changed."""
     screw = next((screw for screw in model.regulation.SCREWS if screw.target == target), None)
     if screw is None:
         names = ", ".join(one.name for one in model.regulation.TARGETS)

@@ -130,8 +130,7 @@ def _annotate(served: Served, name: str, asked: Asked) -> dict[str, Any]:
 
 def annotate(folder: Path, content: dict[str, Any]) -> None:
     """Append an annotation to the session in ``folder``; ``content`` as the page sent it: trial (0: the session), kind,
-    reason, author; CommandInputError where one of them is not allowed.
-    """
+    reason, author; CommandInputError where one of them is not allowed."""
     trial, kind, reason, author = (content.get(key) for key in ("trial", "kind", "reason", "author"))
     if type(trial) is not int or trial < 0:
         raise CommandInputError(f"trial {trial!r}: allowed 0 for the session, or the number of a trial")
@@ -161,8 +160,7 @@ def _boxed_in(file: Path, kind: str) -> Sent:
 
 def _compare(served: Served, asked: Asked) -> dict[str, Any]:
     """Start the job ``validate`` of the sessions that the request names, into a new folder of comparisons; return the
-    job's state. CommandInputError for another number of names than allowed.
-    """
+    job's state. CommandInputError for another number of names than allowed."""
     names: Any = asked.content.get("sessions")
     several = isinstance(names, list) and all(isinstance(name, str) for name in names)
     if not several or not 2 <= len(set(names)) <= MOST_COMPARED:
@@ -193,8 +191,7 @@ def _set_action(name: str, asked: Asked) -> Any:
 
 def _turn_screw(served: Served, name: str, asked: Asked) -> dict[str, Any]:
     """Answer of `technician_step` for the action ``name`` as the request sets it, with its ``target`` and ``turn_m``
-    (m): lengths before and after. Nothing is stored.
-    """
+    (m): lengths before and after. Nothing is stored."""
     turned = asked.one("turn_m")
     try:
         turn_m = float(turned)
@@ -245,8 +242,7 @@ def _film(served: Served, name: str, number: str, asked: Asked) -> dict[str, Any
 
 def _frames(served: Served, name: str, number: str, first: str, count: str, asked: Asked) -> Sent:
     """Grey values, a byte a pixel, of ``count`` frames from ``first`` on of the film of trial ``number`` of the session
-    ``name``, or, for number 0, of the film ``name``; UnknownName where there is none.
-    """
+    ``name``, or, for number 0, of the film ``name``; UnknownName where there is none."""
     if not 1 <= int(count) <= MOST_FRAMES:
         raise CommandInputError(f"{count} frames: allowed 1 to {MOST_FRAMES}")
     try:
@@ -273,8 +269,7 @@ def _film_subject(served: Served, owner: str, number: str) -> FilmSubject:
 
 def _track(served: Served, owner: str, number: str, asked: Asked) -> dict[str, Any]:
     """Start the job ``track`` for the film of trial ``number`` of the session ``owner`` with its saved outlines, at the
-    frame rate that the request may state; return the job's state.
-    """
+    frame rate that the request may state; return the job's state."""
     subject = _film_subject(served, owner, number)
     if not subject.bodies.is_file():
         raise CommandInputError(f"{subject.bodies.name}: no outlines yet; save them first")
@@ -299,8 +294,7 @@ class Live(Stream):
 
     async def tell(self, *arguments: str) -> None:
         """Send the session named by ``arguments[0]`` to the page as it is recorded, state as JSON text where it
-        changed, new samples as bytes, until the page is gone; the socket is closed where it cannot be read.
-        """
+        changed, new samples as bytes, until the page is gone; the socket is closed where it cannot be read."""
         work, workers = IOLoop.current().run_in_executor, self.served.workers
         try:
             stream = await work(workers, lambda: LiveStream(self.served.catalogue.folder(arguments[0])))
@@ -360,8 +354,7 @@ ADDRESSES: dict[str, dict[str, Any]] = {
 
 def routes(served: Served, scripts: Path) -> list[Any]:
     """Every address of the page, as a pattern with the handler that answers there and its arguments, for Tornado;
-    ``scripts``: folder of Bokeh's scripts.
-    """
+    ``scripts``: folder of Bokeh's scripts."""
     it = {"served": served}
     return [
         ("/", Shell, it),

@@ -59,8 +59,7 @@ class SessionRow:
 
 def read_row(folder: Path) -> SessionRow:
     """Row of the list of sessions for the one in ``folder``; where that cannot be read, a row with its name and the
-    ``problem`` in words.
-    """
+    ``problem`` in words."""
     try:
         session = open_session(folder)
         trials = session.trials
@@ -135,8 +134,7 @@ def trial_status(trial: Trial) -> str:
 
 def session_detail(folder: Path) -> dict[str, Any]:
     """Trials (number, status, reason of a rejection or None, film, whether tracked) and annotations of the session in
-    ``folder``, as lists of plain dicts.
-    """
+    ``folder``, as lists of plain dicts."""
     session = open_session(folder)
     return {
         "trials": [
@@ -170,8 +168,7 @@ def _status(trials: tuple[Trial, ...], unsealed: bool) -> str:
 
 def results_of(path: Path, trials: tuple[Trial, ...]) -> dict[str, Any]:
     """Fields of a session's row from a report's ``results.json``: verdict, findings, whether it is stale by the
-    session's ``trials``; empty without that file, a ``problem`` where it cannot be read.
-    """
+    session's ``trials``; empty without that file, a ``problem`` where it cannot be read."""
     if not path.is_file():
         return {}
     try:
@@ -268,8 +265,7 @@ class Catalogue:
 
     def rows(self) -> list[SessionRow]:
         """Rows of all sessions below the root, newest first, those without a date last; a row is read again only where
-        its folder has changed.
-        """
+        its folder has changed."""
         found = []
         for name in self.names():
             fingerprint = self._fingerprint(name)
@@ -312,8 +308,7 @@ class Catalogue:
     @staticmethod
     def _served_file(report: Path, path: str) -> tuple[Path, str]:
         """Path of the file ``path`` in the folder ``report`` and its media type; `UnknownName` for a path that leads
-        out of it, or a kind that is not served.
-        """
+        out of it, or a kind that is not served."""
         folder, name = report.resolve(), report.name
         try:
             file = (folder / path).resolve()

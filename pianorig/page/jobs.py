@@ -60,8 +60,7 @@ class Jobs:
 
     def begin(self, subject: str, arguments: list[str]) -> dict[str, Any]:
         """Start ``pianorig`` with ``arguments`` in a process of its own, as a job about the session ``subject``, and
-        return the job's state; CommandInputError while another runs.
-        """
+        return the job's state; CommandInputError while another runs."""
         with self._lock:
             if busy := self.running:
                 raise CommandInputError(f"{busy} is running; wait, or stop it")
@@ -91,8 +90,7 @@ class Jobs:
     @staticmethod
     def _state(job: _Job) -> dict[str, Any]:
         """State of a job for the page by name: number, session, command, whether it is running, whether it failed, and
-        the lines printed so far.
-        """
+        the lines printed so far."""
         return {
             "job": job.number,
             "session": job.subject,

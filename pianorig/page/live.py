@@ -52,8 +52,7 @@ class LiveStream:
 
     def _samples(self) -> bytes:
         """Samples that the journal received since the last call as bytes: number of the first (float64), then rows of
-        float32, little-endian; empty where there are none.
-        """
+        float32, little-endian; empty where there are none."""
         journals = self.session.journals
         if not journals:
             self._journal = None
@@ -73,8 +72,7 @@ class LiveStream:
 
     def _recording_state(self) -> dict[str, Any]:
         """State of the recording for the page by name: trial, plan, channels, sample rate, last judgement, free disk,
-        and key figures of the last sealed trials, which are read once and kept.
-        """
+        and key figures of the last sealed trials, which are read once and kept."""
         head = None if self._journal is None else self._journal.head
         sealed = self.session.trials
         for trial in sealed[-MOST_FIGURES:]:
@@ -120,8 +118,7 @@ class LiveStream:
 
 def _channels(head: TrialHead) -> list[dict[str, Any]]:
     """Columns of the samples, in their order, a dict each of name, title, unit (angles in degrees) and colour: force,
-    encoders, motor command, further channels.
-    """
+    encoders, motor command, further channels."""
     columns = [{"name": "force", "title": "Raw force", "unit": "N", "color": ""}]
     for i, encoder in enumerate(head.encoders):
         title = TITLE.get(encoder.name, encoder.name)
@@ -136,8 +133,7 @@ def _channels(head: TrialHead) -> list[dict[str, Any]]:
 
 def _live_rows(part: TrialData, first_count: Any) -> np.ndarray:
     """Rows (n, k) float32: raw force, N; degrees turned since ``first_count`` (1, encoders), clockwise positive but for
-    the whippen; command, V; further channels.
-    """
+    the whippen; command, V; further channels."""
     sign = np.array([SIGN.get(encoder.name, 1.0) for encoder in part.encoders])
     columns = [
         part.raw_force_n[:, None],
@@ -151,8 +147,7 @@ def _live_rows(part: TrialData, first_count: Any) -> np.ndarray:
 
 def _trial_figures(number: int, path: Path) -> dict[str, Any]:
     """Key figures of a sealed trial by name: status, reason, raw peak and rest force, N, largest turn of each body,
-    degrees; force None and status ``unreadable`` where it cannot be read.
-    """
+    degrees; force None and status ``unreadable`` where it cannot be read."""
     row: dict[str, Any] = {"trial": number, "status": "unreadable", "reason": ""}
     row |= {"raw_peak_force_n": None, "raw_rest_force_n": None, "turned_deg": {}}
     try:

@@ -58,8 +58,7 @@ class FilmSubject:
 
 def subject_of(catalogue: Catalogue, owner: str, number: int) -> FilmSubject:
     """The film of trial ``number`` of the session ``owner``, or, for number 0, the film named ``owner``, which has no
-    session; UnknownName where there is none.
-    """
+    session; UnknownName where there is none."""
     if number == 0:
         path = catalogue.film(owner)
         return FilmSubject(path, path.with_suffix(".bodies.toml"), None)
@@ -80,8 +79,7 @@ WORST = 12  # frames that are offered to look at: one screen
 
 def outlines_of(subject: FilmSubject) -> dict[str, Any]:
     """Film, saved outlines, worst tracked frames, and doubt about the film's times, as plain data for the page; no
-    outlines before any were saved.
-    """
+    outlines before any were saved."""
     bodies = vision.load_bodies(subject.bodies) if subject.bodies.is_file() else []
     return {
         "film": subject.view(),
@@ -100,8 +98,7 @@ def _plain_body(body: vision.Body) -> dict[str, Any]:
 
 def save_outlines(subject: FilmSubject, rows: Any) -> dict[str, Any]:
     """Check outlines (rows of name, parent, layer, points in px) against the film, and write them; a file that was
-    there is kept as ``….previous.toml``. Return the names of file and bodies.
-    """
+    there is kept as ``….previous.toml``. Return the names of file and bodies."""
     if not isinstance(rows, list) or not 1 <= len(rows) <= MOST_BODIES:
         raise CommandInputError(f"outlines: allowed a list of 1 to {MOST_BODIES}")
     bodies = [_parse_body(row) for row in rows]
@@ -115,8 +112,7 @@ def save_outlines(subject: FilmSubject, rows: Any) -> dict[str, Any]:
 
 def _parse_body(row: Any) -> vision.Body:
     """Make a body of the outline that the page sent, a dict of name, parent (empty for none), layer (whole number),
-    points (pairs x, y, px); CommandInputError for anything else.
-    """
+    points (pairs x, y, px); CommandInputError for anything else."""
     if not isinstance(row, dict):
         raise CommandInputError(f"outline {str(row)[:60]!r}: allowed a table of name, parent, layer, points")
     name, parent, layer, points = (row.get(key) for key in ("name", "parent", "layer", "points"))
@@ -134,8 +130,7 @@ def _parse_body(row: Any) -> vision.Body:
 
 def worst_frames(subject: FilmSubject) -> list[dict[str, Any]]:
     """Tracked frames to look at first, a dict each of its number and what is wrong in words: most bodies lost, then
-    lowest correlation; empty before tracking.
-    """
+    lowest correlation; empty before tracking."""
     found = subject.angles()
     if found is None:
         return []
@@ -157,8 +152,7 @@ def worst_frames(subject: FilmSubject) -> list[dict[str, Any]]:
 
 def track_again(subject: FilmSubject, frame: Any, places: Any) -> dict[str, Any]:
     """Fit one frame again, each body from its place in ``places`` (angle rad, x px, y px) where given, and write it
-    into table and session; return its number and the bodies lost in it.
-    """
+    into table and session; return its number and the bodies lost in it."""
     if type(frame) is not int or not isinstance(places, dict):
         raise CommandInputError("allowed a frame number, and the places of bodies")
     read = {}

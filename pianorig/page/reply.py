@@ -145,8 +145,7 @@ class Reply(Guarded):
 
     async def _answer(self, method: str, names: Sequence[str], content: dict[str, Any]) -> None:
         """Do this address's work for ``method``, given the ``names`` in it, in a thread and send what it returns; an
-        unknown name is answered by 404, an error that a user can cause by 400 and one line, another method by 405.
-        """
+        unknown name is answered by 404, an error that a user can cause by 400 and one line, another method by 405."""
         work = self._work[method]
         if work is None:
             raise HTTPError(405)
@@ -167,8 +166,7 @@ class Reply(Guarded):
 
     def send(self, content: Any) -> None:
         """Send a `Sent` as it is, with its headers, anything else as JSON, in which a number that is not finite is
-        null; ends the request.
-        """
+        null; ends the request."""
         if isinstance(content, Sent):
             for name, value in content.headers.items():
                 self.set_header(name, value)
@@ -179,8 +177,7 @@ class Reply(Guarded):
 
     def body(self) -> dict[str, Any] | None:
         """The JSON object of the request; None where it was refused (already answered): not allowed in, another media
-        type, or no object.
-        """
+        type, or no object."""
         if not self.let_in():
             return None
         if self.request.headers.get("Content-Type", "").split(";")[0] != "application/json":

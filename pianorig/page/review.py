@@ -63,8 +63,7 @@ class FilmShelf:
 
     def _film(self, path: Path) -> tuple[vision.Film, threading.Lock]:
         """The film at ``path``, kept open, and the lock to hold while reading it; it is opened anew where the file
-        changed, and those unused longest are closed.
-        """
+        changed, and those unused longest are closed."""
         stat = path.stat()
         key = (path, stat.st_size, stat.st_mtime_ns)
         with self._lock:
@@ -98,8 +97,7 @@ def film_view(session: Session, trial: Trial) -> dict[str, Any] | None:
 
 def outlined_film(film: SessionFilm, found: tuple[pd.DataFrame, dict[str, Any]] | None) -> dict[str, Any]:
     """Size, frame times, s, and tracked outlines of a film as plain data for the page; ``found``: table of tracked
-    angles and its attributes, None before tracking; a ``note`` says why times are None.
-    """
+    angles and its attributes, None before tracking; a ``note`` says why times are None."""
     with vision.open_film(film.path, allow_truncated=True) as source:
         note = ""
         try:
@@ -130,8 +128,7 @@ def _outlines(
     outlines_file: Path, source: vision.Film, table: pd.DataFrame, attributes: dict[str, Any]
 ) -> tuple[list[dict[str, Any]], str]:
     """Outline of each tracked body, px about its centre, with its pose and whether it was lost, by tracked frame, as
-    plain data; and a text on what to doubt, empty for nothing.
-    """
+    plain data; and a text on what to doubt, empty for nothing."""
     if not outlines_file.is_file():
         return [], f"{outlines_file.name} is missing; the tracked outlines cannot be drawn"
     if "frame" in table:
@@ -177,8 +174,7 @@ _Predicted = tuple[ModelUnderTest, PredictedAngles]
 
 def trial_view(session: Session, number: int, actions: Sequence[str]) -> dict[str, Any]:
     """Everything about a trial but its film as plain data: status, notes, events, measured curves, and those predicted
-    by built-in ``actions`` (the first two) with drawings; only the recorded curves where it cannot be compared.
-    """
+    by built-in ``actions`` (the first two) with drawings; only the recorded curves where it cannot be compared."""
     trial = session.trial(number)
     data = trial.read()
     tested = [ModelUnderTest(model.load_action(name), DEFAULT_TOLERANCE) for name in actions[:MOST_MODELS]]
@@ -224,8 +220,7 @@ def _force(measured: MeasuredTrial) -> dict[str, Any]:
 
 def _recorded_curves(data: TrialData) -> dict[str, Any]:
     """Raw force, N, and angles since the first sample, degrees, clockwise positive but for the whippen, of a trial that
-    cannot be compared, as packed float32 (`pack`).
-    """
+    cannot be compared, as packed float32 (`pack`)."""
     angle = data.angle_rad
     curve: dict[str, Any] = {
         encoder.name: {
@@ -255,8 +250,7 @@ def _measured_of(measured: MeasuredTrial, body: str) -> tuple[Array, Array] | No
 
 def _channels(measured: MeasuredTrial, predicted: list[_Predicted]) -> dict[str, Any]:
     """Curves of each body as packed float32 (`pack`), degrees, clockwise positive but for the whippen: measured (None
-    where it was not), predicted by each model, and residuals: prediction less measurement, at the measured times.
-    """
+    where it was not), predicted by each model, and residuals: prediction less measurement, at the measured times."""
     channels = {}
     for i, body in enumerate(BODIES):
         found = _measured_of(measured, body)
@@ -280,8 +274,7 @@ def _channels(measured: MeasuredTrial, predicted: list[_Predicted]) -> dict[str,
 
 def _events(measured: MeasuredTrial, predicted: list[_Predicted]) -> list[dict[str, Any]]:
     """Rows of the page's table of events, in order of time: one for each event that is a moment, of the measured trial
-    (``source`` measured) and again of the first of ``predicted`` (``source`` model).
-    """
+    (``source`` measured) and again of the first of ``predicted`` (``source`` model)."""
     sources = [("measured", find_events(measured.motion, measured.quiet.stop))]
     for tested, angles in predicted[:1]:
         motion = make_predicted_motion(angles, tested.geometry_at(measured.force.preload_n), tested.tolerance)
@@ -308,8 +301,7 @@ def _event_row(source: str, event: Event) -> dict[str, Any]:
 
 def _animate_trial(measured: MeasuredTrial, tested: ModelUnderTest) -> dict[str, Any]:
     """Simulate the model under the trial's corrected force, from its rest under the preload; return the moving drawing,
-    with the measured bodies over it.
-    """
+    with the measured bodies over it."""
     load = tested.load(measured.force.preload_n)
     start = max(float(measured.force.time_s[0]), float(measured.time_s[0]))
     times = drawing_times(start, float(min(measured.force.time_s[-1], measured.time_s[-1])))

@@ -87,8 +87,7 @@ def _silent(handler: Any) -> None:
 
 def serve_until_interrupted(options: BenchOptions, announce: Callable[[Access], None]) -> None:
     """Serve the page until Ctrl-C or SIGTERM; ``announce`` is called once with its address when it listens;
-    CommandInputError where folder or port cannot be used.
-    """
+    CommandInputError where folder or port cannot be used."""
 
     async def serve() -> None:
         ended = asyncio.Event()

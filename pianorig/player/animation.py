@@ -42,8 +42,7 @@ class Animation:
 
 def animation_html(animation: Animation) -> str:
     """Text of an HTML file that plays the animation without a network: drawings, curves, events; it spans the times of
-    the first drawing.
-    """
+    the first drawing."""
     first = animation.drawings[0][1]
     times, pose = unpack(first["time_s"]), unpack(first["pose"])
     data = {
@@ -75,8 +74,7 @@ def scripts(name: str = "animation") -> dict[str, str]:
 
 def player_script() -> str:
     """The player's JavaScript modules joined to one script, in which each keeps its own names and takes from the others
-    what it imports.
-    """
+    what it imports."""
     parts = ["const modules = {};"]
     for name, text in scripts().items():
         given = re.findall(r"^export (?:function|class|const) (\w+)", text, flags=re.MULTILINE)
@@ -94,8 +92,7 @@ def motion_start_s(time_s: NDArray[Any], pose: NDArray[Any]) -> float:
 
 def thin_motion(motion: SeenMotion, row_indices: NDArray[np.int64]) -> SeenMotion:
     """The motion at the rising ``row_indices`` alone; the contact forces of each row are the largest since the row
-    before it, so that no short peak is lost.
-    """
+    before it, so that no short peak is lost."""
     starts = np.concatenate([[row_indices[0]], row_indices[:-1] + 1])
     peak = np.maximum.reduceat(motion.normal_n, np.minimum(starts, len(motion.normal_n) - 1), axis=0)
     return replace(
@@ -113,8 +110,7 @@ View = dict[str, Any]
 
 def trial_animation(view: View) -> Animation | None:
     """Animation of a trial, measured beside model, from the dict that `pianorig.page.review.trial_view` gives; None
-    where that has no drawings.
-    """
+    where that has no drawings."""
     if not view["drawings"]:
         return None
     curves = [{"title": "Force on the key", "color": "", **view["force"]}]
@@ -133,8 +129,7 @@ def trial_animation(view: View) -> Animation | None:
 
 def blow_animation(name: str, changes: list[str], view: View) -> Animation:
     """Animation of a simulated blow on a changed action, from the dict that `pianorig.page.action.live_blow` gives;
-    ``name`` and ``changes`` (path=value) make its title.
-    """
+    ``name`` and ``changes`` (path=value) make its title."""
     times = view["time_s"]
     curves = [{"title": "Force on the key", "unit": "N", "color": "", "time_s": times, "value": view["force_n"]}]
     for channel in view["channels"].values():
@@ -152,8 +147,7 @@ def write_blow_animation(
     action: model.Action, solution: model.Solution, force_n: NDArray[np.float64], path: Path
 ) -> None:
     """Write a simulated blow as an HTML file that plays it; the solution needs an inside view (``inside=True``, else
-    InputError); ``force_n`` (m,): the scene's input at the solution's times.
-    """
+    InputError); ``force_n`` (m,): the scene's input at the solution's times."""
     inside = solution.inside
     if inside is None:
         raise model.InputError("animation: the solution has no inside view; simulate with inside=True")

@@ -43,8 +43,7 @@ def moving_action(
 ) -> dict[str, Any]:
     """Drawing of a motion for the page: shapes, poses, contact points and forces, as packed float32 (`pack`);
     ``measured`` (m, n, 3): pivot x, y, m, and angle, rad, of each body beside it, NaN where not measured; ``labels``:
-    of the contacts.
-    """
+    of the contacts."""
     view = side_view(motion)
     bodies = [
         {

@@ -74,8 +74,7 @@ def check_swings(body: str, swings: int) -> None:
 
 def weight_moment(action: model.Action, body: str) -> tuple[float, float]:
     """Weight of a body times the distance of its centre of mass from its pivot, N m, and its standard uncertainty by
-    those in the action's file.
-    """
+    those in the action's file."""
     x, y = (action.quantities[f"{body}.center_of_mass.{axis}"] for axis in "xy")
     mass, arm = action.quantities[f"{body}.mass"], math.hypot(x.value, y.value)
     u_arm = math.hypot(x.value * x.u, y.value * y.u) / arm
@@ -87,8 +86,7 @@ def weight_moment(action: model.Action, body: str) -> tuple[float, float]:
 
 def read_swings(rig: Rig, address: str, body: str, swings: int, ask: Callable[[str], object], *, how: str) -> Swings:
     """Let a body swing ``swings`` times on the bench at ``address`` and fit each; friction as a share of the weight's
-    moment, its uncertainty, each fit. On hardware ``ask`` shows ``how`` before each.
-    """
+    moment, its uncertainty, each fit. On hardware ``ask`` shows ``how`` before each."""
     each = []
     with closing(open_backend(address, rig.config)) as bench:
         hardware, device = bench.capabilities.hardware, bench.capabilities.description

@@ -20,8 +20,7 @@ HEAD = ("quantity", "model error, 95 %", "limit", "reading")
 
 def comparison_lines(side: SideBySide) -> list[str]:
     """Lines to print of a comparison, at most 80 columns wide: a table of quantities, then findings, advice, what was
-    not compared, and a verdict for each result.
-    """
+    not compared, and a verdict for each result."""
     # start-up: 1 s of pandas, which an unchanged report does not need
     from validation.report.overview import quantity_rows, verdict_parts
 

@@ -53,8 +53,7 @@ def key_motion(blow: model.Solution) -> Table:
 
 def felt_loading() -> Table:
     """Columns of one press and release of the felt at the key front: displacement, m, and force, N: its cubic (eq.
-    2.5), a loop about that, noise of the cell.
-    """
+    2.5), a loop about that, noise of the cell."""
     action = model.load_action()
     a, b, c = (action[f"contact02.normal.{name}"] for name in "abc")
     pressed = np.linspace(0.0, FELT_DEPTH_M, 60)
@@ -66,8 +65,7 @@ def felt_loading() -> Table:
 
 def felt_presses() -> dict[str, Table]:
     """Presses of a hereditary felt at several speeds to several depths, by name, columns each: time, s, displacement,
-    m, force, N, with noise of the cell.
-    """
+    m, force, N, with noise of the cell."""
     action, rng = model.load_action(), np.random.default_rng(4)
     a, b, c = (action[f"contact02.normal.{name}"] for name in "abc")
     law = model.felt.Hysteresis(a, b, c, PRESS_BETA, PRESS_ETA)
@@ -86,8 +84,7 @@ def felt_presses() -> dict[str, Table]:
 
 def lab_recording(blow: model.Solution) -> Table:
     """Columns of the forte blow as another program would have recorded it: times, s, force, N, with noise, encoder
-    counts of each body; a quiet time comes first.
-    """
+    counts of each body; a quiet time comes first."""
     rate_hz = 1.0 / float(blow.time_s[1] - blow.time_s[0])
     quiet = round(QUIET_S * rate_hz)
     _, force_n = model.force_table("forte")
@@ -121,8 +118,7 @@ SUBPIXELS = 4  # a side of a pixel's mean: edges are right to a sixteenth of the
 
 def write_blow_film(path: Path, bodies: Path, blow: model.Solution, frames: int = FRAMES) -> None:
     """Render ``frames`` frames of a blow by the virtual camera, from its trigger on, into the film ``path`` (with its
-    header beside), and write the outlines of its bodies to ``bodies``.
-    """
+    header beside), and write the outlines of its bodies to ``bodies``."""
     column = [model.BODIES.index(name) for name in ("whippen", "jack", "repetition")]
     relative = blow.angle_rad[:, column]  # jack and lever from the whippen, as the camera wants them
 
@@ -148,8 +144,7 @@ def write_target_film(path: Path) -> None:
 
 def _target_frames() -> Iterator[NDArray[np.uint8]]:
     """Yield pictures (height, width), 8 bits, of a checkerboard moved and turned in its plane, with noise, for the
-    calibration of the camera.
-    """
+    calibration of the camera."""
     random = np.random.default_rng(4)
     pitch_px = PITCH_M * CAMERA.scale_px_per_m
     room = 0.5 * np.array([CAMERA.width, CAMERA.height]) - 0.5 * pitch_px * (np.array(GRID) + 1.5)
@@ -235,8 +230,7 @@ repeats = 2
 
 def write_examples(folder: Path, working: Callable[[str], None] = lambda words: None) -> dict[str, Path]:
     """Write the example files and sessions into ``folder`` and return their paths by name; `CommandInputError`, before
-    anything is written, where a file is there; a session that is there stays.
-    """
+    anything is written, where a file is there; a session that is there stays."""
     paths = {name: folder / name for name in EXAMPLES}
     sessions = {name: paths.pop(name) for name in EXAMPLES if name.startswith("sessions/")}
     there = [path for path in (*paths.values(), folder / "film.cihx", folder / "target.cihx") if path.exists()]
@@ -271,8 +265,7 @@ def write_examples(folder: Path, working: Callable[[str], None] = lambda words: 
 
 def _copy_session(name: str, target: Path) -> None:
     """Copy the session folder ``name`` that comes with the package to ``target``: its own files and tracked angles, not
-    what can be made from them again.
-    """
+    what can be made from them again."""
     package = Path(__file__).parents[1]
     source = next(path for path in (package / name, package.parent / name) if path.is_dir())  # a wheel's, a checkout's
     for file in sorted(source.rglob("*")):

@@ -25,8 +25,7 @@ FEWEST_QUIET = 10  # samples of rest that a level is read from
 
 def draw_session(session: rig.Session, path: Path) -> None:
     """Draw the raw force, N, and the angles since the first sample, degrees, over time, of all trials of a session that
-    can be read, a panel each, into the picture ``path``.
-    """
+    can be read, a panel each, into the picture ``path``."""
     trials = [trial.read() for trial in session.trials if not trial.problem]
     names = list(dict.fromkeys(encoder.name for data in trials for encoder in data.encoders))
     has_force = any(data.has_force for data in trials)
@@ -54,8 +53,7 @@ def draw_session(session: rig.Session, path: Path) -> None:
 
 def draw_targets(rows: Sequence[dict[str, Any]], before: str, path: Path) -> None:
     """Draw how far each regulated length is from the wanted one, mm, before (key ``before`` of a row, m) and, where
-    rows have ``after_m``, after regulating, into the picture ``path``; ``rows``: also ``wanted_m``, ``words``.
-    """
+    rows have ``after_m``, after regulating, into the picture ``path``; ``rows``: also ``wanted_m``, ``words``."""
     with new_sheet(path, 8.0, 1.1 + CHECK_IN * len(rows)) as figure:
         axes = figure.subplots()
         for name, marker, color in ((before, "o", BAD), ("after_m", "s", GOOD)):
@@ -74,8 +72,7 @@ def draw_targets(rows: Sequence[dict[str, Any]], before: str, path: Path) -> Non
 
 def draw_checks(findings: Sequence[Any], path: Path) -> None:
     """Draw the checks of a self-test (`SelftestFinding`), a row each, into the picture ``path``: passed or not, what
-    was found, what is allowed.
-    """
+    was found, what is allowed."""
     with new_sheet(path, 9.0, 0.8 + CHECK_IN * len(findings)) as figure:
         axes = figure.subplots()
         for i, one in enumerate(findings):
@@ -93,8 +90,7 @@ def draw_deviations(
     at: Sequence[float], away: Sequence[float], words: tuple[str, str, str], path: Path, u: Sequence[float] = ()
 ) -> None:
     """Draw what a calibration left over (``away``) at each reference (``at``), with bars of standard uncertainty ``u``
-    where given, into the picture ``path``; ``words``: title, horizontal and vertical label.
-    """
+    where given, into the picture ``path``; ``words``: title, horizontal and vertical label."""
     title, along, up = words
     at_1d, away_1d, u_1d = (as_numbers(v, name, 1) for name, v in (("at", at), ("away", away), ("u", u)))
     with new_sheet(path, 7.0, 3.6) as figure:
@@ -110,8 +106,7 @@ def draw_deviations(
 
 def draw_uncertainties(estimates: Sequence[Any], path: Path) -> None:
     """Draw the relative standard uncertainty, %, of each estimated parameter of a drive, a row each, or that it is not
-    determined, into the picture ``path``.
-    """
+    determined, into the picture ``path``."""
     with new_sheet(path, 8.0, 1.1 + 0.26 * len(estimates)) as figure:
         axes = figure.subplots()
         known = [(i, abs(e.u / e.value)) for i, e in enumerate(estimates) if e.is_determined and e.value]
@@ -146,8 +141,7 @@ def draw_distortion(to_picture: Callable[[Any], Any], size_px: tuple[int, int], 
 
 def blow_events(action: model.Action, solution: model.Solution, force: np.ndarray) -> dict[str, float]:
     """Times, s, by title of the events found in a blow that begins at rest; ``force`` (m,): at the solution's times, of
-    which only the onset counts. Empty where a body is missing or there is no rest before the onset.
-    """
+    which only the onset counts. Empty where a body is missing or there is no rest before the onset."""
     # start-up: 0.3 s of validation, which a run without a figure does not need
     from validation.conventions import BODIES, ENCODER_BODIES
     from validation.events.definitions import EVENTS

@@ -18,8 +18,7 @@ FRAMES = 40  # of a film: enough for all that is compiled
 
 def call_once() -> None:
     """Simulate, film, track and score a short blow once, so that the compiled kernels of model, tracker and scores are
-    on disk; nothing else stays.
-    """
+    on disk; nothing else stays."""
     action = model.load_action()
     times, force = model.force_table("forte")
     begins = times <= BEGINS_S

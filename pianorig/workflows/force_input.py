@@ -82,8 +82,7 @@ def read_driving_force(path: Path, column: str = "force_n", mapping: Path | None
 
 def _read_recording(path: Path, column: str, problem: Exception | None = None) -> DrivingForce:
     """Read times and the channel ``column`` of a foreign recording; ``problem``: why the file is no plain table, said
-    in the error where it cannot be read either.
-    """
+    in the error where it cannot be read either."""
     # start-up: h5py costs 0.1 s that a CSV table does not need
     from rig.errors import RigInputError
     from rig.foreign.reading import UncorrectedForceError, read_force
@@ -103,8 +102,7 @@ def _read_recording(path: Path, column: str, problem: Exception | None = None) -
 
 def _is_trial(path: Path) -> bool:
     """Whether a file is to be read as a sealed trial: an ``.h5`` file that has a trial's schema, or that HDF5 cannot
-    open, so that the error is the trial's.
-    """
+    open, so that the error is the trial's."""
     if path.suffix.lower() != ".h5":
         return False
     import h5py  # start-up: 0.1 s that a CSV table does not need

@@ -38,8 +38,7 @@ CHECK = "  # CHECK: "
 
 def recording_facts(path: Path, out: Path | None = None) -> dict[str, Any]:
     """Facts of a foreign file by name: segments, a row for each channel (unit, samples, rate, range), what cannot be
-    used, and the text of a proposed ``mapping``, which is written to ``out`` if named, never over a file.
-    """
+    used, and the text of a proposed ``mapping``, which is written to ``out`` if named, never over a file."""
     tables, text_format = _read_tables(path)
     rows = [
         {
@@ -77,8 +76,7 @@ def is_recording(path: Path) -> bool:
 
 def _read_tables(path: Path) -> tuple[tuple[ChannelTable, ...], dict[str, Any]]:
     """Tables of a foreign file, one a segment, and, where it is CSV, the settings with which it reads best (separator,
-    decimal, thousands, names_row), by name; RigInputError where none does.
-    """
+    decimal, thousands, names_row), by name; RigInputError where none does."""
     if not path.name.lower().removesuffix(".gz").endswith(TEXT):
         return read_segments(path), {}
     text = read_text(path)
@@ -116,8 +114,7 @@ def _read_tables(path: Path) -> tuple[tuple[ChannelTable, ...], dict[str, Any]]:
 
 def _rate_text(table: ChannelTable, name: str) -> str:
     """Sample rate of a channel, Hz, as text without the unit, by the file's clock or a column of times; "not stated"
-    without either.
-    """
+    without either."""
     size = table.channels[name].size
     if name in table.clocks:
         return f"{1.0 / table.clocks[name].interval_s:.6g}"
@@ -159,8 +156,7 @@ def _find_channel(table: ChannelTable, sought: str, excluded: list[str], group: 
 
 def _propose_mapping(tables: tuple[ChannelTable, ...], text_format: dict[str, Any]) -> dict[str, Any]:
     """``mapping``: text of a mapping file for the first table (begins with "none:" where no force is found), and
-    ``does_not_import_yet``: why it does not import the tables, where it does not.
-    """
+    ``does_not_import_yet``: why it does not import the tables, where it does not."""
     table = tables[0]
     force = _find_channel(table, "force", [*table.computed])
     time = None if force is None or table.clocks else _time_column(table, force)
@@ -199,8 +195,7 @@ def _propose_mapping(tables: tuple[ChannelTable, ...], text_format: dict[str, An
 
 def _find_encoders(table: ChannelTable, excluded: list[str], group: str) -> dict[str, tuple[str, str]]:
     """Channel and unit (the file's, else counts for whole numbers, else rad) of each body's encoder that is told by its
-    name, by body; none of ``excluded``, those of ``group`` first.
-    """
+    name, by body; none of ``excluded``, those of ``group`` first."""
     found: dict[str, tuple[str, str]] = {}
     for body in COUNTS_PER_REVOLUTION:
         name = _find_channel(table, body, excluded, group)
@@ -222,8 +217,7 @@ def _resolution_line(angles: NDArray[np.float64], unit: str) -> str:
 
 def find_steps_of_turn(angles: NDArray[np.float64], turn: float) -> int | None:
     """Number of steps in one ``turn`` (360, or 2 pi, in the unit of the angles) on whose grid all readings (n,) lie, as
-    those of an encoder do; None where no grid fits, or readings are too few.
-    """
+    those of an encoder do; None where no grid fits, or readings are too few."""
     known = np.unique(angles[np.isfinite(angles)])
     gaps = np.diff(known)
     gaps = gaps[gaps > turn / STEPS_OF_ANGLES]  # what lies closer is one reading
@@ -247,8 +241,7 @@ def _wraps(table: ChannelTable, channel: str, unit: str, bits: int) -> bool:
 
 def _time_lines(table: ChannelTable, time: str | None) -> list[str]:
     """Lines of the ``[time]`` table of a proposed mapping: the channel ``time`` and its unit, else a rate to check
-    where the file states none or rounds it; none where the file's clock is enough.
-    """
+    where the file states none or rounds it; none where the file's clock is enough."""
     if time is not None:
         return [f"channel = {toml_value(time)}", f"unit = {toml_value(known_unit(table.units.get(time, '')) or 's')}"]
     clock = next(iter(table.clocks.values()), None)
@@ -272,8 +265,7 @@ def _force_lines(table: ChannelTable, force: str) -> list[str]:
 
 def _import_problem(tables: tuple[ChannelTable, ...], text: str) -> str:
     """Why the mapping of this ``text`` does not import the tables, as the message of its error; empty where it does.
-    Nothing is written.
-    """
+    Nothing is written."""
     try:
         config = parse_mapping(text).config
         for number, table in enumerate(tables, 1):

@@ -31,8 +31,7 @@ FOLDER = ("derived", "judged")
 
 def is_model(action: str) -> bool:
     """Whether the text names a model that can be simulated: a built-in action or a path that ends in ``.toml``, with or
-    without changes (``action: --set …``); a mere description is none.
-    """
+    without changes (``action: --set …``); a mere description is none."""
     name = split_model(action)[0]
     if name.endswith(".toml"):
         return True
@@ -46,8 +45,7 @@ def is_model(action: str) -> bool:
 @contextmanager
 def judge_during_recording(folder: Path, action: str, quiet: bool = False) -> Iterator[None]:
     """Context in which a process of its own compares every trial sealed in ``folder`` with the model ``action`` and its
-    lines are printed (unless quiet); does nothing where ``action`` is no model.
-    """
+    lines are printed (unless quiet); does nothing where ``action`` is no model."""
     if not is_model(action):
         yield
         return
@@ -95,8 +93,7 @@ def judge_during_recording(folder: Path, action: str, quiet: bool = False) -> It
 
 def judge_trials(folder: Path, action: str, has_ended: threading.Event, tell: Callable[[str], None]) -> None:
     """Compare every trial that appears in ``folder`` with a model, pass the lines to ``tell`` and write each judgement
-    as JSON, until ``has_ended`` is set and all are judged.
-    """
+    as JSON, until ``has_ended`` is set and all are judged."""
     # start-up: two seconds that the recorder does not spend
     from rig.atomic_write import write_text
     from rig.errors import RigError
@@ -128,8 +125,7 @@ def judge_trials(folder: Path, action: str, has_ended: threading.Event, tell: Ca
 
 def main(folder: str, action: str) -> None:
     """Run `judge_trials` as a process of low priority that prints its lines; the recording has ended when standard
-    input does.
-    """
+    input does."""
     if hasattr(os, "nice"):
         os.nice(LOWER_PRIORITY)
     has_ended = threading.Event()

@@ -14,8 +14,7 @@ AFTER_S = 0.5  # after the profile: the hammer has fallen back
 
 def predictor(rig: Rig, action: str | model.Action = "hirschkorn2004") -> Predict:
     """Return a function from a motor profile to the predicted force on the key, N, angles and speeds over time, by
-    simulating the action (name, path or itself) with the motor arm of the rig file; RigInputError without [arm].
-    """
+    simulating the action (name, path or itself) with the motor arm of the rig file; RigInputError without [arm]."""
     config = rig.config
     name = action if isinstance(action, str) else action.name
     nominal = model.load_action(action) if isinstance(action, str) else action

@@ -81,8 +81,7 @@ class BenchAccess:
 @contextmanager
 def report_interrupt(folder: Path, *, resumed: bool = False) -> Iterator[None]:
     """Context that turns Ctrl-C during a recording into ``folder`` into `Interrupted`, whose message says in which
-    state outputs and session are; ``resumed``: the folder had a session before.
-    """
+    state outputs and session are; ``resumed``: the folder had a session before."""
     others = folder.is_dir() and any(folder.iterdir()) and not resumed  # the recorder would have refused it
     try:
         yield
@@ -95,8 +94,7 @@ def report_interrupt(folder: Path, *, resumed: bool = False) -> Iterator[None]:
 
 def _remaining_words(folder: Path) -> str:
     """In words, what an interrupted recording left in its folder (nothing, a journal, sealed trials), and the command
-    that goes on.
-    """
+    that goes on."""
     if not folder.is_dir():
         return "nothing was recorded and no session was made"
     try:
@@ -121,8 +119,7 @@ STILL_BEFORE_S = 0.03  # still frames before the blow: reference picture and zer
 
 def action_geometry(truth: PlantTruth) -> ActionGeometry:
     """Pivots, m, of whippen, jack and repetition lever of the virtual specimen, and their angles at the first sample,
-    rad, jack and lever from the whippen: what the virtual camera draws.
-    """
+    rad, jack and lever from the whippen: what the virtual camera draws."""
 
     def pivot(body: str) -> tuple[float, float]:
         return truth.action[f"{body}.pivot.x"], truth.action[f"{body}.pivot.y"]
@@ -197,8 +194,7 @@ def rehearse(profile: str | Profile, rig: str, backend: str, plan_file: Path | N
 
 def rehearsal_lines(found: dict[str, Any]) -> list[str]:
     """Lines to print of what `rehearse` found: each task with its channel, clock, trigger and routes, then the
-    predicted quantities.
-    """
+    predicted quantities."""
     if "conditions" in found:
         return [line for name, one in found["conditions"].items() for line in (f"{name}:", *rehearsal_lines(one))]
     lines = [f"{found['backend']}, rig {found['rig']}: every task was reserved and released, nothing has moved"]

@@ -101,8 +101,7 @@ class SessionFilm:
 
     def frame_times(self, source: vision.Film) -> tuple[NDArray[np.float64] | None, float]:
         """Times of the frames of ``source``, s, by the trial's frame clock or the rate named; None where the film's own
-        times apply; and their standard uncertainty, s. CommandInputError where nothing tells them.
-        """
+        times apply; and their standard uncertainty, s. CommandInputError where nothing tells them."""
         # start-up: 0.1 s of every recording, which reads no film
         from vision.film.source import Corrected
 
@@ -124,8 +123,7 @@ class SessionFilm:
     @property
     def doubt_about_times(self) -> str | None:
         """Sentence that the times rest on the rate a video file states, which is often that of play-back; None where a
-        trial's clock or a named rate gives them, or it is no video.
-        """
+        trial's clock or a named rate gives them, or it is no video."""
         # start-up: 0.1 s of every recording, which reads no film
         from vision.film.open import VIDEO_SUFFIXES
 
@@ -143,8 +141,7 @@ class SessionFilm:
 
     def store_angles(self, table: pd.DataFrame, attributes: dict[str, Any]) -> None:
         """Write a table of angles into the film's session, with ``attributes`` and the SHA-256 of film, outlines and
-        trial; nothing for a film on its own. CommandInputError where the film was altered since it was attached.
-        """
+        trial; nothing for a film on its own. CommandInputError where the film was altered since it was attached."""
         if self.owner is None:
             return
         session, trial = self.owner

@@ -11,8 +11,7 @@ from pianorig.errors import CommandInputError
 
 def new_session_folder(profile: str, today: date | None = None, root: Path = SESSIONS) -> Path:
     """Path ``<root>/<date>_<profile>`` that does not exist yet, with ``_2``, ``_3``, … where it does; nothing is
-    created. Of a profile's path the name counts; ``today`` None: the date of the computer.
-    """
+    created. Of a profile's path the name counts; ``today`` None: the date of the computer."""
     stem = f"{today or date.today():%Y-%m-%d}_{Path(profile).stem}"
     folder = root / stem
     number = 2
@@ -24,8 +23,7 @@ def new_session_folder(profile: str, today: date | None = None, root: Path = SES
 
 def session_folder(named: Path | None, sessions: Path = SESSIONS) -> Path:
     """Folder of the session: ``named`` as it is, else the working folder if it is one, else the one changed last below
-    ``sessions``; CommandInputError where there is none.
-    """
+    ``sessions``; CommandInputError where there is none."""
     if named is not None:
         return named
     if Path("session.toml").is_file():

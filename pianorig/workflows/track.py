@@ -39,8 +39,7 @@ COLUMNS = 3  # of frames in the preview
 
 def preview_track(film: SessionFilm, picture: Path, count: int, **options: Unpack[FitOptions]) -> dict[str, Any]:
     """Fit ``count`` frames spread over a film and draw them into ``picture`` (.png); return picture, frame numbers,
-    number of lost frames by body, and lines to print. No table is written.
-    """
+    number of lost frames by body, and lines to print. No table is written."""
     bodies = vision.load_bodies(film.outlines)
     with film.open() as source:
         times, options["u_time_s"] = film.frame_times(source)
@@ -63,8 +62,7 @@ def preview_track(film: SessionFilm, picture: Path, count: int, **options: Unpac
 @contextmanager
 def report_tracking_interrupt(unfinished: Path) -> Iterator[None]:
     """Context that turns Ctrl-C during a tracking into `Interrupted`, whose message says whether the frames so far are
-    kept in the file ``unfinished``.
-    """
+    kept in the file ``unfinished``."""
     try:
         yield
     except KeyboardInterrupt as interrupt:
@@ -77,8 +75,7 @@ def camera_of(
     calibration: Path | None, u_tilt_deg: float | None = None, u_distortion_percent: float | None = None
 ) -> vision.CameraModel:
     """What is known of the camera: its calibration file, or without one the standard uncertainties of tilt (degrees)
-    and distortion (%), None: the assumed ones; CommandInputError for both.
-    """
+    and distortion (%), None: the assumed ones; CommandInputError for both."""
     if calibration is None:
         plain = vision.AssumedCamera()
         return vision.AssumedCamera(
@@ -92,8 +89,7 @@ def camera_of(
 
 def check_pixel_aspect(pixel_aspect: float | None, calibration: Path | None) -> None:
     """CommandInputError for a pixel aspect (width over height) that is out of range, or given beside a calibration
-    file, which has measured it; None, not given, is fine.
-    """
+    file, which has measured it; None, not given, is fine."""
     if pixel_aspect is None:
         return
     if calibration is not None:
@@ -122,8 +118,7 @@ def draw_track(
     plot: Path | None = None,
 ) -> None:
     """Write a picture (.png) of the worst frames with their outlines (``contact_sheet``) and one of angles and
-    residuals over time (``plot``), each where it is named.
-    """
+    residuals over time (``plot``), each where it is named."""
     if plot is not None:
         vision.write_plot(plot, result)
     if contact_sheet is not None:
@@ -133,8 +128,7 @@ def draw_track(
 
 def track_film_file(film: SessionFilm, **options: Unpack[TrackOptions]) -> vision.TrackResult:
     """Track the bodies outlined for a film, at times by its trial's frame clock where it has one, and store the angles
-    in its session, if any; no table beside the film is written. Return the result.
-    """
+    in its session, if any; no table beside the film is written. Return the result."""
     bodies = vision.load_bodies(film.outlines)
     with film.open() as source:
         times, options["u_time_s"] = film.frame_times(source)
@@ -153,8 +147,7 @@ def numbered_in_film(film: SessionFilm, result: vision.TrackResult) -> vision.Tr
 
 def _table_attributes(result: vision.TrackResult, every: int) -> dict[str, Any]:
     """Attributes of the stored table, by name: every how many frames were tracked (``every``), frames at rest, camera,
-    shutter, clock offsets, s, and the typical terms of each angle's uncertainty, rad.
-    """
+    shutter, clock offsets, s, and the typical terms of each angle's uncertainty, rad."""
     attributes: dict[str, Any] = {"every": every, "n_still": result.n_still}
     attributes |= {f"{b}_u_common_rad": float(u) for b, u in zip(result.bodies, result.u_common_rad, strict=True)}
     attributes |= {"camera": result.budget.camera, "shutter": result.budget.shutter}
@@ -170,8 +163,7 @@ def _table_attributes(result: vision.TrackResult, every: int) -> dict[str, Any]:
 
 def tracking_summary(result: vision.TrackResult) -> dict[str, Any]:
     """Facts of a tracking by name, as ``--json`` prints them: number of frames, lost ones, predicted and median
-    standard uncertainty and its terms by body, rad, clock offsets, s.
-    """
+    standard uncertainty and its terms by body, rad, clock offsets, s."""
     return {
         "frames": len(result.frame),
         "lost": {b: int(n) for b, n in zip(result.bodies, result.failed.sum(axis=0), strict=True)},
@@ -195,8 +187,7 @@ ALWAYS = TERMS[: TERMS.index("rows") + 1]
 
 def budget_lines(budget: vision.ErrorBudget) -> list[str]:
     """Lines of a table of uncertainty, mdeg: a row for each term and the total, a column for each angle and, as
-    ``body/parent``, for each relative angle; then camera and shutter in words.
-    """
+    ``body/parent``, for each relative angle; then camera and shutter in words."""
     everything = [*budget.absolute.items(), *budget.relative.items()]
     # terms that this film does not have are not shown
     names = [name for name in TERMS if name in ALWAYS or any(key == name and np.any(u > 0.0) for key, u in everything)]
@@ -218,8 +209,7 @@ Place = tuple[float, float, float]  # angle rad, x px, y px
 
 def read_places(texts: Sequence[str]) -> dict[str, Place]:
     """Places of bodies by name, (angle rad, x px, y px), from texts ``body=ANGLE_DEG,X_PX,Y_PX``; CommandInputError for
-    another form.
-    """
+    another form."""
     places = {}
     for text in texts:
         name, _, values = text.partition("=")
@@ -242,8 +232,7 @@ def retrack(
 ) -> pd.DataFrame:
     """Fit single frames (numbers in the film) again, bodies from ``places`` or interpolated between other frames;
     rewrite their rows in ``table_file`` and the session; return the new rows. CommandInputError for a frame not in the
-    table.
-    """
+    table."""
     from scipy.interpolate import make_interp_spline  # start-up: only a frame that is fitted again needs it
 
     bodies = vision.load_bodies(film.outlines)
@@ -306,8 +295,7 @@ def retrack(
 
 def _tracked_field(film: SessionFilm, source: vision.Film, attributes: dict[str, Any]) -> str:
     """Field of interlaced frames that the table is of, 'even' or 'odd' rows, by the stored attributes, else by the
-    film; `CommandInputError` where neither says it.
-    """
+    film; `CommandInputError` where neither says it."""
     known = attributes.get("first_field", source.first_field)
     if known is None:
         raise CommandInputError(
@@ -322,8 +310,7 @@ def _number_or_none(value: Any) -> int | None:
 
 def _interpolate_places(table: pd.DataFrame, row: int, bodies: Sequence[vision.Body]) -> dict[str, Place]:
     """Place (angle rad, x px, y px) of each body in the table's row of this index, interpolated over the frame number
-    from the other rows in which it is known; CommandInputError where none is.
-    """
+    from the other rows in which it is known; CommandInputError where none is."""
     places = {}
     frame = table["frame"].to_numpy(dtype=float)
     for body in bodies:

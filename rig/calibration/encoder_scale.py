@@ -49,8 +49,7 @@ def order_up_and_down(angles_rad: ArrayLike) -> tuple[float, ...]:
 
 def read_plateaus(backend: Backend, config: RigConfig, body: str, references: Sequence[float]) -> list[float]:
     """Mean readings, rad, of an encoder at the successive rests of its ``body``, each 0.8 s or longer and unlike the
-    one before, until there are as many as ``references``, the angles, rad, that the operator sets; refuse fewer.
-    """
+    one before, until there are as many as ``references``, the angles, rad, that the operator sets; refuse fewer."""
     index = BODIES.index(body)
     encoder = config.encoders[index]
     apart = APART * float(np.min(np.abs(np.diff(references)))) / abs(encoder.rad_per_count)

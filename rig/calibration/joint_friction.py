@@ -42,8 +42,7 @@ class Swing:
 
 def read_swing(backend: Backend, config: RigConfig, body: str) -> tuple[Array, float]:
     """Return the angle (n,), rad from any zero, of a body that is lifted and let go, until it has rested for 0.5 s, at
-    most for 60 s, and the sample rate, Hz; refuse one that did not swing.
-    """
+    most for 60 s, and the sample rate, Hz; refuse one that did not swing."""
     index = BODIES.index(body)
     encoder = config.encoders[index]
     counts: list[NDArray[np.int64]] = []
@@ -69,8 +68,7 @@ def read_swing(backend: Backend, config: RigConfig, body: str) -> tuple[Array, f
 
 def fit_joint_friction(angle_rad: Array, rate_hz: float, body: str) -> Swing:
     """Fit to the angle (n,), rad, of a freely swinging body the joint's friction torque as a share of weight times arm,
-    with standard uncertainty and frequency, Hz; refuse fewer than three half swings, and one that gains energy.
-    """
+    with standard uncertainty and frequency, Hz; refuse fewer than three half swings, and one that gains energy."""
     half = max(int(SMOOTHED_S * rate_hz / 2), 2)
     k = np.arange(-half, half + 1)
     speed = np.convolve(angle_rad, -k / (k @ k) * rate_hz, mode="valid")
@@ -96,8 +94,7 @@ def fit_joint_friction(angle_rad: Array, rate_hz: float, body: str) -> Swing:
 def _half_swings(angle: Array, speed: Array) -> list[tuple[int, int]]:
     """Spans (first, last sample) of half swings by more than 0.1 rad in ``angle`` (n,), rad, between sign changes of
     ``speed`` (n,), rad/s, each cut to where it is faster than a fifth of its largest speed; the first may begin at the
-    release.
-    """
+    release."""
     turns = np.flatnonzero(np.diff(np.signbit(speed).astype(int)) != 0) + 1
     edges = np.concatenate(([0], turns, [speed.size]))
     spans = []
@@ -110,8 +107,7 @@ def _half_swings(angle: Array, speed: Array) -> list[tuple[int, int]]:
 
 def _fit_energy(angle: Array, speed: Array, spans: list[tuple[int, int]]) -> tuple[float, float]:
     """Return friction torque over weight times arm, and the squared angular frequency of small swings, (rad/s)², from
-    the energy along ``spans`` (first sample, end) of ``angle`` (n,), rad, and ``speed`` (n,), rad/s.
-    """
+    the energy along ``spans`` (first sample, end) of ``angle`` (n,), rad, and ``speed`` (n,), rad/s."""
     rows, energy = [], []
     for number, (first, end) in enumerate(spans):
         step = max((end - first) // FITTED_SAMPLES, 1)

@@ -57,8 +57,7 @@ def calibrate_with_weights(
 ) -> Calibration:
     """Fit the load cell's line as the operator, told by ``ask``, puts rising masses on and takes them off;
     ``u_mass_kg``: standard uncertainty of a mass, ``gravity``: m/s², None for the standard. Return figures and a new
-    rig file's text.
-    """
+    rig file's text."""
     force = rig.config.force
     g, u_g = (STANDARD_GRAVITY, U_GRAVITY) if gravity is None else (gravity, U_LOCAL_GRAVITY * gravity)
     masses = list(masses_kg)
@@ -106,8 +105,7 @@ def calibrate_with_weights(
 
 def calibrate_with_shunt(rig: Rig, backend: SelftestBackend) -> Calibration:
     """Switch the bridge module's shunt resistor in five times and correct the gain by the change found over that
-    expected; return figures and a new rig file's text. Refuse a rig without one, and a gain more than 10 % off 1.
-    """
+    expected; return figures and a new rig file's text. Refuse a rig without one, and a gain more than 10 % off 1."""
     force, selftest = rig.config.force, rig.config.selftest
     if force.kind != "bridge" or selftest is None or selftest.shunt_ohm == 0:
         raise RigInputError(f"{rig.source}: has no bridge with a shunt resistor (force.kind, selftest.shunt_ohm)")
@@ -133,8 +131,7 @@ def calibrate_with_shunt(rig: Rig, backend: SelftestBackend) -> Calibration:
 
 def calibrate_zero(rig: Rig, backend: Backend, ask: Ask) -> Calibration:
     """Let the operator, told by ``ask``, unload the cell, read it, and shift the rig file's line so that it then reads
-    0 N; return reading, shift in N, and the new rig file's text. Nothing is written.
-    """
+    0 N; return reading, shift in N, and the new rig file's text. Nothing is written."""
     ask("lift the arm off the key; nothing touches the load cell", 0.0)
     reading = read_mean(backend, rig.config)
     force = rig.config.force

@@ -12,8 +12,7 @@ def read_quiet(
     backend: Backend, config: RigConfig, block_s: float, longest_s: float, take: Callable[[Block, float], bool]
 ) -> None:
     """Read blocks of ``block_s``, the motor off, until ``take(block, sample_rate_hz)`` returns True, at most for
-    ``longest_s``; the backend is stopped safely in any case.
-    """
+    ``longest_s``; the backend is stopped safely in any case."""
     timing = backend.configure(config.model_copy(update={"camera": None, "watchdog": None}), None)
     rate = timing.sample_rate_hz
     size = max(int(block_s * rate), 1)

@@ -74,8 +74,7 @@ class Profile(ArrayRecord):
 
     def force_at(self, time_s: ArrayLike) -> NDArray[np.float64]:
         """Nominal force at the key front, N, positive downwards, at times of any shape, s from the profile's start, of
-        the same shape; zero outside the profile.
-        """
+        the same shape; zero outside the profile."""
         wanted = as_numbers(time_s, "times of a profile")
         if self.interpolation == "linear":
             return np.interp(wanted, self.time_s, self.force_n, left=0.0, right=0.0)
@@ -193,8 +192,7 @@ def parse_profile(text: str, where: str = "profile") -> Profile:
 
 def _check_points(points: Sequence[_Point], where: str) -> None:
     """Raise RigInputError, which begins with ``where``, for key points whose times do not rise, or whose first or last
-    force is not zero.
-    """
+    force is not zero."""
     for i, (before, after) in enumerate(zip(points, points[1:], strict=False)):
         refuse(
             RigInputError,

@@ -42,8 +42,7 @@ class ScaledTable(Table):
     @classmethod
     def _refuse_max_scale(cls, values: Any) -> Any:
         """Return the values of the table, before they are checked, unchanged; ValueError for a key that names a scale
-        of NI MAX.
-        """
+        of NI MAX."""
         named = [key for key in SCALE_KEYS if isinstance(values, dict) and key in values]
         if named:
             line = " and ".join(name for name in ("electrical", "physical", "physical_n") if name in cls.model_fields)
@@ -191,8 +190,7 @@ class ChannelConfig(ScaledTable):
     @model_validator(mode="after")
     def _check_calibration_points(self) -> ChannelConfig:
         """Refuse calibration points that are equal, a range in the wrong order, and a name that every trial uses
-        already.
-        """
+        already."""
         refuse(
             ValueError,
             (
@@ -366,8 +364,7 @@ class FurtherDevice(Table):
     @model_validator(mode="after")
     def _check_wires(self) -> FurtherDevice:
         """Refuse a device on lines without both ends of its clock's wire, one on RTSI with them, and a chassis on RTSI,
-        which it has not.
-        """
+        which it has not."""
         wires = [self.clock_from, self.clock_to]
         refuse(
             ValueError,
@@ -502,8 +499,7 @@ class RigConfig(Table):
     @model_validator(mode="after")
     def _check_consistency(self) -> RigConfig:
         """Refuse tables that contradict each other: encoders in another order, a counter or terminal used twice, too
-        fast a counted camera, a watchdog that reaches no output or is shorter than two blocks.
-        """
+        fast a counted camera, a watchdog that reaches no output or is shorter than two blocks."""
         names = tuple(encoder.name for encoder in self.encoders)
         if names != BODIES:
             raise ValueError(f"encoders are named {names}, allowed {BODIES} in this order")
@@ -566,8 +562,7 @@ class RigConfig(Table):
 
     def _check_devices(self) -> None:
         """Refuse device names that repeat, RTSI beside a chassis, force, channels or frame pulses on a further device,
-        and clock terminals on the wrong device.
-        """
+        and clock terminals on the wrong device."""
         names = [self.device.name.lower(), *(further.name.lower() for further in self.devices)]
         refuse(
             ValueError,

@@ -14,8 +14,7 @@ Value = str | float | int | tuple[float, float]
 
 def change_table(text: str, table: str, values: Mapping[str, Value], *, named: str | None = None) -> str:
     """Return a rig file's text with values, by key, set in the first table ``[table]``, or the ``[[table]]`` whose name
-    is ``named``; all else stays as written. RigInputError where there is none.
-    """
+    is ``named``; all else stays as written. RigInputError where there is none."""
     heads = list(re.finditer(r"(?m)^\[\[?[^\[\]]+\]\]?[^\n]*$", text))
     for head, following in zip(heads, [*heads[1:], None], strict=True):
         end = len(text) if following is None else following.start()
@@ -46,8 +45,7 @@ def rewrite_table(rig: Rig, table: str, values: Mapping[str, Value], *, named: s
 
 def _set_value(body: str, key: str, value: str) -> str:
     """Return the text of one table with ``key`` set to ``value``, which is TOML text, and the comment of its line kept;
-    a key that is not there becomes the first.
-    """
+    a key that is not there becomes the first."""
     line = re.compile(
         rf'(?m)^([ \t]*{re.escape(key)}\s*=\s*)("(?:[^"\\\n]|\\.)*"|\[[^\]]*\]|\{{[^}}\n]*\}}|[^#\n]*?)(\s*(?:#.*)?)$'
     )

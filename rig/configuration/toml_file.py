@@ -33,8 +33,7 @@ def built_in(folder: Path) -> tuple[str, ...]:
 
 def find_toml(name: str | Path, folder: Path, what: str) -> Path:
     """Path of ``<name>.toml`` in ``folder`` if it is built in there, else of the file ``name`` itself; RigInputError,
-    which calls it ``what``, where neither exists.
-    """
+    which calls it ``what``, where neither exists."""
     path = folder / f"{name}.toml" if str(name) in built_in(folder) else Path(name)
     if not path.is_file():
         known = built_in(folder)
@@ -68,8 +67,7 @@ def check(model: type[Model], data: Mapping[str, Any], where: str) -> Model:
 
 def _describe_validation_error(error: ValidationError) -> str:
     """One line for what pydantic found wrong first (an unknown key before a missing one): key, value found, what is
-    allowed, and how many more.
-    """
+    allowed, and how many more."""
     complaints = error.errors(include_url=False)
     # a misspelt key is unknown and missing at once: the unknown one says where to look
     first = next((c for c in complaints if c["type"] == "extra_forbidden"), complaints[0])

@@ -87,8 +87,7 @@ def reset_server(url: str) -> str:
 
 def _server(url: str) -> tuple[grpc.Channel, str]:
     """Return a channel to the server of an ``ni-grpc://host[:port]`` address, with TLS where it names files
-    (``?ca=…``), and its host and port; refuse another address. Nothing is sent yet.
-    """
+    (``?ca=…``), and its host and port; refuse another address. Nothing is sent yet."""
     parts = urlsplit(url)
     try:
         port = parts.port or DEFAULT_PORT

@@ -47,8 +47,7 @@ def _system(channel: grpc.Channel | None) -> System:
 
 def find_device(channel: grpc.Channel | None, name: str) -> FoundDevice:
     """Return product, serial number and, of a chassis, the modules by slot of the device ``name``; ``channel`` None is
-    this computer's driver, else a server's. HardwareFault where there is none of that name.
-    """
+    this computer's driver, else a server's. HardwareFault where there is none of that name."""
     with translate_faults("connect", f"device {name}"):
         device = Device(name, grpc_options=session_options(channel))
         chassis: list[Device] = _ask_or_default(lambda: list(device.chassis_module_devices), [])

@@ -87,8 +87,7 @@ def calm_block_s(config: RigConfig, delay: CallDelay) -> float:
 def shortest_block_s(config: RigConfig, delay: CallDelay) -> float:
     """Shortest block, s, whose driver calls, of measured ``delay``, fit into its own time; 0 where
     ``recording.block_s`` is enough. Refuse a connection for which it or the time between two resets of the watchdog
-    would be too long.
-    """
+    would be too long."""
     calls, block_s = calls_per_block(config), config.recording.block_s
     longest_s = max(block_s, LENGTHENED_S)
     needed_s = calls * delay.usual_s
@@ -189,8 +188,7 @@ class NidaqmxBackend(SafeBench, Backend):
     def configure(self, config: RigConfig, command_v: ArrayLike | None) -> Timing:
         """Check the command (n,), V (None: no motor task), make the outputs safe, reserve all channels, start the
         watchdog, load the command; return the timing that the device gave. Nothing moves; a failure leaves the bench
-        safe.
-        """
+        safe."""
         if command_v is not None:
             command_v = as_numbers(command_v, "motor command", 1)
             tasks.check_command(config, command_v)
@@ -247,8 +245,7 @@ class NidaqmxBackend(SafeBench, Backend):
 
     def _make_tasks(self, config: RigConfig, *, motor: bool) -> Timing:
         """Make every task of the rig file, the motor's only if ``motor``, reserving nothing; return the timing that the
-        device gave. Refuse a sample rate that the device does not have.
-        """
+        device gave. Refuse a sample rate that the device does not have."""
         frame_rate_hz = first_pulse_s = None
         with translate_faults("configure", config.force.channel):
             inputs = tasks.inputs_task(self._tasks.make, config)
@@ -278,8 +275,7 @@ class NidaqmxBackend(SafeBench, Backend):
 
     def arm(self, *, enable_drive: bool = True) -> None:
         """Start all tasks but the master, on whose clock and trigger they wait; enable the drive last, at 0 V, where
-        there is a motor task and ``enable_drive`` is true. A failure leaves the bench safe.
-        """
+        there is a motor task and ``enable_drive`` is true. A failure leaves the bench safe."""
         config = self._require_configured()
         with self._safe_on_failure():
             for name in self._tasks:
@@ -302,8 +298,7 @@ class NidaqmxBackend(SafeBench, Backend):
 
     def read_block(self, n_samples: int, timeout_s: float) -> Block:
         """Return the next ``n_samples`` of every input, waiting at most ``timeout_s`` for each, and reset the watchdog
-        as needed; on a fault the outputs are made safe before it is raised.
-        """
+        as needed; on a fault the outputs are made safe before it is raised."""
         config = self._require_configured()
         with self._safe_on_failure():
             with translate_faults("read", "watchdog"):
@@ -329,8 +324,7 @@ class NidaqmxBackend(SafeBench, Backend):
     @contextlib.contextmanager
     def _temporary_tasks(self) -> Iterator[tasks.NewTask]:
         """Yield a function that makes a self-test's own task by name; at the end these tasks are closed, the last
-        first.
-        """
+        first."""
         with contextlib.ExitStack() as made:
 
             def new_task(name: str) -> nidaqmx.Task:
@@ -356,8 +350,7 @@ class NidaqmxBackend(SafeBench, Backend):
 
     def count_edges(self, config: RigConfig, counter: str, terminal: str, duration_s: float, pulses: bool) -> int:
         """Count the rising edges on ``terminal`` with ``counter`` during ``duration_s`` of the sample clock; with
-        ``pulses`` the camera's counter puts out its frame pulses meanwhile.
-        """
+        ``pulses`` the camera's counter puts out its frame pulses meanwhile."""
         n = int(round(duration_s * config.device.sample_rate_hz))
         with translate_faults("read", counter), self._temporary_tasks() as new_task:
             edges = tasks.edge_task(new_task, config, counter, terminal)
@@ -372,8 +365,7 @@ class NidaqmxBackend(SafeBench, Backend):
 
     def read_loopback(self, config: RigConfig, channel: str, command_v: ArrayLike) -> np.ndarray:
         """Put out the command (n,), V, and return what the voltage input ``channel``, wired to the motor's output,
-        reads meanwhile, (n,), V; the output is then put at 0 V.
-        """
+        reads meanwhile, (n,), V; the output is then put at 0 V."""
         command_v = as_numbers(command_v, "motor command", 1)
         values = np.empty(command_v.size)
         with translate_faults("read", channel), contextlib.ExitStack() as then:

@@ -18,8 +18,7 @@ MODULES = {"Mod1": ("NI 9237", "load cell"), "Mod2": ("NI 9263", "motor"), "Mod3
 
 def propose_rig(found: Sequence[FoundDevice], name: str | None = None) -> str:
     """Return the text of a rig file for one of the devices found: ``name``, or the first of a product that has a
-    built-in pattern; refuse where there is none or a module is missing. Nothing is written.
-    """
+    built-in pattern; refuse where there is none or a module is missing. Nothing is written."""
     usable = [device for device in found if device.product in PATTERNS and name in (None, device.name)]
     if not usable:
         there = ", ".join(f"{device.name} ({device.product})" for device in found) or "none"
@@ -37,8 +36,7 @@ def propose_rig(found: Sequence[FoundDevice], name: str | None = None) -> str:
 
 def _pair_device_names(device: FoundDevice, pattern_name: str) -> dict[str, str]:
     """Map the pattern's names, whose device is ``pattern_name``, to those found: of a chassis each module of the
-    pattern to the first found of its product, then the device; refuse a chassis that lacks a module.
-    """
+    pattern to the first found of its product, then the device; refuse a chassis that lacks a module."""
     renamed = {}
     if device.modules:
         for slot, (product, purpose) in MODULES.items():

@@ -49,8 +49,7 @@ _LEFT_OPEN: list[WatchdogTask] = []
 
 def make_watchdog(channel: grpc.Channel | None, config: RigConfig) -> WatchdogTask:
     """Make a rig's watchdog timer, not started; on expiry the motor goes to 0 V and the drive-enable line low, as far
-    as the timer reaches. ``channel`` None is this computer's driver; errors are those of ``nidaqmx``.
-    """
+    as the timer reaches. ``channel`` None is this computer's driver; errors are those of ``nidaqmx``."""
     timeout_s = config.watchdog.timeout_s if config.watchdog else 0.5
     options = session_options(channel, WATCHDOG, NEW)
     timer = WatchdogTask(config.device.name, WATCHDOG, timeout=timeout_s, grpc_options=options)
@@ -133,8 +132,7 @@ class SafeOutputs:
 
     def _write(self, name: str, add: Callable[[nidaqmx.Task], None], write: Callable[[nidaqmx.Task], None]) -> None:
         """Write an output with the task of this name: ``add`` gives a new one its channel, ``write`` puts the value
-        out. Where there is none, or the kept one fails, a new one is made; where that fails too the error is raised.
-        """
+        out. Where there is none, or the kept one fails, a new one is made; where that fails too the error is raised."""
         if name in self._tasks:
             with contextlib.suppress(nidaqmx.errors.Error):
                 self._write_output(name, write)
@@ -270,8 +268,7 @@ class SafeBench:
 
     def _reset_device(self, phase: str) -> None:
         """Clear all tasks and the watchdog and reset every device of the rig; the next trial makes everything afresh.
-        ``phase``: what the program was doing, for the message of a fault.
-        """
+        ``phase``: what the program was doing, for the message of a fault."""
         self._clear(watchdog_too=True)
         if self._config is not None:
             for name in (self._config.device.name, *(further.name for further in self._config.devices)):
@@ -332,8 +329,7 @@ class SafeBench:
 
     def _make_outputs_safe(self, phase: str, failures: list[BaseException], *, tripped: bool = False) -> None:
         """Put the motor at 0 V and disable the drive, after a reset of the devices if the watchdog has ``tripped`` or
-        writing shows that it has; append what fails to ``failures``, raising nothing.
-        """
+        writing shows that it has; append what fails to ``failures``, raising nothing."""
         found: list[BaseException] = []
         if not tripped:
             self._write_safe_state(phase, found)

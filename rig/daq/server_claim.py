@@ -45,8 +45,7 @@ class ServerClaim:
 
     def take(self, config: RigConfig) -> bool:
         """Claim the rig's sessions at the server, once; return whether sessions that a program of this computer left
-        when it died were cleared for it. `ResourceBusy` where one that lives holds the device.
-        """
+        when it died were cleared for it. `ResourceBusy` where one that lives holds the device."""
         if self._mark is not None:
             return False
         self._take_lock(config)

@@ -25,8 +25,7 @@ class TaskPlan:
 
 def recording_plan(config: RigConfig, timing: Timing, n_command: int) -> list[TaskPlan]:
     """Rows to print, one for each task of a recording, from watchdog and inputs to the drive's enable line; ``timing``
-    gives the rates of the device, ``n_command`` the samples of the motor's command. Nothing is made.
-    """
+    gives the rates of the device, ``n_command`` the samples of the motor's command. Nothing is made."""
     device, rate = config.device.name, timing.sample_rate_hz
     ai_clock, ai_trigger = f"/{device}/ai/SampleClock", f"/{device}/ai/StartTrigger"
 

@@ -94,8 +94,7 @@ class TaskSet:
 
     def clear(self, name: str) -> None:
         """Clear the task of this name, if any, and forget it; where the driver refuses the error is raised, and its
-        session is ended before another of the name is made.
-        """
+        session is ended before another of the name is made."""
         task = self._tasks.pop(name, None)
         if task is not None:
             self._left.add(name)
@@ -119,8 +118,7 @@ MASTER = "force"
 
 def inputs_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
     """Make the master task, by ``new_task`` from its name: analog inputs of the load cell, then of the further
-    channels, continuous on its own clock, which is exported to devices joined by a wire.
-    """
+    channels, continuous on its own clock, which is exported to devices joined by a wire."""
     task = force_task(new_task, config)
     for further in config.channels:
         ends_v = _interpolate_line(np.array([further.least, further.most]), further.physical, further.electrical)
@@ -133,8 +131,7 @@ def inputs_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
 
 def force_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
     """Make the task of the load cell's analog input alone, in N for a bridge and V for a voltage, continuous on its own
-    clock; unread samples are never overwritten.
-    """
+    clock; unread samples are never overwritten."""
     task = new_task(MASTER)
     force = config.force
     if force.kind == "bridge":
@@ -228,8 +225,7 @@ def encoder_task_name(encoder: EncoderConfig) -> str:
 
 def encoder_task(new_task: NewTask, config: RigConfig, encoder: EncoderConfig) -> nidaqmx.Task:
     """Make the task of one encoder's counter, X4 ticks of its A and B terminals, latched on the AI sample clock and
-    armed by the AI start trigger where that reaches its device.
-    """
+    armed by the AI start trigger where that reaches its device."""
     task = new_task(encoder_task_name(encoder))
     channel = task.ci_channels.add_ci_ang_encoder_chan(
         encoder.counter,
@@ -274,8 +270,7 @@ def _latch_on_ai(task: nidaqmx.Task, config: RigConfig, counter: str) -> None:
 
 def motor_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
     """Make the task of the motor's analog output, V, within the rig file's voltage limit, without clock or samples;
-    `prepare_command` and `load_command` give it these.
-    """
+    `prepare_command` and `load_command` give it these."""
     task = new_task(MOTOR)
     limit = config.motor.voltage_limit_v
     task.ao_channels.add_ao_voltage_chan(
@@ -310,8 +305,7 @@ def load_command(task: nidaqmx.Task, command_v: NDArray[np.float64]) -> None:
 
 def camera_task(new_task: NewTask, config: RigConfig, camera: CameraConfig) -> tuple[nidaqmx.Task, float, float]:
     """Make the task of the camera's frame pulses, which the AI start trigger starts; return it, the coerced frame rate,
-    Hz, and the first rising edge after the trigger, s.
-    """
+    Hz, and the first rising edge after the trigger, s."""
     task = new_task(CAMERA)
     channel = task.co_channels.add_co_pulse_chan_freq(
         camera.counter,
@@ -332,8 +326,7 @@ def camera_task(new_task: NewTask, config: RigConfig, camera: CameraConfig) -> t
 
 def edge_task(new_task: NewTask, config: RigConfig, counter: str, terminal: str) -> nidaqmx.Task:
     """Make the task in which ``counter`` counts rising edges on ``terminal`` up from 0, latched on the AI sample clock
-    and armed by the AI start trigger where that reaches its device.
-    """
+    and armed by the AI start trigger where that reaches its device."""
     task = new_task(EDGES)
     channel = task.ci_channels.add_ci_count_edges_chan(
         counter,
@@ -367,8 +360,7 @@ def check_command(config: RigConfig, command_v: NDArray[np.float64]) -> None:
 
 def read_inputs(open_tasks: TaskSet, config: RigConfig, first_sample: int, n_samples: int, timeout_s: float) -> Block:
     """Read the next ``n_samples`` of every input, each within ``timeout_s``, and return them as a block that begins at
-    sample number ``first_sample``: force, counts, exposures, further channels in their units.
-    """
+    sample number ``first_sample``: force, counts, exposures, further channels in their units."""
     values = np.empty((1 + len(config.channels), n_samples))
     with translate_faults("read", MASTER):
         reader = AnalogMultiChannelReader(open_tasks[MASTER].in_stream)
@@ -391,8 +383,7 @@ def read_inputs(open_tasks: TaskSet, config: RigConfig, first_sample: int, n_sam
 
 def _read_ticks(open_tasks: TaskSet, name: str, n_samples: int, timeout_s: float) -> NDArray[np.int64]:
     """Return the next ``n_samples`` ticks, (n_samples,), of the counter task ``name``, waiting at most ``timeout_s``;
-    HardwareFault where they are not whole numbers.
-    """
+    HardwareFault where they are not whole numbers."""
     ticks = np.empty(n_samples)
     with translate_faults("read", name):
         reader = CounterReader(open_tasks[name].in_stream)
@@ -406,8 +397,7 @@ def _read_ticks(open_tasks: TaskSet, name: str, n_samples: int, timeout_s: float
 
 def read_positions(open_tasks: TaskSet, config: RigConfig) -> dict[str, tuple[int, int]]:
     """Return by the name of each input task the samples per channel that the driver has handed out and those that it
-    has acquired since its start, (handed out, acquired).
-    """
+    has acquired since its start, (handed out, acquired)."""
     found = {}
     encoders = map(encoder_task_name, config.encoders)
     for name in (MASTER, *encoders, OPPOSITE, EDGES):

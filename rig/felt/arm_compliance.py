@@ -27,8 +27,7 @@ class Compliance:
 def measure_compliance(trials: Sequence[TrialData], felt: FeltConfig) -> Compliance:
     """Return the compliance of arm and load cell, m/N, with standard uncertainty: mean slope of the tip's way over
     force, above 2 N, of trials that press a steel block; refuse a trial with too few such points and a slope not above
-    0.
-    """
+    0."""
     slopes, crooked = [], 0.0
     for trial in trials:
         read = read_press(trial, felt)

@@ -46,8 +46,7 @@ class FeltOrder:
 
 def check_order(order: FeltOrder, config: RigConfig, source: str) -> FeltConfig:
     """Refuse an order whose speeds, peak forces, repeats or rest the rig file's ``[felt]`` does not allow, and a rig
-    file without that table, which is named ``source`` in the error; return the table.
-    """
+    file without that table, which is named ``source`` in the error; return the table."""
     felt = config.felt
     if felt is None:
         raise RigInputError(
@@ -75,8 +74,7 @@ SPEED_MARGIN, FORCE_MARGIN = 5.0, 1.1  # interlock's limits over what a press sh
 
 def press_settings(config: RigConfig, felt: FeltConfig, peak_n: float) -> RigConfig:
     """Return a copy of the rig's settings for presses up to ``peak_n``, N: no camera; limits of the force, and of
-    travel and speed of the encoder on the motor's shaft, as ``felt`` has them.
-    """
+    travel and speed of the encoder on the motor's shaft, as ``felt`` has them."""
     limits, body = config.limits, [encoder.name for encoder in config.encoders].index(felt.encoder)
     travel, speed = list(limits.travel_rad), list(limits.speed_rad_per_s)
     travel[body] = (felt.depth_limit_m + felt.compliance_m_per_n * felt.force_limit_n) / felt.radius_m
@@ -93,8 +91,7 @@ def press_settings(config: RigConfig, felt: FeltConfig, peak_n: float) -> RigCon
 
 def check_press(profile: Profile, config: RigConfig, deepest_rad: float, body: int) -> None:
     """Refuse a press beyond a limit, by a dry run in which encoder number ``body`` turns in proportion to the force, by
-    ``deepest_rad`` at its largest, and the others stand still.
-    """
+    ``deepest_rad`` at its largest, and the others stand still."""
     rate = config.device.sample_rate_hz
     force = profile.sample(rate)
     angle = np.zeros((force.size, 3))

@@ -25,8 +25,7 @@ def measure_loading_speed(
     x_m: Array, loading: NDArray[np.bool_], samples: NDArray[np.int64], rate_hz: float
 ) -> tuple[float, float]:
     """Return the mean speed of the loading, m/s, and that of the last third of its way, by lines through compression
-    ``x_m`` (n,), m, over time; ``loading`` (n,) marks these points, ``samples`` (n,): how many each is the mean of.
-    """
+    ``x_m`` (n,), m, over time; ``loading`` (n,) marks these points, ``samples`` (n,): how many each is the mean of."""
     at = np.cumsum(samples[loading]) / rate_hz
     x = x_m[loading]
     last = x > x[-1] * 2.0 / 3.0
@@ -98,8 +97,7 @@ class PressCurve:
 
     def table(self) -> str:
         """Return the curve as CSV text for ``calibrate felt``, writing nothing: compression, m, force, N, phase, and
-        for each common error its shift of both.
-        """
+        for each common error its shift of both."""
         names = ["displacement_m", "force_n", "phase"]
         names += [f"common_{name}_{unit}" for name in self.common for unit in ("m", "n")]
         shared = [row for moved in self.common.values() for row in moved]
@@ -123,8 +121,7 @@ class _Assumed:
 
 def fit_press_curve(trial: TrialData, felt: FeltConfig) -> PressCurve:
     """Return the curve of a press, compression since first touch, m, over force, N, loading then unloading, with its
-    speed and with the shift of all points by each common error of one standard uncertainty.
-    """
+    speed and with the shift of all points by each common error of one standard uncertainty."""
     read, force = read_press(trial, felt), trial.force_info
     scale = next(encoder for encoder in trial.encoders if encoder.name == felt.encoder)
     u_length = float(np.hypot(felt.u_radius_m / felt.radius_m, scale.u_turn_relative))
@@ -158,8 +155,7 @@ def fit_press_curve(trial: TrialData, felt: FeltConfig) -> PressCurve:
 def _compression_and_force(read: Readings, assumed: _Assumed, stated_preload_n: float) -> tuple[Array, Array, float]:
     """Return compression since first touch, m, and force, N, (n,) each, of a press ``read``, under the constants
     ``assumed``, and the standard uncertainty of the compression at rest, m; ``stated_preload_n``: the preload in
-    ``read``.
-    """
+    ``read``."""
     force = (read.force_n - stated_preload_n + read.rate_n_per_s * assumed.delay_s) * assumed.gain + assumed.preload_n
     compression_m = read.moved_m * assumed.length - assumed.compliance * (force - assumed.preload_n)
     slope = np.abs(np.gradient(force[read.loading], compression_m[read.loading]))

@@ -34,8 +34,7 @@ def make_constant_speed_press(
 ) -> Profile:
     """Return the profile that presses at one speed up to ``peak_n``, N, and back, by compression since rest, m, and
     force above rest, N, (k,), both rising, of a slow ramp on the same felt; refuse one that needs over 90 % of the slew
-    limit.
-    """
+    limit."""
     way = float(np.interp(peak_n, ramp_force_n, ramp_way_m))
     phase = np.linspace(0.0, 1.0, POINTS)
     displacement_m = way * _ease_in_out(phase)
@@ -63,8 +62,7 @@ def _ease_in_out(phase: Array) -> Array:
 
 def _make_press_and_release(name: str, time_s: Array, force_n: Array) -> Profile:
     """Profile of a press and its release: the force (n,), N, at times (n,), s from 0, held for 80 ms at the last one,
-    then run backwards; it begins and ends at 0 N.
-    """
+    then run backwards; it begins and ends at 0 N."""
     at = np.concatenate((time_s, time_s[-1] + HOLD_S + time_s))
     force = np.concatenate((force_n, force_n[::-1]))
     force[0] = force[-1] = 0.0

@@ -47,8 +47,7 @@ class Readings:
 
 def read_press(trial: TrialData, felt: FeltConfig, lowest_share: float = LOWEST) -> Readings:
     """Return means over short times of the tip's way since rest and the force, loading then unloading, where the way is
-    between ``lowest_share`` and nearly all of its largest; refuse a trial in which the arm hardly turned.
-    """
+    between ``lowest_share`` and nearly all of its largest; refuse a trial in which the arm hardly turned."""
     force, rate = trial.force_info, trial.sample_rate_hz
     body = [encoder.name for encoder in trial.encoders].index(felt.encoder)
     per_count = abs(trial.encoders[body].rad_per_count) * felt.radius_m
@@ -88,8 +87,7 @@ def read_press(trial: TrialData, felt: FeltConfig, lowest_share: float = LOWEST)
 
 def _pressing_force(trial: TrialData, quiet: int) -> tuple[Array, float]:
     """Return the force (n,), N, above that at rest plus the stated preload, without mains hum, and its scatter from
-    sample to sample, N; ``quiet``: how many samples come before the press.
-    """
+    sample to sample, N; ``quiet``: how many samples come before the press."""
     t, n = trial.time_s, trial.n_valid
     calm = np.zeros(n, dtype=bool)
     calm[: max(quiet, 1)] = True
@@ -104,8 +102,7 @@ def _pressing_force(trial: TrialData, quiet: int) -> tuple[Array, float]:
 
 def _phase_span(moved: Array, start: int, top: int, low: float) -> tuple[int, int]:
     """Return first sample and end of a phase: from just after the last one with a way ``moved`` (n,) below ``low``,
-    both m, between the samples ``start`` and ``top``, up to ``top``; refuse fewer than 30.
-    """
+    both m, between the samples ``start`` and ``top``, up to ``top``; refuse fewer than 30."""
     below = np.flatnonzero(moved[start:top] < low)
     first = start + (int(below[-1]) + 1 if below.size else 0)
     fewest = FEWEST_POINTS * FEWEST_SAMPLES

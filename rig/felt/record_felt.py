@@ -153,8 +153,7 @@ class _Press:
         options: RecordingOptions | None = None,
     ) -> None:
         """Check each profile against the limits, write it to the session, and record presses with them as the trials
-        from ``first`` on; ``options`` replace those given for the session.
-        """
+        from ``first`` on; ``options`` replace those given for the session."""
         for profile in profiles:
             self.check(profile)
         entries = [Entry(first + k, f"press-{first + k}", profile) for k, profile in enumerate(profiles)]
@@ -164,8 +163,7 @@ class _Press:
 
     def record_block(self, session: Session, backend: Backend) -> FeltSession:
         """Record three presses of the steel block in the session; return the compliance of arm and load cell with the
-        text of a rig file that has it, which is not written.
-        """
+        text of a rig file that has it, which is not written."""
         self.record_presses(session, backend, [make_ramp(max(self.order.peaks_n))] * BLOCK_PRESSES, 1)
         found = measure_compliance([trial.read() for trial in session.trials], self.setup)
         values = {"compliance_m_per_n": found.m_per_n, "u_compliance_m_per_n": found.u_m_per_n}
@@ -175,8 +173,7 @@ class _Press:
 
     def record_felt(self, session: Session, backend: Backend) -> FeltSession:
         """Record a ramp, then presses at each speed and peak of the order, shaped by the ramp's curve, in the session;
-        write the loading curve of each as soon as it is recorded, and return them.
-        """
+        write the loading curve of each as soon as it is recorded, and return them."""
         order = self.order
         self.record_presses(session, backend, [make_ramp(max(order.peaks_n))], 1)
         moved, force = _read_loading_curve(session, self.setup)
@@ -202,8 +199,7 @@ class _Press:
 
 def _read_loading_curve(session: Session, felt: FeltConfig) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return compression since rest, m, and force above the preload, N, (k,) each, both rising from zero, while the
-    session's first trial, a ramp, loads; refuse a ramp that moved nothing.
-    """
+    session's first trial, a ramp, loads; refuse a ramp that moved nothing."""
     trial = session.trials[0].read()
     read = read_press(trial, felt, lowest_share=0.0)
     force = read.force_n[read.loading] - trial.force_info.preload_n

@@ -58,8 +58,7 @@ def known_unit(text: str) -> str | None:
 
 def unit_in_name(name: str) -> str:
     """Return the unit at the end of a channel's name, as written there, if it is a known one: ``Force (kN)``, ``F /
-    kN``, ``F in kN``, ``force_kN``; empty where there is none.
-    """
+    kN``, ``F in kN``, ``force_kN``; empty where there is none."""
     found = _UNIT_IN_NAME.fullmatch(name.strip())
     if found is None:
         return ""
@@ -119,8 +118,7 @@ def parse_number(cell: str, decimal: str = ".", thousands: str = "") -> float:
 
 def parse_numbers(cells: Sequence[str], decimal: str = ".", thousands: str = "") -> NDArray[np.float64]:
     """Read decimal numbers (n,) from a column's cells (signs as in `parse_number`); ``ValueError(i, cell)`` for the
-    first cell, counted from 0, that is none.
-    """
+    first cell, counted from 0, that is none."""
     signs = set().union(*cells)
     if not thousands and signs <= _PLAIN | {decimal} and (decimal == "." or "." not in signs):
         try:
@@ -183,8 +181,7 @@ class ChannelTable:
 
     def channel(self, name: str) -> NDArray[np.float64]:
         """Return the values (n,) of a channel, in the file's unit; RigInputError when it is missing, unreadable, in
-        doubt (an unknown scale), or holds a value that is not finite.
-        """
+        doubt (an unknown scale), or holds a value that is not finite."""
         if name in self.unreadable or name in self.doubts:
             raise RigInputError(f"{self.where}: {self.unreadable.get(name) or self.doubts[name]}")
         if name not in self.channels:
@@ -235,8 +232,7 @@ class ChannelTable:
 
     def check_together(self, names: Sequence[str], same_start: bool = False) -> None:
         """Refuse channels of different lengths, sample intervals or starts: their samples k would not belong together;
-        ``same_start``: the starts that the file states are not compared.
-        """
+        ``same_start``: the starts that the file states are not compared."""
         first = names[0]
         for name in names[1:]:
             sizes = self.channel(first).size, self.channel(name).size
@@ -299,8 +295,7 @@ class ChannelTable:
 
     def check_rate(self, names: Sequence[str], interval_s: float, ignored: Collection[str] = ()) -> None:
         """Refuse the sample interval ``interval_s`` of the channels ``names`` where the file's own clock or a column of
-        its times contradicts it; properties and columns in ``ignored`` are not compared.
-        """
+        its times contradicts it; properties and columns in ``ignored`` are not compared."""
         stated = self.stated_clock(names)
         if stated is not None and not stated.agrees(interval_s):
             raise RigInputError(
@@ -319,8 +314,7 @@ class ChannelTable:
 
     def split_at_breaks(self, time_s: NDArray[np.float64], interval_s: float) -> list[ChannelTable]:
         """Return the pieces of the table between the samples whose times (n,), s, do not follow by ``interval_s``;
-        itself where there is no break; channels of other lengths than the times are left out.
-        """
+        itself where there is no break; channels of other lengths than the times are left out."""
         time_s = as_numbers(time_s, "times", 1)
         at = [0, *find_breaks(time_s, interval_s), time_s.size]
         if len(at) == 2:

@@ -39,8 +39,7 @@ _MARKS = (
 
 def read_text(path: Path) -> str:
     """Return the text of a file of another program, decoded as `decode_text` does, unpacked where its name ends in
-    ``.gz``; RigInputError when it cannot be read.
-    """
+    ``.gz``; RigInputError when it cannot be read."""
     with translate_os_error(path, "read"):
         data = path.read_bytes()
     if path.suffix.lower() == ".gz":
@@ -53,8 +52,7 @@ def read_text(path: Path) -> str:
 
 def decode_text(data: bytes, where: str) -> str:
     """Decode bytes by their byte order mark; without one as UTF-16 where every other byte is zero, else UTF-8, else
-    Windows-1252 or Latin-1. RigInputError, which names ``where``, where the mark is wrong.
-    """
+    Windows-1252 or Latin-1. RigInputError, which names ``where``, where the mark is wrong."""
     for mark, encoding in _MARKS:
         if data.startswith(mark):
             return _decode(data[len(mark) :], encoding, where)
@@ -79,8 +77,7 @@ ASCII_SHARE = 0.9  # of a table's signs: units and names may hold others
 
 def _detect_utf16(data: bytes) -> str:
     """Codec ``utf-16-le`` or ``utf-16-be`` of bytes without a byte order mark in which about every other byte is zero;
-    empty for other text.
-    """
+    empty for other text."""
     begin = data[:256]
     if len(begin) < 4 or len(data) % 2:
         return ""
@@ -180,8 +177,7 @@ def _is_value(cell: str, decimal: str, thousands: str) -> bool:
 
 def _commented_names(lines: list[str], width: int, separator: str, where: str) -> list[list[str]]:
     """Rows of cells in the ``#`` lines directly above the first row of numbers: the names and, where stated, the units;
-    RigInputError, which begins with ``where``, if none has ``width`` cells.
-    """
+    RigInputError, which begins with ``where``, if none has ``width`` cells."""
     first = next(i for i, line in enumerate(lines) if line.strip() and not line.startswith("#"))
     above = [line.lstrip("# ") for line in lines[max(first - 2, 0) : first] if line.startswith("#")]
     rows = [row for row in csv.reader(above, delimiter=separator, strict=True) if len(row) == width]
@@ -198,8 +194,7 @@ def _parse_column(
     cells: list[str], decimal: str, thousands: str, first: int
 ) -> tuple[NDArray[np.float64], datetime | None]:
     """Numbers (n,) of a column's cells and None; of clock times, s after the first, and that first time. ValueError
-    names the row, counted from ``first``, of another cell.
-    """
+    names the row, counted from ``first``, of another cell."""
     begin = _parse_clock_time(cells[0])
     if begin is None:
         try:
@@ -223,8 +218,7 @@ def _parse_column(
 
 def _suggest_settings(cell: str, decimal: str, thousands: str) -> str:
     """Advice, in brackets, which ``decimal`` or ``thousands`` in the mapping would make a number of a cell that is none
-    by the present ones; empty where no sign does.
-    """
+    by the present ones; empty where no sign does."""
     settings = [(sign, thousands) for sign in ".," if sign != decimal]
     settings += [(decimal, sign) for sign in (".", ",", " ", "'") if sign != decimal and not thousands]
     helpful = []
@@ -246,8 +240,7 @@ _TIME_OF_DAY = re.compile(
 
 def _parse_clock_time(cell: str) -> tuple[datetime, str] | None:
     """Read a date and time of ISO 8601 (the text is then empty), or a time of day, as of 1900, and the text of the date
-    before it; None for anything else.
-    """
+    before it; None for anything else."""
     text = cell.strip()
     if ":" not in text:
         return None

@@ -38,8 +38,7 @@ FACTORS, OFFSETS, MISSING = ("scale_factor", "conversion"), ("add_offset", "offs
 def read_hdf5(path: Path) -> ChannelTable:
     """Read a sealed trial (time, force corrected or else less its mean before the blow, command, angles; further
     channels where it has no force), or every dataset of numbers of another HDF5 file; RigInputError when it cannot be
-    read.
-    """
+    read."""
     try:
         # a damaged heap can keep the library busy without end
         with ending_by_keyboard(), h5py.File(path, "r") as file:
@@ -69,8 +68,7 @@ def read_hdf5(path: Path) -> ChannelTable:
 
 def _read_plain_file(path: Path, file: h5py.File) -> ChannelTable:
     """Read every one-dimensional dataset of numbers, and every column of a table, as channels, scaled as their
-    attributes say, with units and clocks; others are noted as unreadable.
-    """
+    attributes say, with units and clocks; others are noted as unreadable."""
     found: list[tuple[str, str, h5py.Dataset, str]] = []
     outer: dict[str, dict[str, Any]] = {"/": _read_attributes(file)}
 
@@ -116,8 +114,7 @@ def _read_plain_file(path: Path, file: h5py.File) -> ChannelTable:
 
 def _reason_unusable(node: h5py.Dataset, column: str, folder: Path) -> str:
     """Why a dataset, or a ``column`` of it (empty: itself), is no channel of numbers; empty where it is one.
-    ``folder``: the file's, in which parts of it may lie.
-    """
+    ``folder``: the file's, in which parts of it may lie."""
     kind = node.dtype[column] if column else node.dtype
     if kind.subdtype is not None:
         return f"holds {kind.shape} numbers a row, allowed one"
@@ -143,8 +140,7 @@ LARGEST_ATTRIBUTE = 10_000
 
 def _read_attributes(node: h5py.Group | h5py.Dataset, column: str = "") -> dict[str, Any]:
     """Attributes of a group or dataset by name, without those of more than 10,000 values; where a ``column`` of a table
-    is named, its own unit out of a list of units.
-    """
+    is named, its own unit out of a list of units."""
     found = {}
     for key in node.attrs:
         if np.prod(node.attrs.get_id(key).shape or (1,)) > LARGEST_ATTRIBUTE:
@@ -165,8 +161,7 @@ def _scales(stated: dict[str, Any]) -> dict[str, float]:
 
 def _apply_scale(raw: NDArray[np.generic], stated: dict[str, Any]) -> tuple[NDArray[np.float64], str]:
     """Values (n,) scaled by the factor and offset that their attributes state, missing ones NaN; and in words what in
-    them may be a scale but is not known (then not scaled), or empty.
-    """
+    them may be a scale but is not known (then not scaled), or empty."""
     if text_of(stated.get("_Unsigned", "")).lower() == "true" and raw.dtype.kind == "i":
         raw = raw.view(raw.dtype.str.replace("i", "u"))
     values = np.asarray(raw, dtype=np.float64)

@@ -52,8 +52,7 @@ class _Segment:
 
 def parse_lvm(text: str, where: str) -> tuple[ChannelTable, ...]:
     """Read the text of a LabVIEW measurement file as tables, one a segment or packet; RigInputError, which begins with
-    ``where``, for a file that is none, is cut off or contradicts itself.
-    """
+    ``where``, for a file that is none, is cut off or contradicts itself."""
     lines = [line.rstrip("\r") for line in text.split("\n")]
     if not lines[0].startswith("LabVIEW Measurement"):
         raise RigInputError(f"{where}: not a LabVIEW measurement file; its first line must be 'LabVIEW Measurement'")
@@ -71,8 +70,7 @@ def parse_lvm(text: str, where: str) -> tuple[ChannelTable, ...]:
 
 def _drop_special_blocks(lines: list[str], where: str) -> Iterator[str]:
     """Lines outside the special blocks (``***Start_Special***`` to ``***End_Special***``); RigInputError, which begins
-    with ``where``, for one that does not end.
-    """
+    with ``where``, for one that does not end."""
     inside = False
     for line in lines:
         if line.startswith(SPECIAL):
@@ -87,8 +85,7 @@ def _drop_special_blocks(lines: list[str], where: str) -> Iterator[str]:
 
 def _parse_file_header(lines: list[str], where: str) -> _File:
     """Separator, decimal sign and kind of times that the lines of the file's header state; RigInputError, which begins
-    with ``where``, for values that LabVIEW does not write.
-    """
+    with ``where``, for values that LabVIEW does not write."""
     separators = {line[len("Separator") + 1 :].strip(" \t,") for line in lines if line.startswith("Separator")}
     separator = separators.pop() if len(separators) == 1 else "" if separators else "Tab"
     if separator not in SEPARATORS:
@@ -116,8 +113,7 @@ def _split_fields(lines: list[str], separator: str) -> dict[str, list[str]]:
 
 def _split_segments(file: _File, lines: list[str]) -> Iterator[_Segment]:
     """Split the lines below the file's header into segments, each with the fields of its own header and its lines from
-    the row of names on.
-    """
+    the row of names on."""
     ends = [i for i, line in enumerate(lines) if line.startswith(END)]
     starts = []
     for end in ends:
@@ -151,8 +147,7 @@ def _is_number(cell: str, decimal: str) -> bool:
 
 def _read_tables(file: _File, segment: _Segment, where: str) -> list[ChannelTable]:
     """Tables of a segment: one, or one for each packet of rows where only the first has a header; RigInputError, which
-    begins with ``where``, where rows or names do not fit the header.
-    """
+    begins with ``where``, where rows or names do not fit the header."""
     count = _parse_whole_numbers(segment.fields.get("Channels", [])[:1], "Channels", where)[0]
     if not 1 <= count <= 10_000:
         raise RigInputError(f"{where}: Channels {count}, allowed 1 to 10000")
@@ -194,8 +189,7 @@ def _parse_columns(
     file: _File, rows: list[list[str]], lengths: dict[int, int], before: int, where: str
 ) -> dict[int, NDArray[np.float64]]:
     """Numbers of the columns, by index from 0; ``lengths``: by index, how many of the ``rows`` have a number there;
-    ``before``: rows of the file above these, for messages that begin with ``where``.
-    """
+    ``before``: rows of the file above these, for messages that begin with ``where``."""
     width = max(lengths) + 1
     for i, row in enumerate(rows, before + 1):
         if any(cell.strip() for cell in row[width + 1 :]):
@@ -228,8 +222,7 @@ def _make_table(
     file: _File, segment: _Segment, names: dict[int, str], values: dict[int, NDArray[np.float64]], where: str
 ) -> ChannelTable:
     """Table of a segment's channels with units, clocks and start as its header states; ``names`` and ``values`` (n,):
-    by index of the column. RigInputError where the times are none or contradict the header.
-    """
+    by index of the column. RigInputError where the times are none or contradict the header."""
 
     def read_fields(tag: str) -> dict[str, str]:
         cells = segment.fields.get(tag, [])
@@ -296,8 +289,7 @@ def _resolution(cell: str) -> float:
 
 def _column_clock(time: NDArray[np.float64], stated: float | None, resolution: float, what: str) -> Clock | None:
     """Clock of a column of times (n,), in the header's unit; the ``Delta_X`` that is ``stated`` must agree to the
-    ``resolution`` it is written with, and decides where the times are too coarse; None without either.
-    """
+    ``resolution`` it is written with, and decides where the times are too coarse; None without either."""
     try:
         found = even_interval(time, what)
     except CoarseTimes:

@@ -211,8 +211,7 @@ class ImportMapping(Table):
     @model_validator(mode="after")
     def _check_consistency(self) -> ImportMapping:
         """Refuse tables that contradict each other: force beside positions, a body or channel twice or missing, names
-        of channels that are not mapped, one sign for decimals and thousands.
-        """
+        of channels that are not mapped, one sign for decimals and thousands."""
         names, channels = tuple(encoder.name for encoder in self.encoders), self.channels
         positions = [one.name for one in self.positions]
         both = [body for body in names if body in self.absent_encoders]
@@ -303,8 +302,7 @@ def parse_mapping(text: str, where: str = "mapping") -> MappingFile:
 
 def check_unit(table: ChannelTable, channel: str, unit: str, overruled: tuple[str, ...] = ()) -> None:
     """Refuse (RigInputError) a channel for which the file states another unit than ``unit``, one of ours, unless the
-    channel is in ``overruled``; one without a stated unit passes.
-    """
+    channel is in ``overruled``; one without a stated unit passes."""
     stated = table.units.get(channel, "").strip()
     if known_unit(stated) not in (None, unit) and channel not in overruled:
         raise RigInputError(

@@ -19,8 +19,7 @@ from rig.foreign.stated_properties import find_clock, find_scale_doubt_of_groups
 
 def read_mat(path: Path) -> ChannelTable:
     """Read every vector of numbers of a MATLAB file before 7.3 (SciPy), also those in structs, as channels;
-    RigInputError when it cannot be read or has none.
-    """
+    RigInputError when it cannot be read or has none."""
     from scipy.io import loadmat  # start-up: 0.2 s that only a MATLAB file needs
 
     try:
@@ -50,8 +49,7 @@ def read_mat(path: Path) -> ChannelTable:
 
 def _flatten_structs(content: Any, above: str = "") -> Iterator[tuple[str, Any]]:
     """Yield name and value of every variable, of a field of a struct as ``struct/field``, at any depth; names that
-    begin with ``_`` are left out.
-    """
+    begin with ``_`` are left out."""
     fields = content if isinstance(content, dict) else vars(content)
     for name, value in fields.items():
         if name.startswith("_"):

@@ -36,8 +36,7 @@ def read_segments(
     skip_rows: int = 0,
 ) -> tuple[ChannelTable, ...]:
     """Read all channels of a recording, by the ending of its name (text, LVM, TDMS, HDF5, MATLAB), one table a segment;
-    the options are those of CSV: signs, line of the names from 1, lines to skip.
-    """
+    the options are those of CSV: signs, line of the names from 1, lines to skip."""
     file = Path(path)
     suffix = "".join(file.suffixes[-2:]).lower() if file.suffix.lower() == ".gz" else file.suffix.lower()
     if suffix in (*TEXT, ".csv.gz", ".txt.gz"):
@@ -130,8 +129,7 @@ def read_force(path: str | Path, column: str = "force_n") -> tuple[NDArray[np.fl
 
 def join_segments(segments: Sequence[ChannelTable], names: Sequence[str]) -> ChannelTable:
     """Join successive segments into one table of the channels ``names`` alone; RigInputError for another unit or rate,
-    or where times do not go on from one to the next.
-    """
+    or where times do not go on from one to the next."""
     first = segments[0]
     whole = {name: np.concatenate([segment.channel(name) for segment in segments]) for name in names}
     for before, after in zip(segments, segments[1:], strict=False):

@@ -69,8 +69,7 @@ class CoarseTimes(RigInputError):
 
 def even_interval(time_s: NDArray[np.float64], what: str) -> float:
     """Interval, s, of the even times (n,), s; RigInputError, which begins with ``what``, for times that do not rise,
-    have a break, or are written too coarsely.
-    """
+    have a break, or are written too coarsely."""
     if time_s.size < 2:
         raise RigInputError(f"{what}: {time_s.size} samples, allowed from 2")
     steps = np.diff(time_s)
@@ -113,8 +112,7 @@ def is_mostly_even(values: NDArray[np.float64]) -> bool:
 
 def refuse_break(time_s: NDArray[np.float64], interval_s: float, what: str) -> None:
     """Raise `BrokenTimes`, whose message begins with ``what`` and names the first row (from 1) whose time is not one
-    interval after the row above, and by how much. Never returns.
-    """
+    interval after the row above, and by how much. Never returns."""
     steps = np.diff(time_s)
     allowed = JITTER * interval_s + ROUNDING * time_resolution(time_s)
     off = np.abs(steps - interval_s) > allowed
@@ -164,8 +162,7 @@ def find_breaks(time_s: NDArray[np.float64], interval_s: float) -> list[int]:
 
 def time_resolution(time_s: NDArray[np.float64]) -> float:
     """Last decimal place with which times (n,), s, are written, such as 0.001 s; at least their floating-point
-    resolution.
-    """
+    resolution."""
     floor = float(4 * np.spacing(np.abs(time_s).max()))
     for digits in range(9):
         resolution = 10.0**-digits  # s: one in the last decimal place

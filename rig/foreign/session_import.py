@@ -110,8 +110,7 @@ def cut_position_trials(
     table: ChannelTable, mapping: ImportMapping, interval_s: float, first_number: int, started_utc: str
 ) -> list[tuple[TrialData, str]]:
     """Cut a recording of positions into trials, a stroke each, numbered from ``first_number``; with each the reason to
-    reject it that the mapping states, empty for none. RigInputError where no stroke is found.
-    """
+    reject it that the mapping states, empty for none. RigInputError where no stroke is found."""
     infos = tuple(make_channel_info(one) for one in mapping.positions)
     values = np.column_stack([_read_position(table, one, mapping.overrule_units) for one in mapping.positions])
     time_s = np.arange(len(values), dtype=np.float64) * interval_s
@@ -139,8 +138,7 @@ def cut_position_trials(
 
 def make_channel_info(one: PositionMapping) -> ChannelInfo:
     """Description of a position sensor for a trial's file, from its table in the mapping: unit 1, value and reading by
-    offset and gain, ruler points.
-    """
+    offset and gain, ruler points."""
     return ChannelInfo(
         name=one.name,
         quantity=f"reading of the position sensor at: {one.ruler.sensor_at}",
@@ -158,8 +156,7 @@ def make_channel_info(one: PositionMapping) -> ChannelInfo:
 
 def _read_position(table: ChannelTable, one: PositionMapping, overruled: tuple[str, ...]) -> Array:
     """Reading (n,) of a position sensor: (value - offset) / gain; refuse one that stays at the converter's limit, and
-    one whose file states another unit unless its channel is in ``overruled``.
-    """
+    one whose file states another unit unless its channel is in ``overruled``."""
     check_unit(table, one.channel, one.unit, overruled)
     raw = table.channel(one.channel)
     if one.limits is not None:
@@ -192,8 +189,7 @@ def _make_position_trial(
     origin: tuple[float, str],
 ) -> tuple[TrialData, str]:
     """Trial of the stroke ``cut`` and the mapping's reason to reject it, or empty; ``values`` (n, channels): readings
-    of the whole recording; ``origin``: time of its first sample, s, and its file's name.
-    """
+    of the whole recording; ``origin``: time of its first sample, s, and its file's name."""
     n = cut.end - cut.first
     origin_s, file = origin
     start_s = origin_s + cut.first * interval_s
@@ -241,8 +237,7 @@ def sample_interval(table: ChannelTable, mapping: ImportMapping) -> float:
 
 def _agreed_interval(table: ChannelTable, mapping: ImportMapping) -> float:
     """Sampling interval, s, of the mapped channels, by the mapping or the file; RigInputError where times, units or
-    rates contradict it, or it lies outside 100 Hz to 1 MHz.
-    """
+    rates contradict it, or it lies outside 100 Hz to 1 MHz."""
     time = mapping.time
     time_channel = time.channel if time.channel in table.channels or not table.clocks else None
     if time_channel is not None:
@@ -405,8 +400,7 @@ def read_recording(path: Path, mapping: MappingFile) -> TrialData:
 
 def _read_recordings(file: Path, config: ImportMapping) -> tuple[ChannelTable, ...]:
     """Read a file as one table a trial: its segments, split at breaks of the times, are trials each, or are joined, as
-    the mapping says; RigInputError where it does not say what several are.
-    """
+    the mapping says; RigInputError where it does not say what several are."""
     segments = read_segments(
         file, separator=config.separator, decimal=config.decimal, thousands=config.thousands,
         names_row=config.names_row, skip_rows=config.skip_rows,
@@ -431,8 +425,7 @@ def _read_recordings(file: Path, config: ImportMapping) -> tuple[ChannelTable, .
 
 def _describe_difference(one: ChannelTable, other: ChannelTable, names: Sequence[str]) -> str:
     """Return in words, in brackets, how unit, rate or start of a channel in ``names`` differs between two segments: the
-    first difference, or empty.
-    """
+    first difference, or empty."""
     for name in names:
         units = one.units.get(name, ""), other.units.get(name, "")
         clocks = one.clocks.get(name), other.clocks.get(name)
@@ -459,8 +452,7 @@ def _trim_to_shortest(table: ChannelTable, config: ImportMapping) -> ChannelTabl
 
 def _split_at_breaks(table: ChannelTable, config: ImportMapping) -> list[ChannelTable]:
     """Pieces of a table between breaks of its times (the mapping's channel, or a column that tells them); the table
-    itself where it has none.
-    """
+    itself where it has none."""
     time, names, clock = config.time, config.channels, table.stated_clock(config.channels)
     stated_s = 1.0 / time.sample_rate_hz if time.sample_rate_hz else clock.interval_s if clock else np.nan
     if time.channel is not None and time.channel in table.channels:
@@ -475,8 +467,7 @@ def _split_at_breaks(table: ChannelTable, config: ImportMapping) -> list[Channel
 
 def _recording_start(table: ChannelTable, file: Path, config: ImportMapping) -> str:
     """When a recording began, ISO 8601, by the file's own statement (UTC; without a zone where that is not known), else
-    when the file was last changed.
-    """
+    when the file was last changed."""
     if table.started:
         started = datetime.fromisoformat(table.started)
         if started.tzinfo is None and config.utc_offset_h is not None:
@@ -487,8 +478,7 @@ def _recording_start(table: ChannelTable, file: Path, config: ImportMapping) -> 
 
 def make_trial(table: ChannelTable, mapping: ImportMapping, number: int, started_utc: str = "") -> TrialData:
     """Trial of one recorded blow: force converted to N (not corrected for its offset), counts to whole numbers, times
-    from 0, the blow's start by the mapping or found in the force; RigInputError where it cannot be used.
-    """
+    from 0, the blow's start by the mapping or found in the force; RigInputError where it cannot be used."""
     cell = mapping.force
     if cell is None:
         raise RigInputError(f"{table.where}: the mapping has no [force]; a recording of positions is cut into strokes")
@@ -549,8 +539,7 @@ def make_trial(table: ChannelTable, mapping: ImportMapping, number: int, started
 
 def _check_pushes(force_n: NDArray[np.float64], interval_s: float, what: str) -> None:
     """Refuse (RigInputError, which begins with ``what``) a force (n,), N, that falls from its rest far more than it
-    rises: a push must be positive. A recording that begins within a push passes.
-    """
+    rises: a push must be positive. A recording that begins within a push passes."""
     rest = force_n[: max(int(round(MINIMUM_QUIET_S / interval_s)), 1)]
     level = float(rest.mean())
     pull, push = level - float(force_n.min()), float(force_n.max()) - level
@@ -604,8 +593,7 @@ def _read_counts(table: ChannelTable, encoder: EncoderMapping, overruled: tuple[
 
 def _unwrap_counts(values: Array, bits: int, what: str) -> Array:
     """Counts (n,) with the wraps of a counter of ``bits`` bits, signed or not, taken out; the first stays as it is.
-    RigInputError, which begins with ``what``, for a count beyond its range.
-    """
+    RigInputError, which begins with ``what``, for a count beyond its range."""
     span = 2.0**bits
     outside = (values < -span / 2) | (values >= span) | ((values >= span / 2) & (values.min() < 0))
     if outside.any():
@@ -623,8 +611,7 @@ WRAP_SHARE = 1 / 16  # of a counter's range, that a step between samples may hav
 
 def has_wraps(counts: NDArray[np.int64], bits: int) -> bool:
     """Whether counts (n,) look like those of a counter of ``bits`` bits that wrapped: all within its range, a step of
-    about all of it, and small steps otherwise.
-    """
+    about all of it, and small steps otherwise."""
     span = 2**bits
     low, high = int(counts.min(initial=0)), int(counts.max(initial=0))
     steps = np.diff(counts)
@@ -636,8 +623,7 @@ def has_wraps(counts: NDArray[np.int64], bits: int) -> bool:
 
 def values_beyond_limits(trial: TrialData, limits: LimitsConfig) -> str:
     """In words, with its row from 1, where the force, and each body's mean speed over 1 ms, first leave the limits,
-    separated by semicolons; empty where none does.
-    """
+    separated by semicolons; empty where none does."""
     said = []
     for name, beyond in (
         ("force_min_n", trial.raw_force_n < limits.force_min_n),
@@ -664,8 +650,7 @@ def values_beyond_limits(trial: TrialData, limits: LimitsConfig) -> str:
 
 def find_start(force_n: NDArray[np.float64], interval_s: float, where: str) -> float:
     """Time, s after the first sample, at which the force (n,), N, begins to rise from its rest; RigInputError, which
-    begins with ``where``, for a record that does not begin with 20 ms of rest before a push.
-    """
+    begins with ``where``, for a record that does not begin with 20 ms of rest before a push."""
     quiet = int(round(MINIMUM_QUIET_S / interval_s))
     if quiet < ONSET_SAMPLES or force_n.size < 2 * quiet:
         raise RigInputError(f"{where}: too short or too slow to find the blow; give blow_start_s in the mapping")

@@ -36,8 +36,7 @@ _INTERVAL = re.compile(r"dt|deltat|timestep|sampl(e|ing)(interval|period)(s|sec)
 
 def is_unit_scale_or_time(name: str) -> bool:
     """Whether a property's name says that it is a unit, scale, sample rate, interval or start of a channel's numbers;
-    its value is not looked at.
-    """
+    its value is not looked at."""
     letters = _letters(name)
     return bool(
         _PERHAPS_UNIT.fullmatch(name)
@@ -50,8 +49,7 @@ def is_unit_scale_or_time(name: str) -> bool:
 
 def find_unit(properties: Properties) -> tuple[str, str]:
     """Unit that the properties state, as written (empty for none), and a text that says where two of them contradict
-    each other (the unit is then empty), else empty.
-    """
+    each other (the unit is then empty), else empty."""
     found = {}
     for key, value in properties.items():
         text = text_of(value).strip()
@@ -64,8 +62,7 @@ def find_unit(properties: Properties) -> tuple[str, str]:
 
 def find_scale_doubt(properties: Properties, applied: tuple[str, ...] = (), *, are_integers: bool = False) -> str:
     """Sentence on the first property that by its name may be a scale, is not neutral (factor 1, offset 0) and not in
-    ``applied``; empty where there is none. ``are_integers``: resolutions count, too.
-    """
+    ``applied``; empty where there is none. ``are_integers``: resolutions count, too."""
     for key, value in scale_numbers(properties, are_integers=are_integers):
         neutral = 0.0 if re.search("offset|intercept", key, re.IGNORECASE) else 1.0
         if key not in applied and value != neutral:
@@ -88,8 +85,7 @@ def find_scale_doubt_of_groups(name: str, above: Sequence[Properties], *, are_in
 
 def scale_numbers(properties: Properties, *, are_integers: bool = False) -> Iterator[tuple[str, float]]:
     """Yield name and number of each property that by its name may be a factor or offset; NaN where it holds several
-    numbers. ``are_integers``: also resolutions and step sizes.
-    """
+    numbers. ``are_integers``: also resolutions and step sizes."""
     for key, value in properties.items():
         if not _SCALE.fullmatch(key) and not (are_integers and _SCALE_OF_INTEGERS.fullmatch(key)):
             continue
@@ -102,8 +98,7 @@ def scale_numbers(properties: Properties, *, are_integers: bool = False) -> Iter
 
 def find_clock(*properties: Properties) -> Clock | None:
     """Clock of the first sample rate, Hz, or sample interval, s, that a property states by its name; the sets of
-    properties are searched in order; None where none does.
-    """
+    properties are searched in order; None where none does."""
     for stated in properties:
         for key, value in stated.items():
             letters = _letters(key)

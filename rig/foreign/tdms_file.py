@@ -56,8 +56,7 @@ class _Complaints(logging.Handler):
 
 def read_tdms(path: Path) -> tuple[ChannelTable, ...]:
     """Read the numeric channels of a TDMS file, one table for each recording in it (a new one begins where unit, scale,
-    rate or start is stated anew); RigInputError for a damaged file or none of numbers.
-    """
+    rate or start is stated anew); RigInputError for a damaged file or none of numbers."""
     complaints = _Complaints()
     logger, console = logging.getLogger("nptdms"), log.log_manager.console_handler
     logger.addHandler(complaints)
@@ -102,8 +101,7 @@ def _refuse_all(record: logging.LogRecord) -> bool:
 
 def _check_segments(path: Path, size: int) -> tuple[int, bool]:
     """Number of segments of a TDMS file of ``size`` bytes, and whether the last one was finalised (its length written);
-    RigInputError where the file is cut off or damaged.
-    """
+    RigInputError where the file is cut off or damaged."""
     at = count = 0
     with path.open("rb") as stream:
         while at < size:
@@ -135,8 +133,7 @@ class _Recording:
 
 def _find_recordings(stream: BinaryIO, segments: int, where: str) -> list[_Recording]:
     """Recordings within a TDMS file: a new one begins where a segment changes unit, scale, rate or start of a channel
-    with samples; each with the range of samples and the properties by channel.
-    """
+    with samples; each with the range of samples and the properties by channel."""
     reader = TdmsReader(stream)
     history: list[tuple[dict[str, int], Mapping[str, Any]]] = []
     sizes: dict[str, int] = {}
@@ -175,8 +172,7 @@ def _numeric_channels(
     file: Any, part: _Recording, size: int, complaints: _Complaints, where: str
 ) -> dict[str, tuple[Any, str]]:
     """npTDMS's channel, and its warning about an unknown scale (or empty), of each numeric channel by name; gives all
-    objects of ``file`` the properties of ``part``, by which npTDMS scales.
-    """
+    objects of ``file`` the properties of ``part``, by which npTDMS scales."""
     channels = [channel for group in file.groups() for channel in group.channels() if len(channel)]
     for node in (file, *file.groups(), *channels):
         # npTDMS applies the scales that an object's properties state
@@ -200,8 +196,7 @@ def _fill_table(
     table: ChannelTable, channels: dict[str, tuple[Any, str]], part: _Recording, complaints: _Complaints
 ) -> ChannelTable:
     """Return the table with the samples of recording ``part``, as float64, with units, clocks, start and doubts of its
-    channels (as `_numeric_channels` gives them); time stamps become s after the first.
-    """
+    channels (as `_numeric_channels` gives them); time stamps become s after the first."""
     columns, started = {}, ""
     doubts: dict[str, str] = {}
     units: dict[str, str] = {}
@@ -240,8 +235,7 @@ def _fill_table(
 
 def _waveform_clock(properties: Mapping[str, object]) -> Clock | None:
     """Clock, s, by the waveform properties ``wf_increment``, ``wf_start_offset``, ``wf_start_time``; None without a
-    positive increment, ValueError where its unit is not one of time.
-    """
+    positive increment, ValueError where its unit is not one of time."""
     interval, offset = properties.get("wf_increment"), properties.get("wf_start_offset", 0.0)
     if not isinstance(interval, float | int) or not (np.isfinite(interval) and interval > 0):
         return None

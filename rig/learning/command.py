@@ -25,8 +25,7 @@ def correct_command(
     command_n: NDArray[np.float64], target: TargetForce, measured: Measured, gain: float, rate_hz: float
 ) -> NDArray[np.float64]:
     """Return the next command (n,), N, at the target's times: ``command_n`` plus ``gain`` times the low-passed
-    difference of target and measured force from onset to key bottom, which fades after it; zero at both ends.
-    """
+    difference of target and measured force from onset to key bottom, which fades after it; zero at both ends."""
     time_s, inside = target.time_s, window(target, measured)
     error = target.force_n - measured.force_n
     error[time_s < target.onset_s - FADE_S] = 0.0
@@ -48,8 +47,7 @@ def limit_command(
     command_n: NDArray[np.float64], force_limit_n: float, slew_limit_n_per_s: float, rate_hz: float
 ) -> NDArray[np.float64]:
     """Return a copy of a command (n,), N, sampled at ``rate_hz``, held within 98 % of the limits of force, N, of either
-    sign, and of slew rate, N/s.
-    """
+    sign, and of slew rate, N/s."""
     step = LIMIT_SHARE * slew_limit_n_per_s / rate_hz
     limited = np.clip(command_n, -LIMIT_SHARE * force_limit_n, LIMIT_SHARE * force_limit_n)
     for k in range(1, limited.size):
@@ -62,8 +60,7 @@ POINT_TOLERANCE = 0.002  # of the peak: smaller changes of the command get no ke
 
 def make_profile(name: str, command_n: NDArray[np.float64], rate_hz: float, description: str) -> Profile:
     """Return a profile of few points joined by straight lines that stay within 0.2 % of the peak of a command (n,), N,
-    sampled at ``rate_hz``; it begins and ends at 0 N. Nothing is written.
-    """
+    sampled at ``rate_hz``; it begins and ends at 0 N. Nothing is written."""
     samples = key_points(command_n, POINT_TOLERANCE * float(np.max(np.abs(command_n), initial=1e-9)))
     points = [{"time_s": round(float(k / rate_hz), 7), "force_n": round(float(command_n[k]), 4)} for k in samples]
     points[0]["force_n"] = points[-1]["force_n"] = 0.0
@@ -74,8 +71,7 @@ def make_profile(name: str, command_n: NDArray[np.float64], rate_hz: float, desc
 
 def key_points(values: NDArray[np.float64], tolerance: float) -> list[int]:
     """Return the sample numbers, rising, both ends among them, between which straight lines stay within ``tolerance``
-    of all values (n,) (Ramer 1972).
-    """
+    of all values (n,) (Ramer 1972)."""
     points, open_spans = {0, values.size - 1}, [(0, values.size - 1)]
     while open_spans:
         low, high = open_spans.pop()

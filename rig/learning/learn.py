@@ -147,8 +147,7 @@ def learn(
 
 def _check_reachable(target: TargetForce, config: RigConfig, most_n: float) -> None:
     """Refuse a target that no number of blows can reach on this rig: with a peak above ``most_n``, N, a rise above the
-    motor's slew limit, or a peak so small that the load cell's noise hides the error.
-    """
+    motor's slew limit, or a peak so small that the load cell's noise hides the error."""
     peak_n, slew = target.peak_n, config.motor.slew_limit_n_per_s
     if peak_n > most_n:
         raise RigInputError(

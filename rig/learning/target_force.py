@@ -164,8 +164,7 @@ def make_target(
 
 def _resample_force(force_n: NDArray[np.float64], interval_s: float, rate_hz: float) -> NDArray[np.float64]:
     """Return a force (m,), sampled every ``interval_s`` s, at the times (n,) of a clock of ``rate_hz``: linear between
-    samples, or the mean over one interval of the clock where it was sampled faster.
-    """
+    samples, or the mean over one interval of the clock where it was sampled faster."""
     time_s = np.arange(force_n.size) * interval_s
     n = int(np.floor(time_s[-1] * rate_hz + 1e-6)) + 1
     wanted = np.arange(n) / rate_hz
@@ -180,8 +179,7 @@ def _resample_force(force_n: NDArray[np.float64], interval_s: float, rate_hz: fl
 
 def find_key_bottom(force_n: NDArray[np.float64], rate_hz: float) -> int | None:
     """Return the sample number at the foot of the spike by which key bottom shows in a force (n,), N; None where no
-    rise is much steeper than the one before it.
-    """
+    rise is much steeper than the one before it."""
     width = max(int(round(SMOOTH_S * rate_hz)), 1)
     smooth = np.convolve(np.pad(force_n, (width, width), mode="edge"), np.ones(width) / width, "same")[width:-width]
     slope = np.gradient(smooth) * rate_hz
@@ -205,8 +203,7 @@ def _cut_target(
     name: str, force: NDArray[np.float64], rest_n: float, onset: int, bottom: int, rate_hz: float
 ) -> TargetForce:
     """Target of a force (n,), N, from sample ``onset``, 50 ms of zeros before it, to its end; its first command leaves
-    the spike after key bottom, sample ``bottom``, out. ``rest_n``: resting force already subtracted, only stored.
-    """
+    the spike after key bottom, sample ``bottom``, out. ``rest_n``: resting force already subtracted, only stored."""
     held = force.copy()
     after = min(bottom + int(SPIKE_S * rate_hz), force.size - 1)
     level = float(np.median(force[after : after + max(int(RELEASE_S * rate_hz), 1)]))

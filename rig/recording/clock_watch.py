@@ -16,8 +16,7 @@ class ClockWatch:
 
     def jump(self) -> str:
         """Return in words by how much the wall clock was set, against the monotonic one, since the last call; empty
-        where that is not more than 1 s.
-        """
+        where that is not more than 1 s."""
         off_s = self._wall_s() - self._monotonic_s()
         jump_s, self._off_s = off_s - self._off_s, off_s
         if abs(jump_s) <= JUMP_S:

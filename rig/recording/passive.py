@@ -62,8 +62,7 @@ class StrokeSettings:
     @classmethod
     def from_rig(cls, config: RigConfig, rate_hz: float) -> StrokeSettings:
         """Limits by which a stroke played by hand begins and ends, from ``[passive]`` and ``[recording]`` of the rig
-        file; ``rate_hz``: the sample rate that the device gave.
-        """
+        file; ``rate_hz``: the sample rate that the device gave."""
         return take_same_fields(
             cls,
             config.passive,
@@ -118,8 +117,7 @@ class StrokeDetector:
 
     def add(self, block: Block) -> Stroke | None:
         """Take the next block of the stream; return the stroke that it ends (first sample, trigger and end, numbered in
-        the stream, and why it ended), or None.
-        """
+        the stream, and why it ended), or None."""
         new = block.force_n.size
         self._force = np.concatenate((self._force, block.force_n))
         self._count = np.concatenate((self._count, block.encoder_count))
@@ -149,8 +147,7 @@ class StrokeDetector:
 
     def _find_trigger(self, new: int) -> bool:
         """Return whether in the ``new`` newest samples force or key have left their level of before for 2 ms; if so,
-        note first sample and trigger of the stroke that begins.
-        """
+        note first sample and trigger of the stroke that begins."""
         force_n, count = self._level
         at = max(self._force.size - new - self._sustained + 1, 0)
         is_beyond = np.abs(self._force[at:] - force_n) > self._s.trigger_n
@@ -164,8 +161,7 @@ class StrokeDetector:
 
     def _finish_at_rest(self) -> Stroke | None:
         """Return the stroke under way if it has ended, at rest with the key back, or because it is too long, and wait
-        for the next one; None while it goes on.
-        """
+        for the next one; None while it goes on."""
         assert self._begun is not None
         first, trigger = self._begun
         back = np.abs((self._count[-1, 0] - self._level[1][0]) * self._rad[0]) <= BACK * self._s.trigger_rad
@@ -180,8 +176,7 @@ class StrokeDetector:
 
     def _is_still(self) -> bool:
         """Whether over the last ``rest_s`` every encoder stayed in a range of ``still_rad`` and the force, as means
-        over 10 ms, in one of ``rest_n``; False while there are fewer samples.
-        """
+        over 10 ms, in one of ``rest_n``; False while there are fewer samples."""
         if self._force.size < self._rest:
             return False
         if np.any(np.ptp(self._count[-self._rest :], axis=0) * self._rad > self._s.still_rad):
@@ -289,8 +284,7 @@ class _Stream:
 
     def run(self, max_strokes: int, duration_s: float) -> None:
         """Record until ``max_strokes`` strokes are sealed or ``duration_s`` of the device's time have passed; then stop
-        the bench, seal the stroke under way, and raise what ended the recording early.
-        """
+        the bench, seal the stroke under way, and raise what ended the recording early."""
         backend, config = self._backend, self._config
         error: BaseException | None = None
         with termination_as_interrupt():
@@ -363,8 +357,7 @@ class _Stream:
 
     def _open_journal(self, timing: Timing, settings: StrokeSettings) -> None:
         """Open the journal file of the next trial and write to it the recent blocks that may belong to a stroke under
-        way; its head holds ``settings``, from which a recovery finds the stroke again.
-        """
+        way; its head holds ``settings``, from which a recovery finds the stroke again."""
         command = MotorCommand(np.zeros(2), settings.pre_s, settings.pre_s)
         head = TrialHead.from_rig(
             self._config, timing, command, number=self._number, simulated=self._backend.capabilities.simulated
@@ -392,8 +385,7 @@ class _Stream:
 
     def _seal_stroke(self, stroke: Stroke, status: str, reason: str) -> Trial:
         """Close the journal, seal ``stroke``, its samples numbered in the stream, as the session's next trial with this
-        status and reason, and remove the journal; return the trial.
-        """
+        status and reason, and remove the journal; return the trial."""
         assert self._journal is not None
         journal, self._journal = self._journal, None
         failed = close_journal(journal.writer, status, reason)
@@ -410,8 +402,7 @@ class _Stream:
 
     def _end_stroke(self, stroke: Stroke | None, error: BaseException | None) -> None:
         """At the end of the recording seal the stroke under way, with status and reason from ``error``, or as
-        ``interrupted`` without one; where there is no stroke remove the journal.
-        """
+        ``interrupted`` without one; where there is no stroke remove the journal."""
         if stroke is None:
             self._drop_journal()
         elif error is None:

@@ -37,8 +37,7 @@ def record_entries(
     first_number: int = 1,
 ) -> None:
     """Record a plan's entries as trials from ``first_number`` on, with rests and prompts to the operator, and seal each
-    in the session; what ends a trial early is raised once that trial is sealed.
-    """
+    in the session; what ends a trial early is raised once that trial is sealed."""
     prompts = [entry for entry in entries if entry.prompt]
     if prompts and options.ask is None:
         raise _nobody(prompts[0])  # before the first blow, not in the middle of the plan
@@ -103,8 +102,7 @@ def _store_outcome(session: Session, trial: PlannedTrial, outcome: TrialOutcome,
 
 def seal(session: Session, journal: Path, status: str, reason: str) -> Trial:
     """Seal a trial of the session from its journal file, which stays, with this status and reason; where that fails a
-    RecordingFault also says what had ended the trial.
-    """
+    RecordingFault also says what had ended the trial."""
     try:
         return seal_journal(session, journal, scan_journal(journal), status, reason)
     except RigInputError as failure:

@@ -89,8 +89,7 @@ def recover(path: str | Path, out: str | Path | None = None) -> list[Recovered]:
 def _recover_all(session: Session, journals: Mapping[int, Path], *, keep: bool) -> list[Recovered]:
     """Seal the trials of ``journals`` (file by trial number) in a session and seal again those that lost their seal;
     ``keep``: no journal is removed. Return what became of each, by number, with the unreadable; refusals come at the
-    end.
-    """
+    end."""
     sealed_again = {one.trial: one for one in _reseal_trials(session)}
     found, complaints = [], []
     for number, file in journals.items():
@@ -154,8 +153,7 @@ def _copy_session(session: Session, out: Path) -> tuple[Session, list[Recovered]
 
 def _refuse_if_in_use(file: Path, flags: int) -> None:
     """Refuse a file that another program holds locked, by locking it for a moment; ``flags``: those of `os.open`, with
-    which it is opened for that.
-    """
+    which it is opened for that."""
     with translate_os_error(file, "opened"):
         descriptor = platform_calls.open_raw(file, flags)
     try:
@@ -224,8 +222,7 @@ def _recover_trial(session: Session, number: int, file: Path, *, keep: bool) -> 
 
 def _find_stroke(file: Path, journal: Journal, settings: str) -> tuple[Stroke | None, bool]:
     """Return the stroke in the journal of a passive recording (None: nobody played) and whether the bench was ever at
-    rest before it; ``settings``: text of the stroke's limits in the journal's head.
-    """
+    rest before it; ``settings``: text of the stroke's limits in the journal's head."""
     try:
         detector = StrokeDetector(StrokeSettings.from_text(settings))
     except (TypeError, ValueError, KeyError) as error:

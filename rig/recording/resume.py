@@ -33,8 +33,7 @@ ENDED = ("complete", "not at rest")
 
 def due_entries(session: Session) -> list[Entry]:
     """Return, in order, the entries of a session's plan that have no trial that ended by itself (``complete``, ``not at
-    rest``) and is not rejected; a warm-up blow counts although it is rejected.
-    """
+    rest``) and is not rejected; a warm-up blow counts although it is rejected."""
     plan = session.info.plan
     every = _read_planned_entries(session)
     for trial in session.trials:

@@ -58,8 +58,7 @@ NOTICED_LATE_S = 0.05  # at most, by far, after a stroke begins: the force has t
 
 def seal_cut(session: Session, file: Path, cut: Stroke, status: str, reason: str) -> Trial:
     """Seal the stroke ``cut``, samples numbered in the journal ``file``, as the journal's trial with this status and
-    reason: its first sample is time zero, the start time is shifted along; the journal stays.
-    """
+    reason: its first sample is time zero, the start time is shifted along; the journal stays."""
     scanned = scan_journal(file)
     head = scanned.head
     end = min(cut.end, scanned.n_samples)
@@ -79,8 +78,7 @@ def seal_cut(session: Session, file: Path, cut: Stroke, status: str, reason: str
 
 def _cut_blocks(blocks: Iterator[Block], first: int, end: int) -> Iterator[Block]:
     """Yield the samples from number ``first`` to just before ``end``, numbered anew from 0, in blocks without the
-    camera's exposures.
-    """
+    camera's exposures."""
     for block in blocks:
         low, high = max(first - block.first_sample, 0), min(end - block.first_sample, block.force_n.size)
         if low >= high:
@@ -98,8 +96,7 @@ def _cut_blocks(blocks: Iterator[Block], first: int, end: int) -> Iterator[Block
 
 def _assemble_parts(head: TrialHead, blocks: Iterator[Block]) -> Iterator[TrialData]:
     """Yield the parts of a trial, at least 5000 samples each but the last, from its blocks in order; ``head``: what the
-    trial states of itself.
-    """
+    trial states of itself."""
     waiting: list[Block] = []
     first = samples = 0
     for block in blocks:

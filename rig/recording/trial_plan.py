@@ -55,8 +55,7 @@ class PlanConfig(Table):
     @model_validator(mode="after")
     def _check_names_and_number(self) -> PlanConfig:
         """Refuse two conditions of the same name, in capitals or small letters, and more than 9999 trials, warm-up
-        blows among them.
-        """
+        blows among them."""
         names = [condition.name for condition in self.conditions]
         if len({name.lower() for name in names}) < len(names):
             raise ValueError(f"conditions are named {names}; each needs a name of its own")
@@ -216,8 +215,7 @@ def _profile(condition: ConditionConfig, where: str, folder: Path) -> Profile:
 
 def draw_order(config: PlanConfig) -> list[str]:
     """Return the conditions' names in the order of the trials, without warm-up blows: shuffled over all trials, or
-    within blocks of all conditions, or as listed, as the plan says; the same seed gives the same order.
-    """
+    within blocks of all conditions, or as listed, as the plan says; the same seed gives the same order."""
     chance = random.Random(config.seed)
     if config.order == "blocks":
         order: list[str] = []

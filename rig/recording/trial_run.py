@@ -170,8 +170,7 @@ class _Lengths:
     @classmethod
     def from_command(cls, config: RigConfig, command: MotorCommand, timing: Timing) -> _Lengths:
         """Numbers of samples by a motor command: of a block, of a longer one for while it is 0 V, of the longest trial;
-        and the samples between which it moves the motor, and from which on the trial may end.
-        """
+        and the samples between which it moves the motor, and from which on the trial may end."""
         rate, recording = timing.sample_rate_hz, config.recording
         block = max(int(round(recording.block_s * rate)), int(np.ceil(timing.shortest_block_s * rate)), 1)
         moves = np.flatnonzero(command.volts)

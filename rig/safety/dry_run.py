@@ -125,8 +125,7 @@ def free_arm(arm: ArmConfig, force_n: NDArray[np.float64], sample_rate_hz: float
 
 def _refuse_above_limits(where: str, config: RigConfig, predicted: PredictedBlow) -> dict[str, float | str]:
     """Return the largest force, rate of force, and travel, speed and pulse rate of each body of a predicted blow, by
-    names with units; refuse one above its limit, naming the profile ``where`` and the time.
-    """
+    names with units; refuse one above its limit, naming the profile ``where`` and the time."""
     limits, force_n = config.limits, predicted.force_n
 
     def largest(what: str, unit: str, values: NDArray[np.float64], limit: float, key: str) -> float:
@@ -164,8 +163,7 @@ def _refuse_above(
     where: str, what: str, unit: str, value: float, limit: float, key: str, time_s: float | None = None
 ) -> None:
     """Refuse a ``value`` above its ``limit``, both in ``unit``; the message says where (the profile), what, when, and
-    the entry ``key`` of the rig file that sets the limit.
-    """
+    the entry ``key`` of the rig file that sets the limit."""
     if value > limit:
         when = "" if time_s is None else f" at {time_s:.4f} s"
         raise RigInputError(

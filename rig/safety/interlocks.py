@@ -54,8 +54,7 @@ class Interlocks:
 
     def check(self, block: Block) -> None:
         """Check the next block of the trial against every limit; raise LimitExceeded, naming channel, value, limit and
-        time, and leave it to the caller to stop the bench.
-        """
+        time, and leave it to the caller to stop the bench."""
         if self._zero is None:
             self._zero = block.encoder_count[0].copy()
         old = self._force.size
@@ -76,8 +75,7 @@ class Interlocks:
 
     def check_returned(self) -> None:
         """After the blow refuse, by LimitExceeded, an encoder that is more than ``return_rad`` from where the trial
-        began: it lost counts, or a part moved.
-        """
+        began: it lost counts, or a part moved."""
         if self._zero is None:
             return
         off = (self._count[-1] - self._zero) * self._rad
@@ -96,8 +94,7 @@ class Interlocks:
 
     def _check_force(self, first: int, n_checked: int) -> None:
         """Raise LimitExceeded at a force or rate of force beyond the limits; ``first``: number in the trial of the
-        first sample kept, of which ``n_checked`` were checked before.
-        """
+        first sample kept, of which ``n_checked`` were checked before."""
         limits, force = self._limits, self._force
         new = force[n_checked:]
         outside = ~((new >= limits.force_min_n) & (new <= limits.force_max_n))  # NaN is outside
@@ -118,8 +115,7 @@ class Interlocks:
 
     def _check_motion(self, first: int, n_checked: int) -> None:
         """Raise LimitExceeded at a travel or speed of a body beyond the limits; ``first``: number in the trial of the
-        first sample kept, of which ``n_checked`` were checked before.
-        """
+        first sample kept, of which ``n_checked`` were checked before."""
         step = self._samples(SPEED_OVER_S)
         since = max(n_checked - step, 0)
         for body, name in enumerate(BODIES):
@@ -142,8 +138,7 @@ class Interlocks:
 
     def _check_exposures(self, block: Block, count: NDArray[np.int64]) -> None:
         """Raise LimitExceeded where a free-running camera makes no exposure for 1.5 frames, as its film would be
-        misread from there on; ``count`` (n,): exposures by each sample of ``block``.
-        """
+        misread from there on; ``count`` (n,): exposures by each sample of ``block``."""
         camera = self._config.camera
         if camera is None:
             return
@@ -161,8 +156,7 @@ class Interlocks:
 
     def _check_stuck(self, first: int, n_checked: int) -> None:
         """Raise LimitExceeded where the force keeps one value too long, or an encoder stands still while another turns;
-        ``first``: number in the trial of the first sample kept, of which ``n_checked`` were checked before.
-        """
+        ``first``: number in the trial of the first sample kept, of which ``n_checked`` were checked before."""
         need = self._samples(self._limits.stuck_s)
         if self._noisy and longest_run(np.diff(self._force[max(n_checked - need, 0) :]) == 0) >= need:
             self._stop(
@@ -186,8 +180,7 @@ class Interlocks:
 
     def _check_before_blow(self) -> None:
         """Keep the mean force as the baseline; raise LimitExceeded where the action still moves, the force is out of
-        its range, or the arm does not press on the key.
-        """
+        its range, or the arm does not press on the key."""
         self._baseline_n = float(self._force.mean())
         # a cell that had noise before the blow has noise during it
         self._noisy = longest_run(np.diff(self._force) == 0) < self._samples(self._limits.stuck_s)
@@ -215,8 +208,7 @@ class Interlocks:
 
     def _check_pushes(self, first: int, baseline_n: float) -> None:
         """Raise LimitExceeded where the motor is told to push and no force above ``baseline_n``, N, the mean before the
-        blow, comes; ``first``: number in the trial of the first sample kept.
-        """
+        blow, comes; ``first``: number in the trial of the first sample kept."""
         n = self._force.size
         commanded_n = np.zeros(n)
         at = first + np.arange(n) - self._delay

@@ -53,8 +53,7 @@ def termination_as_interrupt() -> Iterator[None]:
 @contextlib.contextmanager
 def defer_interrupts() -> Iterator[None]:
     """Hold back Ctrl-C and the signals that end a program until the block has ended, then hand the last one to the
-    handler that was there before.
-    """
+    handler that was there before."""
     waiting: list[tuple[int, FrameType | None]] = []
     previous: dict[int, Any] = {}
     numbers = platform_calls.ending_signals(with_keyboard=True)

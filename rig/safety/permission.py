@@ -47,8 +47,7 @@ class Permission:
 def confirm(rig: Rig, address: str, *, yes: bool, ask: Callable[[str], str | None] | None) -> str:
     """Let the operator confirm that the motor may move by typing the rig's name; return ``typed``, or ``--yes`` where
     ``yes`` is given and the rig file allows it. ``ask`` returns what was typed, None: nobody there. NotPermitted
-    otherwise.
-    """
+    otherwise."""
     name = rig.config.name
     if yes:
         if not rig.config.safety.allow_yes:
@@ -117,8 +116,7 @@ def permit(
 
 def require_permission(rig: Rig, capabilities: Capabilities, permission: Permission | None, dry_run: bool) -> None:
     """Refuse, by NotPermitted, a backend that moves hardware without a permission for this rig file, a self-test passed
-    on this bench and a ``dry_run``; one that moves none needs nothing.
-    """
+    on this bench and a ``dry_run``; one that moves none needs nothing."""
     if not capabilities.hardware:
         return
     if permission is None:

@@ -40,8 +40,7 @@ def utc_now() -> str:
 def append(folder: Path, trial: int, kind: Kind, reason: str, author: str = "") -> Annotation:
     """Append an annotation of a trial (0: the whole session) to ``annotations.jsonl`` in the session folder and return
     it; ``kind``: reject, accept or note; an empty author becomes ``unknown``. RigInputError for another kind or an
-    empty reason.
-    """
+    empty reason."""
     refuse(
         RigInputError,
         (kind not in get_args(Kind), f"{folder}: annotation {kind!r}: allowed are {', '.join(get_args(Kind))}"),
@@ -67,8 +66,7 @@ def append(folder: Path, trial: int, kind: Kind, reason: str, author: str = "") 
 
 def read(folder: Path) -> tuple[Annotation, ...]:
     """Return all annotations of the session in ``folder`` in the order they were made; none when there is no file;
-    RigInputError for a line that is no annotation.
-    """
+    RigInputError for a line that is no annotation."""
     path = folder / FILE_NAME
     try:
         text = path.read_text(encoding="utf-8")
@@ -98,8 +96,7 @@ def _parse(line: str, where: str) -> Annotation:
 
 def rejections(annotations: tuple[Annotation, ...]) -> dict[int, str]:
     """Return the reason of every trial that stands rejected, by its number: rejected, and not accepted by a later
-    annotation.
-    """
+    annotation."""
     rejected: dict[int, str] = {}
     for annotation in annotations:
         if annotation.kind == "reject":

@@ -20,8 +20,7 @@ _STEPS = 6  # of Newton's method: digits double with each
 def force_codes(reading: NDArray[np.float64], info: ForceInfo) -> NDArray[np.int64]:
     """Code of the analog-to-digital converter of each electrical reading (n,), in the channel's electrical unit, by
     inverting the driver's polynomial in ``info.device_scaling``; ``NO_CODE`` where that gives no whole number, or no
-    scaling is stated.
-    """
+    scaling is stated."""
     volts = np.asarray(reading, dtype=np.float64) * info.volts_per_unit
     gain = info.device_scaling[1] if len(info.device_scaling) > 1 else 0.0
     if gain == 0.0:

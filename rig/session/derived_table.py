@@ -26,8 +26,7 @@ SCHEMA = "piano-action-rig derived 1"
 def write_table(path: Path, table: pd.DataFrame, attrs: Mapping[str, Any], parents_sha256: Mapping[str, str]) -> None:
     """Write a table of numbers, booleans or text as a sealed HDF5 file, replacing one that was there; ``attrs``: values
     by name, stored as JSON; ``parents_sha256``: SHA-256 of each file it was made from, by name. Its index is not
-    stored.
-    """
+    stored."""
     names = [str(name) for name in table.columns]
     if len(set(names)) != len(names) or any(not name or "/" in name or name == "row" for name in names):
         raise RigInputError(f"{path}: column names {names} must be unique, not empty, not 'row' and without '/'")
@@ -48,8 +47,7 @@ def write_table(path: Path, table: pd.DataFrame, attrs: Mapping[str, Any], paren
 
 def _to_json_value(value: object) -> Any:
     """Return a NumPy array or number as lists or a number, a path as text; RigInputError for any other type (a
-    ``default`` of `json.dumps`).
-    """
+    ``default`` of `json.dumps`)."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, Path):
@@ -61,8 +59,7 @@ def _to_json_value(value: object) -> Any:
 
 def _write_column(group: h5py.Group, name: str, values: np.ndarray) -> h5py.Dataset:
     """Write a table's column (n,) as the dataset ``name`` of ``group`` and return that: booleans as int8 with a mark,
-    numbers as they are, anything else as text.
-    """
+    numbers as they are, anything else as text."""
     if values.dtype.kind == "b":
         dataset = group.create_dataset(name, data=values.astype(np.int8))
         dataset.attrs["dtype"] = "bool"
@@ -76,8 +73,7 @@ def _write_column(group: h5py.Group, name: str, values: np.ndarray) -> h5py.Data
 
 def read_table(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Return the table in a sealed file, rows numbered from 0, and its attributes, among them ``parents_sha256``
-    (SHA-256 by file name); RigInputError for another kind of file or a broken seal.
-    """
+    (SHA-256 by file name); RigInputError for another kind of file or a broken seal."""
     import pandas as pd  # start-up: pandas costs 0.4 s, opening a session does not need it
 
     with open_sealed(path) as file:

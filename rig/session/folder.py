@@ -251,8 +251,7 @@ class Session:
 
     def _files_by_number(self, suffix: str) -> dict[int, Path]:
         """Paths ``trial_NNNN.<suffix>`` in the session's folder by trial number, in rising order; ``suffix``: ``h5`` or
-        ``journal``.
-        """
+        ``journal``."""
         found = {}
         with contextlib.suppress(FileNotFoundError):
             for file in self.path.iterdir():
@@ -351,8 +350,7 @@ class Session:
         parents_sha256: Mapping[str, str] | None = None,
     ) -> Path:
         """Write a table made from a trial to ``derived/STEP/trial_NNNN.h5``, replacing an older one; return the path.
-        ``parents_sha256``: SHA-256 by name of the files it was made from; None: of the trial's file.
-        """
+        ``parents_sha256``: SHA-256 by name of the files it was made from; None: of the trial's file."""
         parents = parents_sha256
         if parents is None:
             trial = self.trial(trial_number)

@@ -56,8 +56,7 @@ class HumFit:
 
     def baseline_n(self, time_s: Array) -> Array:
         """Offset and, where the hum was accepted, its three sinusoids at times (n,), s on the clock of the fit: what is
-        subtracted from the raw force, N, (n,).
-        """
+        subtracted from the raw force, N, (n,)."""
         time = np.asarray(time_s, dtype=float)
         out = np.full(time.shape, self.offset_n)
         if self.accepted:
@@ -67,8 +66,7 @@ class HumFit:
 
     def u_baseline_n(self, time_s: Array) -> Array:
         """Standard uncertainty of `baseline_n` at times (n,), s: N, (n,); where the hum's frequency was fitted too, it
-        grows away from the baseline.
-        """
+        grows away from the baseline."""
         time = np.asarray(time_s, dtype=float)
         if not self.accepted:
             return np.full(time.shape, self.u_offset_n)
@@ -98,8 +96,7 @@ def _fit_at_frequency(time: Array, force: Array, frequency_hz: float) -> tuple[A
 
 def _search_frequency(time: Array, force: Array, centre_hz: float) -> float:
     """Frequency, Hz, within `SEARCH_HZ` of ``centre_hz``, at which offset and hum of three harmonics fit a force (n,),
-    N, best by least squares; ``time``: (n,), s, about its middle.
-    """
+    N, best by least squares; ``time``: (n,), s, about its middle."""
     grid = np.linspace(centre_hz - SEARCH_HZ, centre_hz + SEARCH_HZ, GRID)
     cost = [_fit_at_frequency(time, force, f)[1] for f in grid]
     best = int(np.argmin(cost))
@@ -194,8 +191,7 @@ def fit_hum(time_s: Array, force_n: Array, mains_hz: float | None = None) -> Hum
 
 def _reason_to_refuse(time: Array, force: Array, f: float, before: float, after: float, parameters: int) -> str:
     """Why hum at ``f``, Hz, must not be subtracted from a baseline, empty where it may; ``before``, ``after``: residual
-    standard deviation, N, without and with it; ``parameters``: how many the fit with hum has.
-    """
+    standard deviation, N, without and with it; ``parameters``: how many the fit with hum has."""
     n = time.size
     gained = before**2 * (n - 1) - after**2 * (n - parameters)
     if after == 0.0:
@@ -217,8 +213,7 @@ def _reason_to_refuse(time: Array, force: Array, f: float, before: float, after:
 
 def _shift_origin(coefficient: Array, frequency_hz: float, middle_s: float) -> Array:
     """Coefficients (7,) of 1 and of cosine, sine at one, two, three times ``frequency_hz`` for time counted from 0,
-    from those for time counted from ``middle_s``.
-    """
+    from those for time counted from ``middle_s``."""
     out = coefficient.copy()
     for k in range(1, HARMONICS + 1):
         c, s = coefficient[2 * k - 1], coefficient[2 * k]
@@ -469,8 +464,7 @@ def _find_first_move(counts: NDArray[Any], first: int) -> int | None:
 
 def _quiet_before(time: Array, first_change: int, onset_s: float, what: str, needed: str) -> Quiet:
     """The baseline from the first sample to 10 ms before the sample ``first_change``, with ``onset_s`` as stated;
-    RigInputError, worded by ``what`` and ``needed``, where less than 20 ms are left.
-    """
+    RigInputError, worded by ``what`` and ``needed``, where less than 20 ms are left."""
     step = float(np.median(np.diff(time)))
     stop = first_change - round(MARGIN_S / step)
     if stop < round(MINIMUM_QUIET_S / step):

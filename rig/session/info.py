@@ -246,8 +246,7 @@ class ForceInfo:
     @classmethod
     def from_config(cls, config: RigConfig, group_delay_s: float) -> ForceInfo:
         """Description of the force channel for a trial's file: what the rig file says of it, with ``group_delay_s``,
-        the delay that the device itself states, in place of the rig file's.
-        """
+        the delay that the device itself states, in place of the rig file's."""
         return take_same_fields(
             cls,
             config.force,
@@ -297,8 +296,7 @@ class ChannelInfo:
     @classmethod
     def opposite_head(cls, config: RigConfig) -> ChannelInfo:
         """Description, as of a further channel, of the second reading head on the key's scale: angle, rad, positive
-        counter-clockwise, from counts; the rig file must have one (`key_opposite`).
-        """
+        counter-clockwise, from counts; the rig file must have one (`key_opposite`)."""
         head, key = config.key_opposite, config.encoders[0]
         assert head is not None
         turn = 2.0 * np.pi * head.sign

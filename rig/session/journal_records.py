@@ -76,8 +76,7 @@ def encode(kind: int, sequence: int, first_sample: int, n: int, payload: bytes) 
 
 def encode_block(block: Block) -> bytes:
     """Bytes of a block as the journal stores them, little-endian: force (N), electrical readings, encoder counts (n, 3)
-    row by row, then, where recorded, exposure counts and further channels (n, k).
-    """
+    row by row, then, where recorded, exposure counts and further channels (n, k)."""
     columns = (block.force_n, block.force_raw)
     floats = b"".join(np.ascontiguousarray(column, dtype="<f8").tobytes() for column in columns)
     counts = np.ascontiguousarray(block.encoder_count, dtype="<i8").tobytes()
@@ -90,8 +89,7 @@ def encode_block(block: Block) -> bytes:
 
 def read_records(stream: BinaryIO, first_sequence: int = 0) -> Iterator[Record]:
     """Yield the records at the stream's position one by one, numbered from ``first_sequence``; stop without an error at
-    the first that is incomplete, damaged or out of sequence.
-    """
+    the first that is incomplete, damaged or out of sequence."""
     expected = first_sequence
     while True:
         start = stream.read(OVERHEAD)
@@ -110,8 +108,7 @@ def read_records(stream: BinaryIO, first_sequence: int = 0) -> Iterator[Record]:
 
 def scan(stream: BinaryIO) -> Journal:
     """Summary of a journal up to its first damage: head, number of samples, ending, and what lies behind; its samples
-    are checked but not kept. Never raises for what the file holds.
-    """
+    are checked but not kept. Never raises for what the file holds."""
     head_json: bytes | None = None
     head: TrialHead | None = None
     ending: tuple[str, str] | None = None
@@ -148,8 +145,7 @@ def _is_begun_record(data: bytes, sequence: int) -> bool:
 
 def _scan_rest(stream: BinaryIO) -> tuple[int, bool]:
     """Bytes from the stream's position to the last that is not zero, and whether a record's mark stands anywhere in
-    them but at their start (records behind a damage).
-    """
+    them but at their start (records behind a damage)."""
     last = size = 0
     behind, before = False, b""
     while chunk := stream.read(_CHUNK if size else 1):  # a torn record begins at the very first byte
@@ -179,8 +175,7 @@ def decode_blocks(stream: BinaryIO, scanned: Journal) -> Iterator[Block]:
 
 def decode_block(record: Record, head: TrialHead) -> Block:
     """Return the block of samples that a record holds; ValueError when its length does not fit the channels that the
-    trial's head names.
-    """
+    trial's head names."""
     n, further = record.n, len(head.channels)
     most = n * bytes_per_sample(head)
     if len(record.payload) not in (most - 8 * n, most):

@@ -99,8 +99,7 @@ class JournalWriter:
     def append(self, block: Block) -> int:
         """Queue the next block for the writing thread, wait for it 50 ms at most, and return the number of samples
         written so far; RecordingFault where samples are missing before it, writing failed, or the disk took nothing for
-        5 s.
-        """
+        5 s."""
         n = block.force_n.size
         if block.first_sample != self._samples:
             raise RecordingFault(
@@ -127,8 +126,7 @@ class JournalWriter:
 
     def close(self, status: str, reason: str) -> None:
         """Write the closing record with a trial's ``status`` and ``reason``, force all onto the disk and close the
-        file; RecordingFault where writing failed or takes longer than 30 s.
-        """
+        file; RecordingFault where writing failed or takes longer than 30 s."""
         with self._condition:
             if self._error is None:
                 ending = json.dumps({"status": status, "reason": reason}).encode()
@@ -153,8 +151,7 @@ class JournalWriter:
 
     def _raise_error(self) -> None:
         """Raise what the writing thread failed with as `RecordingFault`, a defect of a program as itself; return where
-        it did not fail.
-        """
+        it did not fail."""
         is_own_defect = self._error is not None and is_defect(self._error) and not isinstance(self._error, OSError)
         if self._error is not None and (is_own_defect or isinstance(self._error, RecordingFault)):
             raise self._error
@@ -172,8 +169,7 @@ class JournalWriter:
 
     def _run(self) -> None:
         """Write queued records and sync them, about once a second, until the journal is closed: the body of its own
-        thread, whose error the next call of another raises.
-        """
+        thread, whose error the next call of another raises."""
         try:
             last_sync_s = self._now_s()
             while self._write_next():
@@ -188,8 +184,7 @@ class JournalWriter:
 
     def _write_next(self) -> bool:
         """Write the oldest queued record, waiting for one for a while; return False once the queue is empty and the
-        journal is to be closed.
-        """
+        journal is to be closed."""
         with self._condition:
             if not self._waiting and not self._closing:
                 self._condition.wait(0.25 * SYNC_EVERY_S)
@@ -205,8 +200,7 @@ class JournalWriter:
 
     def _sync(self) -> None:
         """Force what was written onto the disk (fsync) and note how many samples that makes safe; raise
-        `RecordingFault` where the file was deleted.
-        """
+        `RecordingFault` where the file was deleted."""
         samples = self._committed
         if platform_calls.is_deleted(self._file):
             raise RecordingFault(

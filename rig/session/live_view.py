@@ -41,8 +41,7 @@ class JournalFollower:
 
     def poll(self) -> bool:
         """Read what was written since the last poll into ``head`` (None until it is complete) and ``blocks`` (the last
-        30 s); return False when the journal cannot be opened, True also where nothing is new.
-        """
+        30 s); return False when the journal cannot be opened, True also where nothing is new."""
         try:
             with self.path.open("rb") as stream:
                 stream.seek(self._n_bytes)
@@ -67,8 +66,7 @@ class JournalFollower:
 
     def _drop_old(self, head: TrialHead) -> None:
         """Drop blocks older than the last `KEEP_S` (30 s), but keep the encoders' first counts (1, 3) in
-        ``first_count``: turns are counted from them.
-        """
+        ``first_count``: turns are counted from them."""
         if not self.blocks:
             return
         if self.first_count is None:
@@ -116,8 +114,7 @@ class SessionFollower:
 
     def poll(self) -> LiveView | None:
         """What the session shows now: the trial being recorded (its last 30 s), else the last sealed one; None before
-        the first sample.
-        """
+        the first sample."""
         journals = self.session.journals
         if journals:
             path = list(journals.values())[-1]

@@ -76,8 +76,7 @@ class SmoothCurve:
 
 def fit_smooth(places: Array, height: Array) -> SmoothCurve:
     """Fit height, m, over a sensor's increasing readings ``places`` by a monotone smoothing spline whose stretch and
-    stiffness predict left-out points best; through all points where none is monotone.
-    """
+    stiffness predict left-out points best; through all points where none is monotone."""
     share = (places - places[0]) / (places[-1] - places[0])
     sense = np.sign(height[-1] - height[0])
     best, least = None, np.inf
@@ -111,8 +110,7 @@ def _stretch_axis(share: Array, by: float) -> Array:
 def _smoother_matrix(axis: Array, stiffness: float) -> Array:
     """Matrix (p, p) that takes heights at the rising places ``axis`` (p,) to those of their natural cubic smoothing
     spline; ``stiffness`` 0: through all points; the first and last point are kept (Green and Silverman 1994, Section
-    2.3).
-    """
+    2.3)."""
     n, step = axis.size, np.diff(axis)
     second = np.diff(np.diff(np.eye(n)) / step)
     beside = np.diag(step[1:-1] / 6.0, 1)
@@ -127,8 +125,7 @@ def _smoother_matrix(axis: Array, stiffness: float) -> Array:
 
 def _leave_one_out_error(smoother: Array, height: Array) -> tuple[float, float]:
     """RMS of the errors with which a smoother (p, p) predicts each inner height from the others, m; and the same for
-    independent errors of standard deviation one in the points, by which it is to be divided.
-    """
+    independent errors of standard deviation one in the points, by which it is to be divided."""
     inner = slice(1, -1)
     free = 1.0 - np.diag(smoother)[inner]
     error = (height - smoother @ height)[inner] / free
@@ -215,8 +212,7 @@ class Position:
 @lru_cache(maxsize=16)
 def ruler_curve(ruler: RulerInfo, where: str = "ruler") -> RulerCurve:
     """Fit the monotone curve of displacement, m, over readings of a position sensor to its ruler points; RigInputError,
-    which begins with ``where``, where they go back by more than their uncertainty, or fewer than four differ.
-    """
+    which begins with ``where``, where they go back by more than their uncertainty, or fewer than four differ."""
     reading, displacement = np.array(ruler.reading), np.array(ruler.displacement_m)
     sense = 1.0 if reading[-1] > reading[0] else -1.0
     allowed = 2.0 * np.sqrt(2.0) * ruler.u_reading
@@ -246,8 +242,7 @@ def _pool_neighbours(reading: Array, displacement: Array) -> tuple[Array, Array]
 
 def position_of(name: str, ruler: RulerInfo, time_s: Array, reading: Array, u_noise: float) -> Position:
     """Displacement, m, of the ruler for readings (n,) at times (n,), with its uncertainties and a flag of each sample
-    beyond the ruler's ends; ``u_noise``: standard deviation of a reading's noise, in the reading's unit.
-    """
+    beyond the ruler's ends; ``u_noise``: standard deviation of a reading's noise, in the reading's unit."""
     curve = ruler_curve(ruler, name)
     beyond = max(CLIP_NOISE * u_noise, 2.0 * ruler.u_reading)
     flag = np.zeros(reading.size, dtype=np.uint8)

@@ -61,8 +61,7 @@ class _Patient(io.RawIOBase):
 
     def write(self, data: Any) -> int:
         """Write all of ``data`` to the stream; an OSError is kept in ``error`` instead of raised, and nothing is
-        written from then on. Returns the size of ``data`` in any case: HDF5 must not see the failure.
-        """
+        written from then on. Returns the size of ``data`` in any case: HDF5 must not see the failure."""
         left = memoryview(data).cast("B")
         size = left.nbytes
         try:
@@ -93,8 +92,7 @@ class _Patient(io.RawIOBase):
 @contextlib.contextmanager
 def write_sealed(path: Path) -> Iterator[h5py.File]:
     """Context that yields an empty HDF5 file to fill; at its end a line with the SHA-256 is appended and the file
-    replaces the one at ``path``; after an exception ``path`` is as before.
-    """
+    replaces the one at ``path``; after an exception ``path`` is as before."""
     with replace_when_complete(path) as temporary, temporary.open("xb+", buffering=0) as stream:
         patient = _Patient(stream)
         with h5py.File(patient, "w", track_order=True) as file:
@@ -133,8 +131,7 @@ def open_sealed(path: Path) -> Iterator[h5py.File]:
 
 def _open_locked_or_not(path: Path, has_seal: bool) -> h5py.File:
     """Open an HDF5 file for reading; one that another program holds locked is read into memory, if it ``has_seal`` and
-    that is right, else RigInputError.
-    """
+    that is right, else RigInputError."""
     try:
         return h5py.File(path, "r")
     except OSError as error:
@@ -148,8 +145,7 @@ def _open_locked_or_not(path: Path, has_seal: bool) -> h5py.File:
 
 def _check_seal(path: Path) -> bool:
     """Whether the file ends with a seal; RigInputError where its content is not as sealed; warn where only the seal is
-    missing, or only the mark of an open file in its header differs.
-    """
+    missing, or only the mark of an open file in its header differs."""
     try:
         with path.open("rb") as stream:
             size = stream.seek(0, 2)
@@ -179,8 +175,7 @@ _IN_USE = slice(20, 24)
 
 def _hash_sealed(stream: BinaryIO, size: int, is_unmarked: bool = False) -> str:
     """Return the SHA-256 of a file of ``size`` bytes without its seal line; ``is_unmarked``: as if HDF5's mark of a
-    file open for writing were not in its header.
-    """
+    file open for writing were not in its header."""
     digest = hashlib.sha256()
     stream.seek(0)
     left = size - _TAIL
@@ -198,8 +193,7 @@ def _remove_mark(begin: bytes) -> bytes:
 
 def _warn(path: Path, reason: str) -> None:
     """Warn that a file is read although its seal is not right, with ``reason`` (the beginning of the sentence); once a
-    process for each state of a file.
-    """
+    process for each state of a file."""
     if (state := file_state(path)) not in _warned:
         _warned.add(state)
         warnings.warn(
@@ -218,8 +212,7 @@ _VERIFY = f"import sys; sys.path.insert(0, {_ROOT!r}); from rig.session.seal imp
 
 def _check_content(path: Path, warn: bool = True) -> None:
     """Raise RigInputError where the content of a file without a seal is not as its SHA-256 says; else warn (once a
-    process) that its seal is missing, unless ``warn`` is False.
-    """
+    process) that its seal is missing, unless ``warn`` is False."""
     state = file_state(path)
     if state not in _content_problem:
         _content_problem[state] = _compare_content(path)
@@ -237,8 +230,7 @@ def file_state(path: Path) -> tuple[str, int, int, int]:
 
 def _compare_content(path: Path) -> str:
     """Why the content of a file does not agree with the SHA-256 it states, empty where it does; read in another
-    process, which a damaged file may crash.
-    """
+    process, which a damaged file may crash."""
     with path.open("rb") as stream:
         if stream.read(len(SIGNATURE)) != SIGNATURE:
             return NOT_AS_SEALED
@@ -256,8 +248,7 @@ def _compare_content(path: Path) -> str:
 
 def print_digests() -> None:
     """Print as JSON, of the HDF5 file named by the first argument of the process, the ``stated`` and the ``found``
-    SHA-256 of its content, or, where it cannot be read, whether another program has it ``locked``.
-    """
+    SHA-256 of its content, or, where it cannot be read, whether another program has it ``locked``."""
     found: dict[str, Any] = {}
     try:
         with h5py.File(sys.argv[1], "r") as file:
@@ -269,8 +260,7 @@ def print_digests() -> None:
 
 def content_sha256(file: h5py.File) -> str:
     """Return the SHA-256 over the names, attributes and arrays of all groups and datasets in an HDF5 file, sorted by
-    name, without the stated digest itself and HDF5's own attributes of scales.
-    """
+    name, without the stated digest itself and HDF5's own attributes of scales."""
     nodes: dict[str, Any] = {"/": file}
     file.visititems(lambda name, node: nodes.__setitem__(name, node))
     digest = hashlib.sha256()
@@ -296,8 +286,7 @@ def array_sha256(values: NDArray[Any]) -> str:
 
 def has_seal(path: Path) -> bool:
     """Whether a file ends with the line of a seal; False also where the seal fits only without HDF5's mark of an open
-    file in its header, so that it must be sealed again. A seal that is wrong counts.
-    """
+    file in its header, so that it must be sealed again. A seal that is wrong counts."""
     with translate_os_error(path, "read"), path.open("rb") as stream:
         size = stream.seek(0, 2)
         stream.seek(max(size - _TAIL, 0))
@@ -310,8 +299,7 @@ def has_seal(path: Path) -> bool:
 
 def seal_again(path: Path) -> None:
     """Put a seal back on a file whose content is as its SHA-256 says, and make it read-only; RigInputError for an
-    altered file, or one in use by another program.
-    """
+    altered file, or one in use by another program."""
     with translate_os_error(path, "read"):
         _check_content(path, warn=False)
         before = file_state(path)

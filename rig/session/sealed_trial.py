@@ -60,8 +60,7 @@ class Content:
 
     def sha256(self) -> str:
         """Return the SHA-256 over all attributes and arrays written through this object, the same as `content_sha256`
-        of the file.
-        """
+        of the file."""
         digest = hashlib.sha256()
         for name in sorted(self._attributes):  # the file itself, "/", comes first
             digest.update(name.encode() + b"\0")
@@ -89,8 +88,7 @@ def write_trial(path: Path, data: TrialData) -> str:
 def write_trial_parts(path: Path, about: TrialData, n_samples: int, parts: Iterable[TrialData]) -> str:
     """Write and seal a new trial file, its arrays from successive ``parts`` of ``n_samples`` in all, everything else
     from ``about``; return the SHA-256 of its content. RigInputError where ``path`` exists; the file is read-only
-    afterwards.
-    """
+    afterwards."""
     if path.exists():
         raise RigInputError(f"{path}: exists already; a sealed trial is never replaced")
     _check_shapes(path, about)
@@ -128,8 +126,7 @@ def read_trial(path: Path) -> TrialData:
 
 def trial_problem(path: Path) -> str:
     """Why `read_trial` refuses a file, in one line; empty where it reads it. A file found right is not read again until
-    it changes.
-    """
+    it changes."""
     try:
         state = file_state(path)
         if state in _stated_number:
@@ -169,8 +166,7 @@ def read_condition(path: Path) -> str:
 
 def _check_shapes(path: Path, data: TrialData) -> None:
     """Raise RigInputError where the arrays of a trial differ in length, encoder counts are not integers, or the status
-    is not allowed; ``path`` is for the message.
-    """
+    is not allowed; ``path`` is for the message."""
     n = data.time_s.shape[0]
     shapes = {
         "force_n": (data.raw_force_n.shape, (n,)),
@@ -199,8 +195,7 @@ Column = tuple[str, str, str, str, Callable[[TrialData], NDArray[Any]], dict[str
 
 def _list_columns(about: TrialData) -> list[Column]:
     """Columns of a trial's file, each as (name, stored type, unit, meaning, function from a part of the trial to its
-    rows, attributes): the time first; force only where recorded.
-    """
+    rows, attributes): the time first; force only where recorded."""
     info, encoders = about.force_info, about.encoders
     of_time = {"sample_rate_hz": about.sample_rate_hz}
     found: list[Column] = [("time", "<f8", "s", "time since the AI start trigger", lambda part: part.time_s, of_time)]
@@ -244,8 +239,7 @@ def _write_daq(
     content: Content, group: h5py.Group, about: TrialData, n_samples: int, parts: Iterable[TrialData]
 ) -> None:
     """Write the recorded columns, ``n_samples`` rows in all, part after part into ``group``, each with its unit,
-    meaning and SHA-256; ValueError for another number of rows.
-    """
+    meaning and SHA-256; ValueError for another number of rows."""
     content.describe(
         group, sample_rate_hz=about.sample_rate_hz, n_valid=n_samples, status=about.status, reason=about.reason
     )
@@ -285,8 +279,7 @@ def _attributes(info: ForceInfo | ChannelInfo) -> dict[str, Any]:
 
 def _write_camera(content: Content, group: h5py.Group, camera: CameraInfo) -> None:
     """Write the camera's data, the middles of its exposures (s) and frame numbers from 0 into ``group`` through
-    ``content``, which keeps their digests.
-    """
+    ``content``, which keeps their digests."""
     content.describe(group, **asdict(camera))
     time = content.quantity(
         group, "time", camera.frame_time_s, "s", "middle of each exposure since the AI start trigger"
@@ -308,8 +301,7 @@ UNITS = {"time": "s", "force": "N", "motor_command": "V", "encoder_count": "1"}
 
 def _read_open_trial(path: Path, file: h5py.File, sha256: str) -> TrialData:
     """Read the whole trial from an open file, whose digest is ``sha256``; forces are NaN where none was recorded;
-    RigInputError where a column's unit is not the one trials are stored in.
-    """
+    RigInputError where a column's unit is not the one trials are stored in."""
     daq = file["daq"]
     for name, expected in UNITS.items():
         if name == "force" and name not in daq:

@@ -195,8 +195,7 @@ class TrialData(Tabular, ArrayRecord):
     def position(self, name: str, zero: float = 0.0) -> Position:
         """Displacement, m, that the readings of position sensor ``name`` mean by its ruler, at times earlier by the
         sensor's delay; ``zero``: drift, in the reading's unit, that is subtracted first. RigInputError for another
-        name.
-        """
+        name."""
         from rig.session.ruler import position_of  # start-up: scipy.interpolate costs 0.2 s, most trials have no ruler
 
         for k, one in enumerate(self.channels):
@@ -218,8 +217,7 @@ class TrialData(Tabular, ArrayRecord):
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """All columns by name, (n,) each: ``time_s``, forces where recorded (corrected, NaN where that fails; raw;
-        electrical), ``motor_command_v``, ``<body>_count`` and ``<body>_rad`` of each encoder, further channels.
-        """
+        electrical), ``motor_command_v``, ``<body>_count`` and ``<body>_rad`` of each encoder, further channels."""
         columns: dict[str, NDArray[Any]] = {"time_s": self.time_s}
         if self.has_force:
             columns |= {"force_n": self._force_or_nan(), "raw_force_n": self.raw_force_n, "force_raw": self.force_raw}

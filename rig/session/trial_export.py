@@ -28,8 +28,7 @@ class Column:
 
 def list_columns(data: TrialData) -> list[Column]:
     """Columns to export, each with name, unit, meaning and values (n,): time, forces, command, counts and angles of
-    each encoder, further channels, displacements with uncertainty and flag.
-    """
+    each encoder, further channels, displacements with uncertainty and flag."""
     found = [
         Column("time_s", "s", "time since the AI start trigger", data.time_s),
         Column("motor_command_v", "V", "motor command, held from each sample to the next", data.motor_command_v),
@@ -63,8 +62,7 @@ def list_columns(data: TrialData) -> list[Column]:
 
 def trial_facts(data: TrialData) -> dict[str, str | int | float]:
     """What the file says of the trial but its arrays, by name: number, status, times, digest; descriptions of its
-    channels as JSON text.
-    """
+    channels as JSON text."""
     return {
         "trial": data.number,
         "status": data.status,
@@ -83,8 +81,7 @@ def trial_facts(data: TrialData) -> dict[str, str | int | float]:
 
 def export_trial(data: TrialData, path: Path) -> list[Path]:
     """Write a trial as ``.csv`` (with ``…-metadata.json`` beside it), ``.mat``, ``.tdms`` or ``.parquet`` by the ending
-    of ``path``, never over a file that exists; return the files written.
-    """
+    of ``path``, never over a file that exists; return the files written."""
     write = _WRITERS.get(path.suffix)
     if write is None:
         raise RigInputError(f"{path}: ending found {path.suffix!r}, allowed {', '.join(_WRITERS)}")
@@ -101,8 +98,7 @@ Facts = dict[str, str | int | float]
 
 def write_csv(path: Path, table: list[Column], facts: Facts) -> None:
     """Write columns (n,) as CSV that reads back to the same numbers, and ``<path>-metadata.json`` (CSVW) with their
-    units, meanings and ``facts``; existing files are replaced.
-    """
+    units, meanings and ``facts``; existing files are replaced."""
     with replace_when_complete(path) as part, part.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(",".join(column.name for column in table) + "\n")
         for row in zip(*(column.values.tolist() for column in table), strict=True):
@@ -128,8 +124,7 @@ def write_csv(path: Path, table: list[Column], facts: Facts) -> None:
 
 def _write_mat(path: Path, table: list[Column], facts: Facts) -> None:
     """Write a MATLAB file (version 5): a variable (n, 1) for each column, and structs ``units``, ``meanings`` (text by
-    column) and ``about`` (``facts``).
-    """
+    column) and ``about`` (``facts``)."""
     from scipy.io import savemat  # start-up: 0.2 s that only a MATLAB file needs
 
     content = {
@@ -144,8 +139,7 @@ def _write_mat(path: Path, table: list[Column], facts: Facts) -> None:
 
 def _write_tdms(path: Path, table: list[Column], facts: Facts) -> None:
     """Write a TDMS file: a channel of the group ``daq`` for each column, with unit, meaning and sample interval;
-    ``facts`` as properties of the file; RigInputError without npTDMS.
-    """
+    ``facts`` as properties of the file; RigInputError without npTDMS."""
     try:
         from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter  # start-up: an optional package
     except ImportError:
@@ -166,8 +160,7 @@ def _write_tdms(path: Path, table: list[Column], facts: Facts) -> None:
 
 def _write_parquet(path: Path, table: list[Column], facts: Facts) -> None:
     """Write a Parquet file: a column for each, with unit and meaning as its metadata, and ``facts`` as text in those of
-    the table; RigInputError without pyarrow.
-    """
+    the table; RigInputError without pyarrow."""
     try:
         import pyarrow as arrow  # start-up: an optional package
         from pyarrow import parquet  # start-up: an optional package

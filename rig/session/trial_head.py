@@ -38,8 +38,7 @@ class FrameClock:
     @classmethod
     def from_camera(cls, camera: CameraConfig | None, timing: Timing) -> FrameClock | None:
         """Clock of a camera: nominal, from its configuration, where frames are counted, else from the recorded pulses;
-        None without a camera, or where rate or first pulse was not recorded.
-        """
+        None without a camera, or where rate or first pulse was not recorded."""
         if camera is None:
             return None
         if camera.mode == "counted":
@@ -86,8 +85,7 @@ class FrameClock:
 
     def frames_until(self, end_s: float) -> CameraInfo:
         """The camera with the frames (rate, first time, number) whose exposure has ended by ``end_s``, s since the
-        start trigger.
-        """
+        start trigger."""
         frames = int(np.floor((end_s - self.first_pulse_s - self.exposure_s) * self.frame_rate_hz + 1e-9)) + 1
         return CameraInfo(
             frame_rate_hz=self.frame_rate_hz,
@@ -129,8 +127,7 @@ class TrialHead:
         plan_entry: int = 0,
     ) -> TrialHead:
         """Return the head of trial ``number`` (all of a trial but its samples) from rig file, timing and motor command,
-        started now; ``plan_entry``: number of the plan's entry, from 1, or 0 without a plan.
-        """
+        started now; ``plan_entry``: number of the plan's entry, from 1, or 0 without a plan."""
         return cls(
             number=number,
             started_utc=utc_now(),
@@ -159,8 +156,7 @@ class TrialHead:
     @classmethod
     def from_plain(cls, plain: dict[str, Any], command_v: NDArray[np.float64]) -> TrialHead:
         """Restore a head from the dict of `to_plain` and the motor command (n,), V; KeyError, TypeError or ValueError
-        for anything else.
-        """
+        for anything else."""
         clock = plain["frame_clock"]
         return cls(
             number=int(plain["number"]),
@@ -184,8 +180,7 @@ class TrialHead:
 
     def part(self, blocks: Sequence[Block], first_sample: int) -> TrialData:
         """Samples of successive ``blocks`` as trial data from ``first_sample`` on, status ``incomplete``, without
-        camera; the command is 0 V past its end. HardwareFault where samples are missing.
-        """
+        camera; the command is 0 V past its end. HardwareFault where samples are missing."""
         end = first_sample
         for block in blocks:
             if block.first_sample != end:
@@ -218,8 +213,7 @@ class TrialHead:
 
     def camera(self, blocks: Iterable[Block], n_samples: int) -> CameraInfo | None:
         """The camera's frames in a trial of ``n_samples``: by the clock pulses it was sent, or, where it runs by
-        itself, fitted to the exposures counted in ``blocks``; None without a camera or counts.
-        """
+        itself, fitted to the exposures counted in ``blocks``; None without a camera or counts."""
         if self.frame_clock is None:
             return None
         if not self.frame_clock.counted:

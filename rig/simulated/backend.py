@@ -134,8 +134,7 @@ def build_device(
 
 def _make_inventory(config: RigConfig, rtsi: bool) -> Inventory:
     """Channels and terminals of the rig file's main device with its further devices, each with a timebase error of its
-    own; ``rtsi``: the cards that can are joined by one RTSI cable.
-    """
+    own; ``rtsi``: the cards that can are joined by one RTSI cable."""
     named = [(config.device.product, config.device.name), *((one.product, one.name) for one in config.devices)]
     on_cable = [name for product, name in named if PRODUCTS[product].rtsi and rtsi]
     first, *others = (

@@ -42,8 +42,7 @@ def create_watchdog_task(device: DeviceState, name: str, timeout_s: float, of: s
 
 def clear_task(device: DeviceState, name: str) -> None:
     """Stop a task, release its resources and forget it, with the signals it exports and its watchdog timer; refuse a
-    name that no task has.
-    """
+    name that no task has."""
     task = find_task(device, name)
     stop_task(device, task)
     release(device, task)
@@ -55,8 +54,7 @@ def clear_task(device: DeviceState, name: str) -> None:
 
 def start_task(device: DeviceState, task: SimulatedTask) -> None:
     """Start a task: reserve its hardware, begin its counts anew, then go live or wait for its trigger; a watchdog task
-    starts its timer. Refuse a running one, a clocked output without samples, and hardware that another task holds.
-    """
+    starts its timer. Refuse a running one, a clocked output without samples, and hardware that another task holds."""
     task.refuse_while_running()
     if task.name in device.watchdogs:
         start_watchdog(device, task)
@@ -78,8 +76,7 @@ def start_task(device: DeviceState, task: SimulatedTask) -> None:
 
 def stop_task(device: DeviceState, task: SimulatedTask) -> None:
     """Stop a task and give its hardware back unless a client has committed it; an output keeps the value it has.
-    Nothing happens to a task that does not run.
-    """
+    Nothing happens to a task that does not run."""
     if task.state != "running":
         return
     task.progress.live = False
@@ -93,8 +90,7 @@ def stop_task(device: DeviceState, task: SimulatedTask) -> None:
 
 def reset_device(device: DeviceState, which: Inventory | None = None) -> None:
     """Clear all tasks of a device (None: the main one), put its outputs at 0 V and low as after power-up, end its
-    exported signals, and unlock a chassis whose watchdog has expired.
-    """
+    exported signals, and unlock a chassis whose watchdog has expired."""
     inventory = device.inventory
     reset = inventory if which is None else which
     for name, task in list(device.tasks.items()):
@@ -116,8 +112,7 @@ def add_channels(
 ) -> None:
     """Add the physical channels that a list such as ``Dev1/ai0:2`` names, all of ``kind``, to a task as type ``type_``;
     ``name``: of the virtual channel, numbered for several, "" for the physical name; ``settings``: kept with each
-    channel.
-    """
+    channel."""
     names = channel_names(physical)
     for index, part in enumerate(names):
         channel = device.inventory.channel(part, kind)
@@ -127,8 +122,7 @@ def add_channels(
 
 def add_lines(device: DeviceState, task: SimulatedTask, lines: str, name: str, *, one_channel: bool) -> None:
     """Add digital outputs to a task, a list of lines such as ``Dev1/port0/line0:7`` or of whole ports: as one channel
-    or as one per line, called ``name`` (numbered from 0 for several), or after the lines where that is empty.
-    """
+    or as one per line, called ``name`` (numbered from 0 for several), or after the lines where that is empty."""
     found = device.inventory.lines(lines)
     groups = [found] if one_channel else [[line] for line in found]
     for index, group in enumerate(groups):
@@ -141,8 +135,7 @@ def add_lines(device: DeviceState, task: SimulatedTask, lines: str, name: str, *
 
 def configure_clock(device: DeviceState, task: SimulatedTask, clock: SampleClock) -> None:
     """Give a task a copy of ``clock`` with its rate coerced to one that the product has; refuse a running task or one
-    without channels, a counter or digital output, a counter input without a source, and an unknown terminal.
-    """
+    without channels, a counter or digital output, a counter input without a source, and an unknown terminal."""
     rate_hz, source = clock.rate_hz, clock.source
     if not task.channels:
         raise DaqStatusError(Code.CAN_NOT_PERFORM_OP_WHEN_NO_CHANS_IN_TASK, f"Task: {task.name}")
@@ -211,8 +204,7 @@ def _read_on_demand(device: DeviceState, task: SimulatedTask, n: int) -> NDArray
 
 def write_volts(device: DeviceState, task: SimulatedTask, values: NDArray[np.float64], auto_start: bool) -> None:
     """Write ``values`` (n, channels), V, to an analog output task: into its buffer, or the last row at once where it
-    has no sample clock; refuse values outside a channel's limits. ``auto_start`` lets an idle task start.
-    """
+    has no sample clock; refuse values outside a channel's limits. ``auto_start`` lets an idle task start."""
     for column, channel in enumerate(task.channels):
         low, high = channel.settings["min_val"], channel.settings["max_val"]
         inside = (values[:, column] >= low) & (values[:, column] <= high)  # NaN is not inside
@@ -224,8 +216,7 @@ def write_volts(device: DeviceState, task: SimulatedTask, values: NDArray[np.flo
 
 def write_levels(device: DeviceState, task: SimulatedTask, values: NDArray[np.float64], auto_start: bool) -> None:
     """Write ``values`` (n, channels), V, or (n, lines), levels, to an output task: into its buffer, or the last row at
-    once where it has no sample clock. ``auto_start`` lets an idle task start. Refuse outputs that a watchdog holds.
-    """
+    once where it has no sample clock. ``auto_start`` lets an idle task start. Refuse outputs that a watchdog holds."""
     refuse_expired(device, task)
     if task.clock is None:
         _write_on_demand(device, task, values[-1], auto_start)
@@ -244,8 +235,7 @@ def write_levels(device: DeviceState, task: SimulatedTask, values: NDArray[np.fl
 
 def _write_on_demand(device: DeviceState, task: SimulatedTask, row: NDArray[np.float64], auto_start: bool) -> None:
     """Put out ``row`` (channels or lines,), V or levels, at once; refuse an idle task without ``auto_start``, and
-    reserve its hardware for the write only, unless the task is committed.
-    """
+    reserve its hardware for the write only, unless the task is committed."""
     if task.state != "running":
         if not auto_start:
             raise DaqStatusError(Code.CANNOT_WRITE_WHEN_AUTO_START_FALSE_AND_TASK_NOT_RUNNING, f"Task: {task.name}")

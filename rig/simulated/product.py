@@ -244,8 +244,7 @@ class PhysicalChannel:
 
 def channel_names(text: str) -> list[str]:
     """Return the names in a list such as ``Dev1/ai0:2, Dev1/ai7``, its ranges expanded, in its order; refuse an empty
-    list. Whether a channel exists is not checked.
-    """
+    list. Whether a channel exists is not checked."""
     names: list[str] = []
     for part in filter(None, (part.strip() for part in text.split(","))):
         if match := re.fullmatch(r"(.*?)(\d{1,3}):(?:\1)?(\d{1,3})", part):
@@ -326,8 +325,7 @@ class Inventory:
 
     def channel(self, name: str, kind: Kind) -> PhysicalChannel:
         """Return the physical channel of a full name such as ``Dev1/ai0``, in capitals or small letters; refuse, as the
-        driver does, an unknown device or name, and a channel of another kind.
-        """
+        driver does, an unknown device or name, and a channel of another kind."""
         device = name.split("/", 1)[0]
         named = device.lower()
         if not named.startswith(self.name.lower()) and named not in map(str.lower, self.devices()):
@@ -346,8 +344,7 @@ class Inventory:
 
     def lines(self, text: str) -> list[PhysicalChannel]:
         """Return the digital lines that a list such as ``Dev1/port0/line0:7`` names, of ``Dev1/port0`` all lines of the
-        port; refuse, as the driver does, a name that is no line.
-        """
+        port; refuse, as the driver does, a name that is no line."""
         found: list[PhysicalChannel] = []
         for name in channel_names(text):
             inside = [c for key, c in self._channels.items() if key.startswith(name.lower() + "/line")]
@@ -362,8 +359,7 @@ class Inventory:
 
     def counter_terminal(self, channel: PhysicalChannel, pin: Pin) -> str:
         """Return the default terminal of a counter's ``pin``, source, auxiliary or out: relative to this device, in
-        full with a slash where another device has the counter, "" where there is none.
-        """
+        full with a slash where another device has the counter, "" where there is none."""
         if (owner := self.owner_of(channel.name)) is not self:
             found = owner.counter_terminal(channel, pin)
             return self.known_as(owner, found) if found else ""
@@ -413,8 +409,7 @@ class Inventory:
 
     def _canonical_name(self, relative: str) -> str:
         """Return a terminal's name within the device in the product's own capitals and small letters, which the driver
-        does not tell apart; whether the terminal exists is not checked.
-        """
+        does not tell apart; whether the terminal exists is not checked."""
         for known in self.product.internal:
             if known.lower() == relative.lower():
                 return known
@@ -425,8 +420,7 @@ class Inventory:
     def coerced_rate(self, rate_hz: float, kind: Kind, channels: int) -> float:
         """Return the real rate of a sample clock, Hz, coerced up from ``rate_hz``: 50 kHz/n (n to 31) for bridge
         modules, else the timebase over n, a counter's as it is; refuse more than ``channels`` channels of this kind can
-        do.
-        """
+        do."""
         product = self.product
         if not rate_hz > 0 or (kind != "counter" and rate_hz < product.timebase_hz / 2**32):
             raise DaqStatusError(Code.INVALID_ATTRIBUTE_VALUE, f"Sample clock rate: {rate_hz:g}")

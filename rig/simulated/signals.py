@@ -27,8 +27,7 @@ def pulse_train(task: SimulatedTask) -> PulseTrain:
 
 def output_terminals(device: DeviceState, task: SimulatedTask) -> set[str]:
     """Return the terminals, relative to the main device, on which a counter's pulses appear: its internal output, and
-    the terminal set for it or else its default one.
-    """
+    the terminal set for it or else its default one."""
     channel = task.channels[0]
     owner, number = device.inventory.owner_of(channel.physical.name), channel.physical.resource.removeprefix("ctr")
     found = {device.inventory.known_as(owner, f"Ctr{number}InternalOutput")}
@@ -41,8 +40,7 @@ def output_terminals(device: DeviceState, task: SimulatedTask) -> set[str]:
 
 def input_terminal(device: DeviceState, task: SimulatedTask) -> str:
     """Return the terminal, relative to the main device, whose edges a counter input counts; refuse a task in which none
-    is set.
-    """
+    is set."""
     channel = task.channels[0]
     named = task.setting("Chan", channel.name, daqmx.CI_COUNT_EDGES_TERM, "")
     if not named:
@@ -64,8 +62,7 @@ def pulses_on(device: DeviceState, terminal: str) -> PulseTrain | None:
 
 def count_edges_passed(device: DeviceState, terminal: str, edge: NDArray[np.int64]) -> NDArray[np.int64]:
     """Number of rising edges (n,) that have passed on a terminal by each sample edge of the bench ``edge`` (n,),
-    numbered in the trial: of pulses, camera exposures or an encoder's A signal; 0 where nothing is connected.
-    """
+    numbered in the trial: of pulses, camera exposures or an encoder's A signal; 0 where nothing is connected."""
     if (train := pulses_on(device, terminal)) is not None:
         time_s = edge / device.bench.rate_hz
         passed = train.count_edges(time_s)
@@ -95,8 +92,7 @@ def analog_reading(
 ) -> NDArray[np.float64]:
     """Reading (n,) of an analog input channel in its task's units, quantised, at edges of the bench ``edge`` (n,),
     numbers: of the load cell's output ``cell_mv_per_v`` (n,) where that is wired to it, of the motor's volts at a
-    loopback, else 0.
-    """
+    loopback, else 0."""
     owner, settings = device.inventory.owner_of(channel.physical.name), channel.settings
     product = owner.product
     wired = channel.physical.name == device.inventory.full_name(device.wiring.force)
@@ -120,8 +116,7 @@ def analog_reading(
 
 def encoder_counts(device: DeviceState, task: SimulatedTask, quarter: NDArray[np.int64]) -> NDArray[np.int64]:
     """X4 counts (n,) since the trial began of the encoder wired to a counter's A and B terminals, out of ``quarter``
-    (n, 4) of key, whippen, hammer, second head; of opposite sign where A and B are exchanged, 0 where none is wired.
-    """
+    (n, 4) of key, whippen, hammer, second head; of opposite sign where A and B are exchanged, 0 where none is wired."""
     named = [
         task.setting("Chan", task.channels[0].name, attribute, "")
         for attribute in (daqmx.CI_ENCODER_A_INPUT_TERM, daqmx.CI_ENCODER_B_INPUT_TERM)
@@ -141,8 +136,7 @@ def encoder_counts(device: DeviceState, task: SimulatedTask, quarter: NDArray[np
 def encoder_reading(device: DeviceState, task: SimulatedTask, quarter: NDArray[np.int64]) -> NDArray[np.float64]:
     """Reading (n,) of a counter for its encoder, counted since its task went live: ticks of its decoding, degrees or
     radians as its channel says, plus the initial angle; ``quarter``: X4 counts (n, 4) of key, whippen, hammer, second
-    head.
-    """
+    head."""
     counts, settings = encoder_counts(device, task, quarter) - task.progress.initial_edges, task.channels[0].settings
     edges = {daqmx.X1: 1, daqmx.X2: 2, daqmx.X4: 4}[settings["decoding_type"]]
     ticks = (counts * edges) // 4
@@ -160,8 +154,7 @@ def latch(
     edge: NDArray[np.int64],
 ) -> NDArray[np.float64]:
     """Samples (n, channels) of an input task, in its units, at edges of the bench ``edge`` (n,), numbers: from the load
-    cell's output ``cell`` (n,), mV/V, and X4 counts ``quarter`` (n, 4) of key, whippen, hammer, second head.
-    """
+    cell's output ``cell`` (n,), mV/V, and X4 counts ``quarter`` (n, 4) of key, whippen, hammer, second head."""
     if task.type == "AI":
         return np.column_stack([analog_reading(device, task, channel, cell, edge) for channel in task.channels])
     if not task.counts_edges:

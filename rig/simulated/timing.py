@@ -63,8 +63,7 @@ class Engine:
 
 def find_clock_engine(device: DeviceState, task: SimulatedTask) -> Engine | None:
     """Return the engine (rate, first tick, number of ticks) that clocks a task: its own clock while it is live, or what
-    ticks on the terminal of its source; None without a sample clock or where nothing ticks there.
-    """
+    ticks on the terminal of its source; None without a sample clock or where nothing ticks there."""
     clock = task.clock
     if clock is None:
         return None
@@ -86,8 +85,7 @@ def drift(device: DeviceState, task: SimulatedTask) -> float:
 
 def _find_engine(device: DeviceState, terminal: str, visited: set[str]) -> Engine | None:
     """Return the engine (rate, first tick, number of ticks) whose ticks a terminal carries, None where none does;
-    ``visited``: names of the tasks on the way, which are not followed again.
-    """
+    ``visited``: names of the tasks on the way, which are not followed again."""
     terminal = device.source_terminal(terminal)
     owner = device.inventory.owner_of(terminal) if terminal.startswith("/") else device.inventory
     stem, _, signal = device.inventory.own_name(terminal).partition("/")
@@ -117,8 +115,7 @@ def _makes_time_pass(task: SimulatedTask) -> bool:
 
 def go_live(device: DeviceState, task: SimulatedTask) -> None:
     """Let a task sample or put out pulses from now on, and with it the tasks that wait for its start trigger; the first
-    task that makes time pass begins a new trial of the bench, at rest.
-    """
+    task that makes time pass begins a new trial of the bench, at rest."""
     if _makes_time_pass(task) and not any(t.progress.live and _makes_time_pass(t) for t in device.tasks.values()):
         _begin_trial(device, task)
     progress = task.progress
@@ -145,8 +142,7 @@ def go_live(device: DeviceState, task: SimulatedTask) -> None:
 
 def _begin_trial(device: DeviceState, task: SimulatedTask) -> None:
     """Begin the bench's next trial, at rest, at the rate of the task's sample clock, edges counted from 0. The virtual
-    operator may act where the motor's samples are all 0 V, the virtual pianist where none were written.
-    """
+    operator may act where the motor's samples are all 0 V, the virtual pianist where none were written."""
     bench, clock = device.bench, task.clock
     rate_hz = clock.rate_hz if clock is not None else bench.rate_hz
     device.trial += 1
@@ -189,8 +185,7 @@ def check_triggers(device: DeviceState) -> None:
 
 def advance_bench(device: DeviceState, n: int) -> None:
     """Advance the bench by ``n`` edges: generate the outputs of live tasks, move the plant (at 0 V while the drive is
-    disabled), fill the buffers of live input tasks. Triggers and watchdogs are not looked at.
-    """
+    disabled), fill the buffers of live input tasks. Triggers and watchdogs are not looked at."""
     bench, edge = device.bench, device.bench.edge
     clocked = [
         (task, engine)
@@ -227,8 +222,7 @@ def _ticks(task: SimulatedTask, engine: Engine, edge: int, n: int) -> tuple[int,
 
 def _generate(device: DeviceState, task: SimulatedTask, engine: Engine, command_v: NDArray[np.float64]) -> None:
     """Put out a task's samples that fall on the next edges of the bench: those of the motor's channel go into
-    ``command_v`` (n,), V, each from its edge on; the last row stays at the outputs.
-    """
+    ``command_v`` (n,), V, each from its edge on; the last row stays at the outputs."""
     edge, n = device.bench.edge, command_v.size
     first, last = _ticks(task, engine, edge, n)
     rows = task.generate(last - first)
@@ -256,8 +250,7 @@ def edges_in(device: DeviceState, duration_s: float) -> int:
 
 def advance(device: DeviceState, n: int) -> int:
     """Let at most n edges of the bench pass, looking after triggers and watchdogs and giving other clients a turn;
-    return how many did, fewer where no task that makes time pass has anything left to do.
-    """
+    return how many did, fewer where no task that makes time pass has anything left to do."""
     left = n
     stretch = edges_in(device, STRETCH_S) if device.bench.clock.paced else n
     while left > 0:
@@ -277,8 +270,7 @@ def advance(device: DeviceState, n: int) -> int:
 
 def _edges_to_expiry(device: DeviceState) -> float:
     """Number of edges until the next watchdog expires; infinite where none runs, and on a paced clock, where watchdogs
-    are checked after every stretch.
-    """
+    are checked after every stretch."""
     clock = device.bench.clock
     left_s = [
         timer.timeout_s - (clock.elapsed_s - timer.reset_at_s)
@@ -290,8 +282,7 @@ def _edges_to_expiry(device: DeviceState) -> float:
 
 def _edges_to_end(device: DeviceState) -> float:
     """Number of edges until the last live task that makes time pass, by a sample clock of its own or by pulses, has
-    ended; 0 without one, infinite for one without end.
-    """
+    ended; 0 without one, infinite for one without end."""
     left = 0.0
     for task in device.tasks.values():
         if not task.progress.live:
@@ -310,8 +301,7 @@ def _edges_to_pulse_end(device: DeviceState, task: SimulatedTask) -> float:
 
 def wait_for_samples(device: DeviceState, task: SimulatedTask, missing: int, timeout_s: float) -> None:
     """Let time pass until a task has ``missing`` more samples per channel, has failed or was stopped, or ``timeout_s``
-    is over (negative: never); nothing is raised, the caller looks how many came.
-    """
+    is over (negative: never); nothing is raised, the caller looks how many came."""
     if task.buffer is not None:
         allowed = _edges_of_timeout(device, timeout_s)
         wanted = task.buffer.acquired + missing
@@ -328,8 +318,7 @@ def wait_for_samples(device: DeviceState, task: SimulatedTask, missing: int, tim
 
 def wait_for_timeout(device: DeviceState, task: SimulatedTask, timeout_s: float) -> None:
     """Let ``timeout_s`` (negative: no end) pass on the clock, but no edge, for a running task for which nothing ticks;
-    other clients get a turn, and may end it.
-    """
+    other clients get a turn, and may end it."""
     if timeout_s < 0:
         timeout_s = float(ENDLESS) / device.bench.rate_hz
     while timeout_s > 0 and task.state == "running" and not task.progress.error:
@@ -341,8 +330,7 @@ def wait_for_timeout(device: DeviceState, task: SimulatedTask, timeout_s: float)
 
 def _edges_to_sample(device: DeviceState, task: SimulatedTask, wanted: int) -> float:
     """Number of edges to let pass before looking whether a task has acquired ``wanted`` samples since its start: up to
-    that sample, to the next trigger where it waits for one, else a short poll.
-    """
+    that sample, to the next trigger where it waits for one, else a short poll."""
     poll = edges_in(device, POLL_S)
     if not task.progress.live:
         to_trigger = edges_to_trigger(device)
@@ -355,8 +343,7 @@ def _edges_to_sample(device: DeviceState, task: SimulatedTask, wanted: int) -> f
 
 def wait_until_done(device: DeviceState, task: SimulatedTask, timeout_s: float) -> None:
     """Let time pass until a task is done or has failed, at most ``timeout_s`` (negative: no end), and only while
-    something runs; nothing is raised.
-    """
+    something runs; nothing is raised."""
     allowed = _edges_of_timeout(device, timeout_s)
     while allowed > 0 and not task.is_done and not task.progress.error:
         passed = advance(device, int(min(edges_in(device, CALL_S), allowed)))
@@ -382,8 +369,7 @@ def let_pass(device: DeviceState, duration_s: float) -> None:
 
 def pass_due_time(device: DeviceState) -> None:
     """On a paced clock let the time pass by which the bench is behind it, at most 0.5 s at once, if a task is live; on
-    the virtual clock do nothing.
-    """
+    the virtual clock do nothing."""
     clock = device.bench.clock
     if not clock.paced:
         return
@@ -407,8 +393,7 @@ def question_asked(device: DeviceState, *, again: bool) -> None:
 
 def settle_on_demand(device: DeviceState) -> None:
     """Before a reading on demand let a little time pass, so that outputs written on demand act: 1 ms, on a paced clock
-    what is due; do nothing where a live task makes time pass.
-    """
+    what is due; do nothing where a live task makes time pass."""
     if any(task.progress.live and _makes_time_pass(task) for task in device.tasks.values()):
         return
     clock, rate_hz = device.bench.clock, device.bench.rate_hz

@@ -74,8 +74,7 @@ def stored_report(folder: Path, inputs: str) -> StoredReport | None:
 
 def store_report(folder: Path, inputs: str, report: StoredReport) -> str:
     """Write beside a report the hash ``inputs`` of what it was made from and those of its files; the reason why it
-    could not be written, or an empty string.
-    """
+    could not be written, or an empty string."""
     content = {
         "schema": SCHEMA,
         "made_utc": report.made_utc,

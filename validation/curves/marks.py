@@ -38,8 +38,7 @@ class Mark:
 
 def trial_marks(frame: pd.DataFrame, events: pd.DataFrame) -> list[Mark]:
     """Marks of one trial in the order of time: its events, and the thesis's positions A, B, C; ``frame``: its trace
-    inside the evaluation window, ``events``: table with a row for each of its measured events.
-    """
+    inside the evaluation window, ``events``: table with a row for each of its measured events."""
     found = events[events["status"] != "absent"].set_index("event")["value"].dropna()
     marks = [
         Mark(EVENTS[name].title.lower(), float(found[name]), EVENTS[name].title) for name in MARKED if name in found
@@ -81,8 +80,7 @@ def _find_release_time(time_s: Array, force_n: Array, key_release_s: float) -> f
 
 def _find_return_time(time_s: Array, rotation: Array, release_s: float) -> float:
     """Time, s, of the first minimum near rest of the key's ``rotation`` (n,), positive down, at ``time_s`` (n,), after
-    ``release_s``, s; NaN where the key does not bounce after it.
-    """
+    ``release_s``, s; NaN where the key does not bounce after it."""
     after = (time_s >= release_s) & np.isfinite(rotation)
     if not after.any():
         return float("nan")

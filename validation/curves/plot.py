@@ -25,8 +25,7 @@ MODEL: dict[str, Any] = {"color": BLACK, "linewidth": 1.1, "dashes": MODEL_DASHE
 
 def new_panels(has_difference: bool) -> tuple[Axes, Axes | None]:
     """Axes of a new matplotlib figure for the curves, and below them axes for their difference, with the same time
-    axis, where ``has_difference``; else None.
-    """
+    axis, where ``has_difference``; else None."""
     import matplotlib.pyplot as plt  # start-up: 0.1 s beyond the rest of matplotlib
 
     rows = 2 if has_difference else 1
@@ -38,8 +37,7 @@ def new_panels(has_difference: bool) -> tuple[Axes, Axes | None]:
 
 def _draw_marks(axes: Axes, marks: Sequence[Mark], *, labels: bool = True) -> None:
     """Draw a vertical line at every mark into ``axes``: dotted for events, solid for positions of the thesis, whose
-    letters stand above unless ``labels`` is False.
-    """
+    letters stand above unless ``labels`` is False."""
     for mark in marks:
         style = {"color": BLACK, "linewidth": 0.8} if mark.position else {"color": "#777777", "linewidth": 0.6}
         axes.axvline(mark.time_s, linestyle="-" if mark.position else ":", **style)  # type: ignore[arg-type]
@@ -58,8 +56,7 @@ def _draw(axes: Axes, time: Array, values: Array, label: str | None = None, **st
 
 def _finish_axes(axes: Axes, ylabel: str, *, bottom: bool = True) -> None:
     """Set the vertical label ``ylabel``, grid and margins of ``axes``, and the label of the time axis where ``bottom``,
-    else hide its numbers.
-    """
+    else hide its numbers."""
     axes.set_ylabel(ylabel)
     axes.grid(True, color="#DDDDDD", linewidth=0.6)
     axes.margins(x=0)

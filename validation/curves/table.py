@@ -23,8 +23,7 @@ from validation.errors import ValidationInputError
 
 def interpolate_to_base_times(base_s: Array, time_s: Array, values: Array) -> Array:
     """``values`` (n,) at increasing times ``time_s`` (n,), s, interpolated linearly to times ``base_s`` (n_base,), s:
-    (n_base,), NaN outside the record; times that agree to 1 ns are taken as they are.
-    """
+    (n_base,), NaN outside the record; times that agree to 1 ns are taken as they are."""
     if time_s.size >= base_s.size:
         first = int(np.searchsorted(time_s, base_s[0] - 1e-9))
         part = slice(first, first + base_s.size)
@@ -39,8 +38,7 @@ COLUMNS = ["trial", "channel", "time_s", *VALUES, "left_out", "force_n"]
 
 def trial_curves(base_s: Array, encoder: pd.DataFrame, film: pd.DataFrame | None) -> dict[str, dict[str, Array]]:
     """Curves (n,) of one trial, body → ``measured_rad``, ``predicted_rad``, ``null_rad``, ``u_rad`` → values at times
-    ``base_s`` (n,), s, NaN where there is none; ``encoder``, ``film``: its traces, the latter None without film.
-    """
+    ``base_s`` (n,), s, NaN where there is none; ``encoder``, ``film``: its traces, the latter None without film."""
     out = {}
     for channel in BODIES:
         frame = film if channel in FILM_CHANNELS else encoder
@@ -172,8 +170,7 @@ def curves_netcdf(
 
 def _create_dataset(file: h5py.File, name: str, dimensions: tuple[str, ...], shape: tuple[int, ...]) -> None:
     """Create in ``file`` an empty 32-bit dataset of this ``shape``, compressed, NaN where not written, with unit, long
-    name and the scales of its ``dimensions``, which must exist.
-    """
+    name and the scales of its ``dimensions``, which must exist."""
     chunk = (*[1] * (len(shape) - 1), shape[-1])
     options: dict[str, Any] = {"chunks": chunk, "compression": "gzip", "compression_opts": 1, "shuffle": True}
     data = file.create_dataset(name, shape, dtype=np.float32, fillvalue=np.nan, **options)
@@ -228,8 +225,7 @@ def read_curves(path: str | Path) -> pd.DataFrame:
 
 def write_curves(table: pd.DataFrame, netcdf: bytes, path: Path) -> Path:
     """Write curves to ``path``, replacing a file that exists: ``netcdf`` as it is for ``.nc``, ``table`` for ``.csv``
-    or ``.parquet``; returns the path. Raises an input error for another ending or where it cannot be written.
-    """
+    or ``.parquet``; returns the path. Raises an input error for another ending or where it cannot be written."""
     try:
         if path.suffix == ".nc":
             path.write_bytes(netcdf)

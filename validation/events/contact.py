@@ -31,8 +31,7 @@ class Strike:
 
 def _fit_strike(motion: Motion, crossing_s: float) -> Strike:
     """Strike whose contact begins where the hammer height falls through 0 at ``crossing_s``, s, with flights fitted
-    before and after it; ambiguous, without rebound, where the hammer does not come back within 6 ms.
-    """
+    before and after it; ambiguous, without rebound, where the hammer does not come back within 6 ms."""
     time, height = motion.time_s, motion.hammer_height_m
     arrival = fit_flight(time, motion.hammer_way_m, crossing_s, -1, motion.u_height_m)
     known = np.isfinite(arrival.u_contact_s)
@@ -49,8 +48,7 @@ def _fit_strike(motion: Motion, crossing_s: float) -> Strike:
 
 def _find_near_misses(motion: Motion, contact_times_s: list[float]) -> list[Strike]:
     """Ambiguous strikes: the hammer turns round sharply less than 2 mm below the string line without reaching it (a
-    string lower than the geometry says), more than 12 ms away from each of the contacts at ``contact_times_s``, s.
-    """
+    string lower than the geometry says), more than 12 ms away from each of the contacts at ``contact_times_s``, s."""
     time, height = motion.time_s, motion.hammer_height_m
     out = []
     step = float(np.median(np.diff(time)))
@@ -78,8 +76,7 @@ def _find_near_misses(motion: Motion, contact_times_s: list[float]) -> list[Stri
 
 def find_strikes(motion: Motion) -> list[Strike]:
     """All contacts of hammer and string of a stroke in order of time: each fall of the hammer height through 0 after
-    the hammer was 5 mm away, and sharp turns up to 2 mm below the string, which are ambiguous.
-    """
+    the hammer was 5 mm away, and sharp turns up to 2 mm below the string, which are ambiguous."""
     times = down_crossings(motion.time_s, motion.hammer_height_m, 0.0, AWAY_M)
     strikes = [_fit_strike(motion, t) for t in times]
     return sorted([*strikes, *_find_near_misses(motion, times)], key=lambda s: s.time_s)

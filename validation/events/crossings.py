@@ -74,8 +74,7 @@ def bend_uncertainty_s(time_s: Array, signal: Array, at_s: float) -> float:
 
 def find_last_fall(time_s: Array, signal: Array, level: float) -> float | None:
     """Last time, s, at which a ``signal`` (n,) falls through ``level``, by linear interpolation; None when it was never
-    above, is above in the last sample, or its next sample is NaN.
-    """
+    above, is above in the last sample, or its next sample is NaN."""
     above = np.flatnonzero(signal > level)
     if above.size == 0 or above[-1] + 1 >= signal.size or not np.isfinite(signal[above[-1] + 1]):
         return None

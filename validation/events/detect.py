@@ -65,8 +65,7 @@ TURN_S = 0.6e-3  # to either side of a landing: choice, felt turns the hammer ro
 
 def key_bottom(motion: Motion, read: LevelReading = read_level_with_uncertainty) -> Event:
     """Event: time, s, at which the key dip first rises through the dip at which the key front touches its felt; absent,
-    with the reason, where it never does. ``read``: how a level is read, with or without its uncertainty.
-    """
+    with the reason, where it never does. ``read``: how a level is read, with or without its uncertainty."""
 
     def find(level: float) -> float | None:
         return select_first_after(up_crossings(motion.time_s, motion.key_dip_m, level, FELT_M), -np.inf)
@@ -127,8 +126,7 @@ def _find_held(
 ) -> list[tuple[float, int, int, float] | None]:
     """For each range (m) of height, the first hold of at least ``length_s`` between ``after_s`` and ``until_s``, s:
     median height (m), first sample, end of its first ``length_s`` as a sample, change of the height (m) if begun a
-    sample later; or None.
-    """
+    sample later; or None."""
     time, height = motion.time_s, motion.hammer_height_m
     step = float(np.median(np.diff(time)))
     n = int(round(length_s / step)) + 1
@@ -160,8 +158,7 @@ def check(
     motion: Motion, hold: Hold | None, *, struck: bool = True, read: LevelReading = read_level_with_uncertainty
 ) -> tuple[Event, Event]:
     """Two events of the back check: time, s, at which the hammer enters 0.25 mm around its held height, and that
-    height, m below the string; both absent, with the reason (``struck``: whether it struck), where ``hold`` is None.
-    """
+    height, m below the string; both absent, with the reason (``struck``: whether it struck), where ``hold`` is None."""
     if hold is None:
         why = "hammer is never held" if struck else "no string impact"
         return make_absent_event("check_time", why), make_absent_event("check_height", why)
@@ -191,8 +188,7 @@ def check(
 
 def key_release(motion: Motion, read: LevelReading = read_level_with_uncertainty) -> Event:
     """Event: time, s, of the last fall of the key dip through half of the dip at which the key touches its felt; absent
-    where the key never went that far down or is down at the end of the record.
-    """
+    where the key never went that far down or is down at the end of the record."""
     time, dip = motion.time_s, motion.key_dip_m
 
     def find(level: float) -> float | None:
@@ -208,8 +204,7 @@ def key_release(motion: Motion, read: LevelReading = read_level_with_uncertainty
 
 def rest(motion: Motion, quiet_stop: int, read: LevelReading = read_level_with_uncertainty) -> Event:
     """Event: time, s, from which hammer height and key dip stay within 0.1 mm of their means over the first
-    ``quiet_stop`` samples, to the end of the record and for 50 ms at least; else absent.
-    """
+    ``quiet_stop`` samples, to the end of the record and for 50 ms at least; else absent."""
     time = motion.time_s
     height = np.abs(motion.hammer_height_m - float(np.mean(motion.hammer_height_m[:quiet_stop])))
     dip = np.abs(motion.key_dip_m - float(np.mean(motion.key_dip_m[:quiet_stop])))
@@ -238,8 +233,7 @@ def _make_time_event(name: str, value: float, u: float) -> Event:
 
 def onset(motion: Motion, quiet_stop: int, read: LevelReading = read_level_with_uncertainty) -> Event:
     """Event: time, s, at which the key dip first rises 0.1 mm above its mean over the first ``quiet_stop`` samples;
-    absent where it never does.
-    """
+    absent where it never does."""
     dip = motion.key_dip_m - float(np.mean(motion.key_dip_m[:quiet_stop]))
 
     def find(level: float) -> float | None:
@@ -253,8 +247,7 @@ def onset(motion: Motion, quiet_stop: int, read: LevelReading = read_level_with_
 
 def let_off(motion: Motion, strike: Strike | None, read: LevelReading = read_level_with_uncertainty) -> Event:
     """Event: last time, s, before the impact at which the hammer is 0.1 mm off the path of its free flight; absent
-    without strike or flight, ambiguous where the hammer vibrates about that path by more than 0.1 mm.
-    """
+    without strike or flight, ambiguous where the hammer vibrates about that path by more than 0.1 mm."""
     if strike is None or not math.isfinite(strike.arrival.speed):
         return make_absent_event("let_off", "no string impact")
     contact = strike.arrival.contact_s
@@ -287,8 +280,7 @@ def let_off(motion: Motion, strike: Strike | None, read: LevelReading = read_lev
 
 def count_bounces(motion: Motion, strike: Strike | None, caught: Event) -> Event:
     """Event whose value is the number of times the hammer turns round by 0.3 mm or more between the impact and the
-    begin of the check, ``caught``; absent without either, ambiguous where the noise of a sample changes the number.
-    """
+    begin of the check, ``caught``; absent without either, ambiguous where the noise of a sample changes the number."""
     if strike is None:
         return make_absent_event("check_bounces", "no string impact")
     if not math.isfinite(caught.value):
@@ -304,8 +296,7 @@ def count_bounces(motion: Motion, strike: Strike | None, caught: Event) -> Event
 
 def _count_turns(height: Array, least: float) -> int:
     """Number of turns, from rising to falling or back, of a curve (n,), m, each followed by a change of ``least``, m,
-    or more; NaN are skipped.
-    """
+    or more; NaN are skipped."""
     count, direction = 0, 0
     low = high = None
     for h in height[np.isfinite(height)]:
@@ -326,8 +317,7 @@ def drop(
 ) -> Event:
     """Event: first time, s, after the check at ``check_s`` at which the hammer is 0.5 mm further from the string than
     it was held; absent where it is not, ambiguous where that is more than 50 ms before the key's release at
-    ``release_s``, s.
-    """
+    ``release_s``, s."""
     if hold is None or not math.isfinite(check_s):
         return make_absent_event("drop", "hammer is never held")
     height = motion.hammer_height_m
@@ -347,8 +337,7 @@ def drop(
 
 def landing(motion: Motion, hold: Hold | None, drop_s: float) -> Event:
     """Event: time, s, at which, after the drop at ``drop_s``, s, the hammer is furthest from the string before it first
-    comes back by 0.3 mm; absent without a drop or such a bounce.
-    """
+    comes back by 0.3 mm; absent without a drop or such a bounce."""
     if hold is None or not math.isfinite(drop_s):
         return make_absent_event("landing", "no drop")
     time, height = motion.time_s, motion.hammer_height_m
@@ -374,8 +363,7 @@ def landing(motion: Motion, hold: Hold | None, drop_s: float) -> Event:
 def _fit_vertex(time: Array, height: Array, turn_index: int, half_width: int, u_height_m: float) -> tuple[float, float]:
     """Time (s) of the largest value of a parabola fitted to the heights (n,), m, within ``half_width`` samples of the
     sample ``turn_index``, and its standard uncertainty (s), both NaN where the parabola has no maximum; ``u_height_m``:
-    least noise.
-    """
+    least noise."""
     part = slice(turn_index - half_width, turn_index + half_width + 1)
     t = time[part] - time[turn_index]
     (level, slope, bend), covariance = fit_parabola(t, height[part], 1.0)
@@ -457,8 +445,7 @@ def _make_impact_event(name: str, strike: Strike | None, why_absent: str) -> Eve
 
 def _make_speed_event(name: str, motion: Motion, strike: Strike | None, flight: Flight | None) -> Event:
     """Event ``name`` with the speed at contact of ``flight``, m/s, positive, and its uncertainty with that of scale and
-    string height; absent, with the reason, without strike or speed, ambiguous where the strike is.
-    """
+    string height; absent, with the reason, without strike or speed, ambiguous where the strike is."""
     if strike is None or flight is None:
         return make_absent_event(name, "no string impact")
     if math.isnan(flight.speed):

@@ -56,8 +56,7 @@ def measure_step_excess(
 ) -> tuple[Array, float]:
     """Amount (n − 1,), rad, signed, by which each step between samples of ``change_rad`` (n,) exceeds its four
     neighbours, 0 within them, and the limit, rad, above which it is a leap; ``quiet_stop``: samples at rest, which tell
-    the noise.
-    """
+    the noise."""
     steps = np.diff(change_rad)
     out = np.zeros(steps.size)
     if steps.size < 5:  # one step and its four neighbours
@@ -102,8 +101,7 @@ def _find_standstills(change: Array, time_s: Array) -> list[tuple[int, int]]:
 
 def find_reading_faults(m: MeasuredTrial, p: PredictedAngles) -> list[ReadingFault]:
     """First fault, a jump between two samples or a standstill while its body moves, of each encoder of a trial that has
-    one, in the order of the encoders; ``p``: the prediction, which tells where a body moves. At most one an encoder.
-    """
+    one, in the order of the encoders; ``p``: the prediction, which tells where a body moves. At most one an encoder."""
     leaps = [_find_leaps(m, p.change_rad(name), i) for i, name in enumerate(ENCODER_CHANNELS)]
     found: list[ReadingFault] = []
     for i, name in enumerate(ENCODER_CHANNELS):
@@ -169,8 +167,7 @@ def _is_continued(steps: Array, at: int, side: int) -> bool:
 
 def _find_standstill(m: MeasuredTrial, p: PredictedAngles, i: int) -> ReadingFault | None:
     """First standstill of the ``i``-th encoder without a leap: its reading stays while the model moves and the other of
-    key and whippen does (for the hammer: while it stops or starts abruptly); None if there is none.
-    """
+    key and whippen does (for the hammer: while it stops or starts abruptly); None if there is none."""
     change, time_s = m.change_rad[:, i], m.time_s
     name, expected = ENCODER_CHANNELS[i], p.change_rad(ENCODER_CHANNELS[i])
     reach = max(round(EDGE_S / float(np.median(np.diff(time_s)))), 1)

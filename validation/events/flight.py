@@ -79,8 +79,7 @@ class _Path:
 def fit_parabola(age: Array, position: Array, sigma: float, slowing: float | None = None) -> tuple[Array, Array]:
     """Way (m), speed (m/s) and second derivative (m/s²) at age 0, (3,), and their covariance, (3, 3), by least squares
     on ``position`` (n,), m, of u ``sigma``, at ``age`` (n,), s; ``slowing``, m/s²: prior of the last one, none without
-    it.
-    """
+    it."""
     design = np.stack([np.ones(age.size), age, 0.5 * age**2])
     normal, target = design @ design.T / sigma**2, design @ position / sigma**2
     if slowing is not None:
@@ -94,8 +93,7 @@ def fit_parabola(age: Array, position: Array, sigma: float, slowing: float | Non
 def _fit_path(age: Array, position: Array, sigma: float, slowing: float | None = None) -> _Path:
     """Parabola through ``position`` (n,), m, of u ``sigma``, at ``age`` (n,), s: way, speed and second derivative at
     age 0, covariance, and whether a chi-square test accepts it; ``slowing``, m/s²: prior of the last one, none without
-    it.
-    """
+    it."""
     value, covariance = fit_parabola(age, position, sigma, slowing)
     left = (position - value[0] - value[1] * age - 0.5 * value[2] * age**2) / sigma
     chi2, count = float(left @ left), age.size
@@ -247,8 +245,7 @@ def _fit_vibration(
 ) -> tuple[float, float, float, float, float, str] | None:
     """Speed, its u, way, its u, deceleration (SI) at age 0 and a note: rigid flight with a damped vibration through
     ``position`` (n,), m, of u ``sigma``; ``slowing``: expected deceleration, ``side``: −1 before, +1 after contact.
-    None where rejected.
-    """
+    None where rejected."""
     rigid = np.column_stack([np.ones(age.size), age, age**2 / 2])
     weight = np.zeros(len(PARAMETERS))  # of what is known beforehand, and what that is
     weight[[2, 6]] = U_DECELERATION_M_PER_S2**-2, U_DAMPING**-2

@@ -190,8 +190,7 @@ def _make_lift(
 ) -> KeyLift:
     """Lift of the key over samples ``first`` to ``last``, with its largest ``excess`` (n,), m: measured capstan gap
     less the model's; ``pulls``: when the model's rail would have to pull the key down, which the reason names, None
-    where unknown.
-    """
+    where unknown."""
     part = excess[first : last + 1]
     worst = first + int(np.nanargmax(part))
     gap = float(excess[worst])

@@ -36,8 +36,7 @@ class Rewired:
 def find_best_wiring(measured: Array, expected: Array) -> list[Rewired]:
     """Columns of ``measured`` (n, k) to be swapped or reversed so that they match ``expected`` (n, k), same unit,
     sorted by column; empty where the wiring as declared is right, no other one is clearly better, or nothing should
-    move.
-    """
+    move."""
     known = np.isfinite(expected).all(axis=1) & np.isfinite(measured).all(axis=1)
     k = expected.shape[1]
     if not known.any():

@@ -87,8 +87,7 @@ class SessionEvents:
 
 def find_session_events(predicted: PredictedSession, tested: ModelUnderTest) -> SessionEvents:
     """Events of every trial and of its prediction, lifts of the key and the evaluation window; a trial's key events
-    inside a lift are marked ambiguous. Events found are kept in the model's store and read from it.
-    """
+    inside a lift are marked ambiguous. Events found are kept in the model's store and read from it."""
     model, trial = {}, {}
     for m in predicted.trials:
         geometry = tested.geometry_of_trial(m)
@@ -119,8 +118,7 @@ def mark_doubtful_events(
     events: dict[int, dict[str, Event]], lifts: dict[int, list[KeyLift]]
 ) -> dict[int, dict[str, Event]]:
     """Copy of the trials' events (trial number → name → event) in which key bottom and key release are ambiguous where
-    they lie inside a lift of the key of that trial.
-    """
+    they lie inside a lift of the key of that trial."""
     out = {}
     for number, found in events.items():
         out[number] = dict(found)

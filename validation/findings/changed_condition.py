@@ -15,8 +15,7 @@ from validation.verdict.error_draws import TrialErrors
 def find_changed_condition(found: Mapping[int, TrialErrors], limits: Mapping[str, float]) -> list[SessionFinding]:
     """One finding of the first trial from which on the error (model − trial) of a primary quantity has stepped beyond
     the trials' scatter, or an empty list; ``found``: errors by trial number, ``limits``: limits of relevance in SI by
-    name.
-    """
+    name."""
     change = find_change(found, limits) if found else None
     if change is None:
         return []

@@ -49,8 +49,7 @@ MOVES_AS_PREDICTED = 0.5  # of the predicted range, at least: choice, half is ne
 def find_miswired_encoders(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
     """One finding for each encoder of trial ``m`` whose motion fits the prediction ``p`` only with the opposite sign
     (sign flip) or as another encoder's (swapped channels); its value is the error as wired, a share of the predicted
-    motion.
-    """
+    motion."""
     out = []
     for found in find_miswired_channels(m, p):
         name, recorded_as = ENCODER_CHANNELS[found.place], ENCODER_CHANNELS[found.source]
@@ -72,8 +71,7 @@ def find_miswired_encoders(m: MeasuredTrial, p: PredictedAngles) -> list[Session
 @register_kinds({"no motion": "Check scale, cable and counter of the encoder that stands still."}, spoils=CHANNEL)
 def find_motionless_encoders(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
     """One finding for each encoder that moves by less than a hundredth of its predicted range while another one moves
-    by more than half of its own; the value is its range, rad.
-    """
+    by more than half of its own; the value is its range, rad."""
     known = np.isfinite(p.angle_rad[:, 0])
     moved = np.ptp(m.change_rad, axis=0)
     expected = np.array([np.ptp(p.change_rad(name)[known]) for name in ENCODER_CHANNELS])
@@ -118,8 +116,7 @@ def measure_travel(
 ) -> Travel:
     """Travel of one trial over its prediction: largest magnitudes of key, whippen and hammer angle, and lever ratios,
     as the fields of `Travel`; NaN where the stops were not reached. ``model``: the prediction's events by name. Signs
-    do not enter.
-    """
+    do not enter."""
     out = np.full(3, np.nan)
     expected = np.column_stack([p.change_rad(name) for name in ENCODER_CHANNELS])
     known = np.isfinite(expected).all(axis=1)
@@ -151,8 +148,7 @@ RISES = (0.1, 0.5)  # choice, of the hammer's largest angle: from there to there
 
 def _fit_lever_before_flight(change_rad: Array) -> float:
     """Slope of the hammer's angle over the whippen's, of changes (n, 3) of key, whippen, hammer, rad, while the hammer
-    first rises; NaN where either hardly moves.
-    """
+    first rises; NaN where either hardly moves."""
     hammer = np.abs(change_rad[:, 2])
     first, last = (int(np.argmax(hammer > share * hammer.max(initial=0.0))) for share in RISES)
     if last - first < FEWEST_RISING or not np.ptp(change_rad[first:last, 1]) > MOVES_RAD:
@@ -162,8 +158,7 @@ def _fit_lever_before_flight(change_rad: Array) -> float:
 
 def _has_sharp_turn(time: Array, height: Array, step: float) -> bool:
     """Whether a path ``height`` (n,), m, sampled every ``step`` s, turns round at its largest value with speeds of more
-    than 0.15 m/s on both sides, as at a string; gravity turns it more slowly.
-    """
+    than 0.15 m/s on both sides, as at a string; gravity turns it more slowly."""
     top = int(np.argmax(height))
     near, far = (max(round(x / step), 1) for x in SHARP_S)
     if near == far or top < far or top + far >= time.size:
@@ -241,8 +236,7 @@ def _describe_travel(
 ) -> list[SessionFinding]:
     """Findings for the channel ``name`` from its travel over the model's (``ratios``, by trial number) among all
     ``trials``: one gross (beyond 20 %; only of ``scale_trials``, where a wrong scale explains it) and one small (beyond
-    5 %), if any.
-    """
+    5 %), if any."""
     both = " and " in name
     head, verb = (f"encoders {name}", "they travel") if both else (f"encoder {name}", "it travels")
     away = {n: r for n, r in ratios.items() if abs(r - 1) > SCALES_MAY}

@@ -169,8 +169,7 @@ def find_miswired_film(m: MeasuredTrial, p: PredictedAngles, *, whippen_sound: b
 
 def _fit_whippen_slope(m: MeasuredTrial) -> float:
     """Regression slope of the film's whippen angle on the encoder's, 1 where both agree; NaN without film, where it
-    does not show the whippen, or where fewer than 10 frames do.
-    """
+    does not show the whippen, or where fewer than 10 frames do."""
     film = m.film
     if film is None or film.whippen_rad is None:
         return float("nan")

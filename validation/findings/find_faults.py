@@ -172,8 +172,7 @@ def _check_single_trials(
 ) -> list[SessionFinding]:
     """Findings of the checks of one trial against its prediction, for every trial, and of the lag of the force. An
     encoder with faulty readings is not judged further; a wrong force factor skips the checks of wiring, motion and
-    return.
-    """
+    return."""
     found: list[SessionFinding] = []
     lags = {}
     bottom_s = {number: named["key_bottom"].value for number, named in events.trial.items()}
@@ -207,8 +206,7 @@ def _check_travel(
     predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest, found: Sequence[SessionFinding]
 ) -> list[SessionFinding]:
     """Findings on how far encoders travel compared with the prediction; trials whose prediction a finding in ``found``
-    makes wrong are skipped, and so are the encoders that ``found`` already names.
-    """
+    makes wrong are skipped, and so are the encoders that ``found`` already names."""
     travels = {
         m.number: measure_travel(
             m,
@@ -226,8 +224,7 @@ def _check_let_off_and_check(
     predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest, found: Sequence[SessionFinding]
 ) -> list[SessionFinding]:
     """Findings on let-off and check height, over the trials that no finding in ``found`` makes unfit for a comparison;
-    none where ``found`` has a travel difference of the hammer.
-    """
+    none where ``found`` has a travel difference of the hammer."""
     if any(f.kind == "travel difference" and f.channel == "hammer" for f in found):
         return []
     let_off, check = {}, {}
@@ -270,8 +267,7 @@ def _split_conditions(
 
 def _find_outlying(stage: _Stage, found: Sequence[SessionFinding]) -> list[SessionFinding]:
     """Findings of outlying trials: first by their curves, in channels that ``found`` does not name, then by their
-    difference from the model, of the trials still sound; a gap at the capstan explains the latter.
-    """
+    difference from the model, of the trials still sound; a gap at the capstan explains the latter."""
     predicted, events, tested, traces = stage.predicted, stage.events, stage.tested, stage.scored.traces
     by_number = {m.number: m for m in predicted.trials}
     release = [e["key_release"].value for e in events.trial.values() if e["key_release"].status != "absent"]

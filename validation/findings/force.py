@@ -35,8 +35,7 @@ MATTERS_N = 0.1  # choice: half of an up weight
 @register_kinds({"hum": "Check shield and ground of the load cell."}, among=OF_TRIAL)
 def find_mains_hum(m: MeasuredTrial) -> list[SessionFinding]:
     """One finding where mains hum of more than 0.1 N amplitude was subtracted from the force, else an empty list; the
-    value is the largest amplitude, N.
-    """
+    value is the largest amplitude, N."""
     fit = m.force.hum
     amplitude = max(fit.amplitude_n)
     if not fit.accepted or amplitude <= MATTERS_N:
@@ -167,8 +166,7 @@ def _search_factors(
 ) -> list[SessionFinding]:
     """One finding of the factor in `FACTORS` by which the force beyond the preload, multiplied, predicts the trial much
     better, else []; ``inside`` (n,): samples compared, ``expected`` (k, 3): the model's key, whippen, hammer there, rad
-    since rest.
-    """
+    since rest."""
     force, trial = m.force, m.change_rad[inside]
     size = np.sqrt(np.mean(trial**2, axis=0))
     errors = _compute_errors(expected, trial, size)
@@ -226,8 +224,7 @@ VISIBLE, VISIBLE_S = 0.5, 1.2e-3  # and where the stroke is softer
 def estimate_force_lag(m: MeasuredTrial, p: PredictedAngles) -> tuple[float, float]:
     """Lag of the force behind the key's acceleration that the prediction ``p`` does not have, s, positive when the
     force is late, and the limit from which it is stated, s; both NaN where the correlation is below 0.5 or the record
-    too short or slow.
-    """
+    too short or slow."""
     step = float(np.median(np.diff(m.time_s)))
     force = np.interp(m.time_s, m.force.time_s, m.force.force_n)
     expected = p.change_rad("key")
@@ -247,8 +244,7 @@ def estimate_force_lag(m: MeasuredTrial, p: PredictedAngles) -> tuple[float, flo
 
 def _correlate_lag(force: Array, key_rad: Array, step: float) -> tuple[float, float]:
     """Lag, s, of best correlation between force (n,) and the key's acceleration, positive when the force is late, and
-    that correlation; both filtered to 30 to 400 Hz. ``key_rad`` (n,): key angle, ``step``: sample period, s.
-    """
+    that correlation; both filtered to 30 to 400 Hz. ``key_rad`` (n,): key angle, ``step``: sample period, s."""
     a, f = filter_band(second_derivative(key_rad, step), step), filter_band(force, step)
     reach = round(LONGEST_S / step)
     inner = slice(2 * reach, a.size - 2 * reach)

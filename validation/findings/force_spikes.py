@@ -125,8 +125,7 @@ def align_like_trials(
 ) -> LikeTrials | None:
     """Up to 15 of ``others`` (trial and prediction; ``m`` itself is skipped), nearest by number, shifted in time so
     that all keys reach their beds at once; ``bottom_s``: that time by trial number. None with fewer than 3, or where
-    this key reaches no bed.
-    """
+    this key reaches no bed."""
     there = [one for one in others if one[0].number != m.number and np.isfinite(bottom_s[one[0].number])]
     if len(there) < FEWEST_LIKE or not np.isfinite(bottom_s[m.number]):
         return None
@@ -252,8 +251,7 @@ def _simulate_without_spike(
     tested: ModelUnderTest, m: MeasuredTrial, spike: Spike, part: NDArray[np.intp]
 ) -> Array | None:
     """Key and whippen, (n, 2), in encoder counts since rest, at the encoder samples ``part``, that the model predicts
-    with the spike taken out of the force; None where the model cannot run. The result is kept in the model's store.
-    """
+    with the spike taken out of the force; None where the model cannot run. The result is kept in the model's store."""
     until = int(np.searchsorted(m.force.time_s, m.time_s[part[-1]])) + 2
     time_s, force_n = m.force.time_s[:until], m.force.force_n[:until].copy()
     force_n[spike.first : spike.last + 1] -= spike.change_n

@@ -184,8 +184,7 @@ def find_outlying_trials(
 
 def _measure_distances(curves: Array) -> Array:
     """Root mean square distance (trials,) of each column of ``curves`` (n, trials) from the median column, over the
-    median's range; rows with a NaN are skipped, NaN where none is left or the median does not vary.
-    """
+    median's range; rows with a NaN are skipped, NaN where none is left or the median does not vary."""
     known = curves[np.isfinite(curves).all(axis=1)]
     if known.size == 0:
         return np.full(curves.shape[1], np.nan)
@@ -206,8 +205,7 @@ def _fit_scale(curves: Array, j: int) -> float:
 
 def _find_unusual_events(number: int, events: dict[int, dict[str, Event]]) -> list[str]:
     """Sentences on events that happen in trial ``number`` only, or are absent in it only; ``events``: of all trials,
-    trial number → event name → event. Empty with two trials or fewer.
-    """
+    trial number → event name → event. Empty with two trials or fewer."""
     reasons = []
     for name, kind in EVENTS.items():
         there = {n: e[name].status != "absent" for n, e in events.items()}
@@ -221,8 +219,7 @@ def _find_unusual_events(number: int, events: dict[int, dict[str, Event]]) -> li
 
 def _find_reasons(number: int, measured: Sequence[MeasuredTrial], scale: float) -> list[str]:
     """Sentences on what sets trial ``number`` apart from those ``measured``: a common factor ``scale`` of its readings
-    over the others' (NaN where none fits), its peak force, N, or its onset; empty if nothing is unusual.
-    """
+    over the others' (NaN where none fits), its peak force, N, or its onset; empty if nothing is unusual."""
     reasons = []
     if np.isfinite(scale):
         reasons.append(f"its readings are {scale:.3f} times the usual ones all the way")

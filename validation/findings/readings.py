@@ -28,8 +28,7 @@ from validation.prediction.predict_session import PredictedAngles
 )
 def find_encoder_faults(m: MeasuredTrial, p: PredictedAngles) -> list[SessionFinding]:
     """One finding for each encoder whose reading leaps between two samples (value: the leap, rad) or stands still while
-    its body moves (value: how long, s); instead one gap for the whole trial where several leap at the same sample.
-    """
+    its body moves (value: how long, s); instead one gap for the whole trial where several leap at the same sample."""
     faults = find_reading_faults(m, p)
     if are_simultaneous(faults, m.time_s):
         names = " and ".join(fault.channel for fault in faults)

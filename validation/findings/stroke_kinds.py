@@ -87,8 +87,7 @@ def _force_distance(one: Array, other: Array) -> float:
 @register_kinds({"mixed strokes": "Validate the kinds of stroke apart (conditions of the plan, or pianorig annotate)."})
 def find_mixed_strokes(trials: Sequence[MeasuredTrial], kinds: Sequence[Sequence[int]]) -> list[SessionFinding]:
     """One finding where several ``kinds`` (lists of trial numbers, as of `group_strokes`) have more than one trial, or
-    where each of several has one only; else an empty list. The value is the number of such kinds.
-    """
+    where each of several has one only; else an empty list. The value is the number of such kinds."""
     named = [kind for kind in kinds if len(kind) > 1] or list(kinds)
     if len(named) < 2:
         return []
@@ -111,8 +110,7 @@ def find_mixed_strokes(trials: Sequence[MeasuredTrial], kinds: Sequence[Sequence
 )
 def find_single_strokes(trials: Sequence[MeasuredTrial], kinds: Sequence[Sequence[int]]) -> list[SessionFinding]:
     """One finding for each trial that is alone in its kind, where another kind has several; ``kinds``: lists of trial
-    numbers, as of `group_strokes`. The value is its force held for 20 ms, N.
-    """
+    numbers, as of `group_strokes`. The value is its force held for 20 ms, N."""
     if not any(len(kind) > 1 for kind in kinds):
         return []
     held = {m.number: sustained_force_n(m) for m in trials}

@@ -18,8 +18,7 @@ SHORT_S, SHORT_SHARE = 0.02, 0.1  # by which a record ends early: choice, second
 @register_kinds({"sample rate": "Record all trials at one rate."}, among=OF_TRIALS)
 def find_unusual_rates(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
     """One finding for each trial whose mean sample rate, Hz, the value, differs by more than 1e-4 from the median rate
-    of all.
-    """
+    of all."""
     rate = {m.number: (m.time_s.size - 1) / float(m.time_s[-1] - m.time_s[0]) for m in measured}
     usual = float(np.median(list(rate.values())))
     return [
@@ -40,8 +39,7 @@ def find_unusual_rates(measured: Sequence[MeasuredTrial]) -> list[SessionFinding
 @register_kinds({"short record": "Annotate the trial that ends early, or record it again: no score looks further."})
 def find_short_records(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
     """One finding for each trial whose record ends more than 20 ms, and more than a tenth, before the median end of
-    all; the value is its end, s. Scores look no further than the shortest record.
-    """
+    all; the value is its end, s. Scores look no further than the shortest record."""
     end = {m.number: float(m.time_s[-1]) for m in measured}
     usual = float(np.median(list(end.values())))
     return [
@@ -75,8 +73,7 @@ FEWEST_MOVED = 50  # samples that differ from the one before: two records of res
 @register_kinds({"duplicated trial": "Reject the copy (pianorig annotate)."}, spoils=BLOW, among=OF_TRIALS)
 def find_duplicates(trials: Sequence[MeasuredTrial]) -> list[SessionFinding]:
     """One finding for each trial whose encoder counts or raw force readings equal an earlier trial's at every sample;
-    the value is that trial's number. Records with fewer than 50 changing samples do not count.
-    """
+    the value is that trial's number. Records with fewer than 50 changing samples do not count."""
     out = []
     sums = {m.number: (float(_read_counts(m).sum()), float(m.raw_force_n.sum())) for m in trials}
     for first, second in combinations(trials, 2):

@@ -32,8 +32,7 @@ class UnusableData:
 
 def list_unusable_data(findings: Iterable[SessionFinding]) -> tuple[UnusableData, ...]:
     """Every trial, or channel of one, that the findings make unusable, once, sorted by trial number; a channel is not
-    listed where its whole trial is. A trial that only the model misses stays usable.
-    """
+    listed where its whole trial is. A trial that only the model misses stays usable."""
     rows: dict[tuple[int, str], UnusableData] = {}
     for f in findings:
         spoils = KINDS[f.kind].spoils

@@ -31,8 +31,7 @@ def identified_text(found: Any) -> str:
 
 def _set_posterior_u(found: Any) -> model.Action:
     """Copy of an `Identification`'s action, named ``…-identified``: quantities asked for have their posterior u and the
-    verdict as source, the others that the fit moved a source that says so.
-    """
+    verdict as source, the others that the fit moved a source that says so."""
     quantities = {**found.action.quantities, **found.action.effects}
     for path in found.action.changed:
         quantities[path] = replace(quantities[path], source="fitted beside what was identified; not a finding")
@@ -49,8 +48,7 @@ def _set_posterior_u(found: Any) -> model.Action:
 
 def _table(found: Any, hashes: Mapping[str, str]) -> list[str]:
     """Lines of the TOML section ``[identification]`` of an `Identification`: estimates, correlation, warnings,
-    provenance, scores, events, posterior; ``hashes``: key -> SHA-256, written as they are.
-    """
+    provenance, scores, events, posterior; ``hashes``: key -> SHA-256, written as they are."""
     names = [e.name for e in found.estimates]
     lines = ["[identification]", f"names = {_value(names)}", f"correlation = {_value(found.correlation.tolist())}"]
     lines.append(f"warnings = {_value(list(found.warnings))}")
@@ -81,8 +79,7 @@ def _key(name: str) -> str:
 
 def _value(value: Any) -> str:
     """TOML text of a plain value (text, number, bool, list, mapping); an entry of a mapping that is None is left out,
-    and anything else becomes a quoted string.
-    """
+    and anything else becomes a quoted string."""
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{_key(k)} = {_value(v)}" for k, v in value.items() if v is not None) + " }"
     if isinstance(value, list | tuple):

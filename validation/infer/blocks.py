@@ -83,8 +83,7 @@ def make_blocks(
 ) -> list[Block]:
     """Linear model of each trial (m samples, c channels; rows channel after channel): derivatives of its curves by z,
     ``jacobian`` (m, c, p), by its own drive, ``force_columns`` (m, c, k), by fixed laws, ``held`` (m, c, h); ``laws``
-    (p,): which of z are.
-    """
+    (p,): which of z are."""
     out = []
     for k, t in enumerate(trials):
         m, c = t.change_rad.shape
@@ -113,8 +112,7 @@ def make_blocks(
 
 def _sensor_columns(t: ObservedTrial) -> tuple[Array, Array]:
     """Columns of one trial, rad per standard uncertainty: of the errors `INSTRUMENT` that all trials share (c m, 8; 0
-    for a key encoder whose errors are fitted), and of the zeros of its own c channels (c m, c).
-    """
+    for a key encoder whose errors are fitted), and of the zeros of its own c channels (c m, c)."""
     m = t.time_s.size
     out = np.zeros((len(t.channels) * m, len(INSTRUMENT)))
     own = np.zeros((len(t.channels) * m, len(t.channels)))

@@ -144,8 +144,7 @@ def _make_profile(problem: Problem, fitted: Fitted, j: int, factor: float) -> Pr
 
 def _conditional_mode(problem: Problem, fitted: Fitted, j: int, value: float) -> Array:
     """Most probable z (p,) of the linear model with its j-th entry held at ``value``, in prior standard uncertainties;
-    the others are clipped to their bounds.
-    """
+    the others are clipped to their bounds."""
     low, high = problem.box()
     cov = fitted.covariance
     z = fitted.z + cov[:, j] / cov[j, j] * (value - fitted.z[j])
@@ -156,8 +155,7 @@ def _conditional_mode(problem: Problem, fitted: Fitted, j: int, value: float) ->
 
 def _find_least(problem: Problem, fitted: Fitted, points: Sequence[tuple[int, Array]]) -> list[float]:
     """Least objective (twice the negative log posterior) that runs reach from each start (j, z (p,)) with the j-th
-    entry of z held and the others corrected; infinite where the model cannot run.
-    """
+    entry of z held and the others corrected; infinite where the model cannot run."""
     best, at = [math.inf] * len(points), [z for _, z in points]
     own = [fitted.own_at(z) for z in at]
     active = list(range(len(points)))
@@ -178,8 +176,7 @@ def _find_least(problem: Problem, fitted: Fitted, points: Sequence[tuple[int, Ar
 
 def _correct_others(problem: Problem, fitted: Fitted, j: int, z: Array, linear: list[Array]) -> Array:
     """Point z (p,) after a Gauss–Newton step of all but its j-th entry, clipped to the bounds; ``linear``: residuals of
-    each trial that the linear model has at z = 0.
-    """
+    each trial that the linear model has at z = 0."""
     low, high = problem.box()
     cov = fitted.covariance
     mean = fitted.marginal.mean(linear)[: fitted.marginal.p]
@@ -193,8 +190,7 @@ def _evaluate_points(
 ) -> list[tuple[float, list[Array] | None]]:
     """Objective (twice the negative log posterior) at each point z (p,), by runs, and each trial's residuals of the
     linear model at z = 0; (inf, None) where the model cannot run. ``own``: random effects of the trials at each point,
-    or None.
-    """
+    or None."""
     blocks = fitted.marginal.blocks
     out: list[tuple[float, list[Array] | None]] = []
     with_own = None if fitted.own is None else [o for o in own if o is not None]
@@ -210,8 +206,7 @@ def _evaluate_points(
 
 def _find_interval_ends(z: Array, rise: Array, best: float, level: float, width: float) -> tuple[float, float]:
     """Lower and upper z at which a profile, ``rise`` (k,) at ``z`` (k,), reaches ``level`` on either side of ``best``:
-    linear in its root, extrapolated beyond its ends; ``width``: u of z, used where it does not rise.
-    """
+    linear in its root, extrapolated beyond its ends; ``width``: u of z, used where it does not rise."""
     root = np.sqrt(np.maximum(rise, 0.0))
     want = float(np.sqrt(level))
     edges = []
@@ -231,8 +226,7 @@ def _find_interval_ends(z: Array, rise: Array, best: float, level: float, width:
 
 def _interval_kind(z: Array, alone: Array, best: float, level: float) -> str:
     """``two-sided`` where a profile's rise without the prior, ``alone`` (k,) at ``z`` (k,), exceeds ``level`` on both
-    sides of ``best``; else the open end: ``open below``, ``open above`` or ``open``.
-    """
+    sides of ``best``; else the open end: ``open below``, ``open above`` or ``open``."""
     below = not bool(np.any(alone[z < best] > level)) if np.any(z < best) else True
     above = not bool(np.any(alone[z > best] > level)) if np.any(z > best) else True
     if below and above:
@@ -255,8 +249,7 @@ def estimate_all(
     budget: Budget | None = None,
 ) -> list[Estimate]:
     """Estimates of all asked parameters in their order, with profiles by runs of those named in ``wanted`` (None: all;
-    empty: none). ``say`` gets a line of progress; ``keep`` is called with each profile once all are made.
-    """
+    empty: none). ``say`` gets a line of progress; ``keep`` is called with each profile once all are made."""
     factor, jack, lack = factors(fitted), jackknife(fitted), discrepancy_u(fitted)
     strokes = jackknife_over_strokes(fitted)
     width = widen_by_jackknife(np.sqrt(np.diag(fitted.covariance)), jack, len(problem.trials))
@@ -282,8 +275,7 @@ def _make_estimate(
     problem: Problem, fitted: Fitted, j: int, spread: tuple[float, float, float, float], made: Profile | None
 ) -> Estimate:
     """Estimate with its verdict of the j-th asked parameter; ``spread``, all of z: Student factor of the 95 % interval,
-    u, u by jackknife, u from what the model lacks; ``made``: its profile, None without one.
-    """
+    u, u by jackknife, u from what the model lacks; ``made``: its profile, None without one."""
     parameter, action = problem.unknowns.asked[j], problem.action
     factor, width, jack, lack = spread
     z = float(fitted.z[j])

@@ -228,8 +228,7 @@ class _Attempt:
 
 def _search_damping(problem: Problem, marginal: Marginal, here: Sequence[Array], z: Array, damping: float) -> _Attempt:
     """First step from z, where residuals are ``here``, that lowers the objective by runs, tried with ``damping``, then
-    larger ones (of the curvature's diagonal); a zero step without curves where none does.
-    """
+    larger ones (of the curvature's diagonal); a zero step without curves where none does."""
     before, bent = marginal.objective(here, z), 0.0
     for more in list_dampings(damping):
         step = box_step(marginal, here, z, problem.box(), more)
@@ -305,8 +304,7 @@ def fit_conditional(
 
 def _refine(problem: Problem, found: Fitted, columns: Columns, at: _Iterate, say: Say | None, budget: Budget) -> Fitted:
     """Continue a fit, which ended at ``at`` with discrepancies of at least `ROUGH_FLOOR`, with the lower limit `FLOOR`;
-    the fit ``found`` itself where that does not converge.
-    """
+    the fit ``found`` itself where that does not converge."""
     at = _estimate_noise(replace(at, is_learnt=False, learnings=0), FLOOR)
     finer, _ = _iterate(problem, found, columns, at, found.bifurcations, say, budget, FLOOR)
     if not finer.converged:
@@ -326,8 +324,7 @@ def _extend(
     problem: Problem, fitted: Fitted, columns: Columns, say: Say | None, budget: Budget, first_share: float
 ) -> tuple[Fitted, _Iterate]:
     """Fit the first ``first_share`` of each trial, then each to its end or bifurcation: the fit, and its last iterate;
-    where the second does not converge, those of the first, with an end that says so.
-    """
+    where the second does not converge, those of the first, with an end that says so."""
     part = {k: int(first_share * t.time_s.size) for k, t in enumerate(problem.trials)}
     first, at = _iterate(
         problem, fitted, columns, _cut_at_bifurcations(_first_iterate(fitted), part), part, say, budget
@@ -362,8 +359,7 @@ def _iterate(
 ) -> tuple[Fitted, _Iterate]:
     """Gauss–Newton steps from the iterate ``at`` until they are small, gain too little or the budget ends: the fit, and
     the last iterate. ``bifurcations``: trial index -> first sample left out, more are found on the way; no discrepancy
-    is below ``floor``.
-    """
+    is below ``floor``."""
     box = problem.box()
     steps, idle = 0, 0
     with budget.interruptible():
@@ -407,8 +403,7 @@ def _conclude(
     floor: float,
 ) -> Fitted:
     """Fit at the last iterate ``at``, ``steps`` steps after the fit ``before``, with variance components learnt to the
-    end, no discrepancy below ``floor``; it says that it converged, stands at a bifurcation, or ran out of budget.
-    """
+    end, no discrepancy below ``floor``; it says that it converged, stands at a bifurcation, or ran out of budget."""
     marginal, z = select_noise_model(at.marginal.blocks, at.linear, at.marginal.sizes, LAST_ROUNDS, False, floor), at.z
     remaining = box_step(marginal, at.here, z, problem.box(), 0.0)
     asked = problem.unknowns.asked
@@ -457,8 +452,7 @@ def bifurcation_words(problem: Problem, bifurcations: Mapping[int, int]) -> list
 
 def _search_line(problem: Problem, at: _Iterate, shares: Sequence[float]) -> tuple[Array, _Modes, float] | None:
     """z (p,), modes of the trials and gain at the first of ``shares`` of the whole Gauss–Newton step at which runs have
-    a lower cost; None where none does.
-    """
+    a lower cost; None where none does."""
     step = box_step(at.marginal, at.here, at.z, problem.box(), 0.0)
     before = _cost(at.marginal, at.run, at.own, at.z)
     for share in shares:
@@ -512,8 +506,7 @@ def _find_bifurcations(problem: Problem, at: _Iterate, known: Mapping[int, int])
 
 def _cut_at_bifurcations(at: _Iterate, bifurcations: Mapping[int, int]) -> _Iterate:
     """Copy of an iterate in which each trial counts only before its bifurcation, the sample index in ``bifurcations``
-    by trial; later samples keep their place but weigh nothing.
-    """
+    by trial; later samples keep their place but weigh nothing."""
     blocks = [b.until(bifurcations[k]) if k in bifurcations else b for k, b in enumerate(at.marginal.blocks)]
     marginal = Marginal(blocks, at.marginal.sizes)
     costs = OwnModes(marginal, at.linear, at.z).costs(at.run, at.own)
@@ -564,8 +557,7 @@ def _run_towards(
     problem: Problem, z: Array, modes: OwnModes, own: Sequence[Own], shares: Sequence[float]
 ) -> _Modes | None:
     """Run trials at z with random effects at each of ``shares`` of the way from ``own`` to ``modes``, and keep for each
-    trial the most probable; None where the model cannot run at any.
-    """
+    trial the most probable; None where the model cannot run at any."""
     tried = [[a.towards(b, s) for a, b in zip(own, modes.most, strict=True)] for s in shares]
     found = problem.response.curves(len(tried) * [z], tried)
     run = [(own, residuals(problem.trials, c)) for own, c in zip(tried, found, strict=True) if c is not None]
@@ -586,8 +578,7 @@ def _linearise(
 ) -> _Iterate | None:
     """Iterate with a new linear model at the end of a step, ``found`` = (z, modes, gain), without what follows
     ``bifurcations`` (trial index -> sample), no discrepancy learnt below ``floor``; None where the model has no
-    derivatives there.
-    """
+    derivatives there."""
     z, modes, _ = found
     try:
         every = enumerate(columns.blocks(z, modes.own))
@@ -603,8 +594,7 @@ def _linearise(
 
 def _estimate_noise(at: _Iterate, floor: float) -> _Iterate:
     """Iterate with variance components estimated, none of the discrepancy below ``floor``, where the model is near
-    every trial and they have not settled yet; else the iterate as it is.
-    """
+    every trial and they have not settled yet; else the iterate as it is."""
     if at.is_learnt or not at.is_followed:
         return at
     marginal, learnings = at.marginal, at.learnings
@@ -669,8 +659,7 @@ def _fit_pilots(problem: Problem, start: Array, say: Say, budget: Budget) -> lis
 
 def _fit_from_pilot(problem: Problem, pilot: Fitted, share: float, say: Say, budget: Budget) -> Fitted:
     """Fit of all trials, each at its own mode, that starts from a pilot's values; `FEW` trials of each session come
-    first, and of each trial its first ``share``, as these steps cost less.
-    """
+    first, and of each trial its first ``share``, as these steps cost less."""
     few, at = _select_typical_trials(problem.trials, FEW), pilot
     if 2 * len(few) <= len(problem.trials):
         say(f"fit of {len(few)} of {len(problem.trials)} trials")
@@ -688,8 +677,7 @@ def _fit_from_pilot(problem: Problem, pilot: Fitted, share: float, say: Say, bud
 
 def _select_typical_trials(trials: Sequence[ObservedTrial], n: int = 1) -> list[int]:
     """Indices of the ``n`` trials of each session, session after session, whose angles differ least from the median of
-    its trials at each sample, the nearest first.
-    """
+    its trials at each sample, the nearest first."""
     out = []
     for session in dict.fromkeys(t.session for t in trials):
         those = [k for k, t in enumerate(trials) if t.session == session]
@@ -701,8 +689,7 @@ def _select_typical_trials(trials: Sequence[ObservedTrial], n: int = 1) -> list[
 
 def fit_alike(problem: Problem, z: Array, sizes: Sizes | None = None) -> Fitted:
     """State of a fit at z (p,) without random effects: no step is taken, variance components are learnt from ``sizes``,
-    its end is *out of budget*. Input error where the model cannot run.
-    """
+    its end is *out of budget*. Input error where the model cannot run."""
     curves, blocks = curves_at(problem, z), _blocks(Columns(problem), z, True)
     if curves is None:
         raise ValidationInputError("identify: the model cannot run at the start; use other values (`overrides`)")
@@ -714,8 +701,7 @@ def fit_alike(problem: Problem, z: Array, sizes: Sizes | None = None) -> Fitted:
 
 def starts(problem: Problem, n: int) -> list[Array]:
     """``n`` start points z (p,), the same at every call: zeros (the action's values), then a Latin hypercube of the
-    asked parameters within one prior standard uncertainty, all others 0.
-    """
+    asked parameters within one prior standard uncertainty, all others 0."""
     p, asked = len(problem.unknowns.moved), len(problem.unknowns.asked)
     out = [np.zeros(p)]
     if n > 1:

@@ -123,8 +123,7 @@ def scale_profile_force(profile: Profile, level: float) -> Profile:
 
 def make_measured_trial(blow: PredictedBlow, like: MeasuredTrial) -> MeasuredTrial:
     """Trial that the bench would measure of the predicted ``blow``, without noise: 0.1 s of rest, then its force and
-    angles; sensors, uncertainties and preload are those of trial ``like``. It has number 0 and no film.
-    """
+    angles; sensors, uncertainties and preload are those of trial ``like``. It has number 0 and no film."""
     step = float(np.median(np.diff(blow.time_s)))
     rest = int(np.ceil(REST_S / step))
     time = np.concatenate([blow.time_s[0] + step * np.arange(-rest, 0), blow.time_s])
@@ -189,8 +188,7 @@ def rehearse_stroke(fitted: Fitted, planned: Marginal, block: Block, play: Play,
 
 def _discrepancy_columns(planned: Marginal, new: Block) -> Array:
     """Columns (n, k), rad, of the discrepancy in a trial of the new session, whose linear model is ``new``: scaled to
-    the standard deviations in ``planned``, less the floor, which no stroke has shown.
-    """
+    the standard deviations in ``planned``, less the floor, which no stroke has shown."""
     sizes, part = planned.sizes, planned.parts[0][new.session]
     common = sizes.common[new.session].copy()
     smooth = slice(0, len(SCALES_S) * sizes.channels)
@@ -325,8 +323,7 @@ def prospects(
 
 def _add_best_rehearsed(found: Sequence[Prospect], rehearse: Callable[[Prospect], Prospect]) -> list[Prospect]:
     """Prospects, the best (least mean shrink) first; the best strokes are replaced by ``rehearse(prospect)`` in turn,
-    at least `REHEARSED` and at most `MOST_REHEARSED`, until the best stroke of all is a rehearsed one.
-    """
+    at least `REHEARSED` and at most `MOST_REHEARSED`, until the best stroke of all is a rehearsed one."""
     ranked = sorted(found, key=lambda p: p.mean)
     done = 0
     while True:

@@ -190,8 +190,7 @@ def sources(action: model.Action, trial: ObservedTrial) -> tuple[Source, ...]:
 
 def list_addable_effects(action: model.Action) -> Iterator[Source]:
     """Yield as a `Source` each effect that the action lacks: of its parts, of all joints together, and two laws of
-    hereditary felt for each contact.
-    """
+    hereditary felt for each contact."""
 
     def source(effects: Sequence[str], sizes: Sequence[tuple[str, float]], name: str = "", **laws: str) -> Source:
         scaled = tuple((path, MOST_MODES if path == MODES else action[path], power) for path, power in sizes)
@@ -235,8 +234,7 @@ def candidates(listed: Sequence[Source], numbers: Sequence[int]) -> tuple[Candid
 def _list_weights(profile: str, numbers: Sequence[int], apart: bool) -> Iterator[tuple[NDArray[Any], int, int]]:
     """Yield (weights (trials,), first, last) for every way of ``profile``: the share of the amount that each trial has,
     and the numbers of the first and last that have it; ``apart``: single trials are candidates, too, so that such steps
-    are left out.
-    """
+    are left out."""
     at, order = np.array(numbers), sorted(numbers)
     if profile == ALL:
         yield np.ones(at.size), order[0], order[-1]
@@ -250,8 +248,7 @@ def _list_weights(profile: str, numbers: Sequence[int], apart: bool) -> Iterator
 
 def known_root(action: model.Action, listed: Sequence[Source]) -> Array:
     """Root L (p, p) of the prior covariance L Lᵀ of the amounts of the ``listed`` sources, in units of `Source.wrong`:
-    diagonal, but for the parameters that an identified action's posterior correlates.
-    """
+    diagonal, but for the parameters that an identified action's posterior correlates."""
     root = np.diag([c.known for c in listed])
     before = posterior_of(action)
     if before is None:

@@ -115,8 +115,7 @@ def _keep_determined(vector: Array, covariance: Array, share_left: float) -> Arr
 
 def _shorten_undetermined(vector: Array, precision: Array) -> Array:
     """Copy of the direction ``vector`` (n,) with small components zero: the fewest, largest ones along which over half
-    of the prior's u is left, all other directions held; ``precision`` (n, n): inverse covariance of z.
-    """
+    of the prior's u is left, all other directions held; ``precision`` (n, n): inverse covariance of z."""
     order = order_by_size(vector)
     short = np.zeros_like(vector)
     for i in order:
@@ -134,8 +133,7 @@ def _name_weights(names: Sequence[str], vector: Array) -> dict[str, float]:
 
 def warnings_of(names: Sequence[str], covariance: Array) -> list[str]:
     """Sentences on the parameters ``names``, and on their combinations, of which over half of the prior's u is left;
-    empty where there are none. ``covariance`` (n, n): of z, in prior standard uncertainties.
-    """
+    empty where there are none. ``covariance`` (n, n): of z, in prior standard uncertainties."""
     width = np.sqrt(np.diag(covariance))
     poor = [(n, w) for n, w in zip(names, width, strict=True) if w > HALF]
     said = []

@@ -170,8 +170,7 @@ def identify(
 
 def check_identifiability(problem: Problem, columns: Columns) -> list[str]:
     """Sentences, before the fit, on parameters of which the strokes will leave over half of the prior's u, from the
-    derivatives at z = 0; input error where a parameter moves no angle, data are too few, or the model cannot run.
-    """
+    derivatives at z = 0; input error where a parameter moves no angle, data are too few, or the model cannot run."""
     data = sum(t.change_rad.size for t in problem.trials)
     names = [p.name for p in problem.unknowns.asked]
     if data < len(names):
@@ -198,8 +197,7 @@ def check_identifiability(problem: Problem, columns: Columns) -> list[str]:
 
 def list_bounds_not_run(problem: Problem) -> list[str]:
     """Lines, one for each end of a requested parameter's range, all others at z = 0, at which the model cannot run the
-    strokes; empty where it runs at all of them.
-    """
+    strokes; empty where it runs at all of them."""
     asked, (low, high) = problem.unknowns.asked, problem.box()
     ends = [(j, side, edge[j]) for j in range(len(asked)) for side, edge in (("lower", low), ("upper", high))]
     points = [at * np.eye(low.size)[j] for j, _, at in ends]
@@ -228,8 +226,7 @@ def action_at(start: model.Action, asked: Unknowns, z: Array) -> model.Action:
 
 def list_size_warnings(names: Sequence[str]) -> list[str]:
     """One warning, in a list, where more than `MOST_ASKED` parameters are fitted at once, for which intervals were not
-    tested; empty for fewer.
-    """
+    tested; empty for fewer."""
     if len(names) <= MOST_ASKED:
         return []
     return [
@@ -241,8 +238,7 @@ def list_size_warnings(names: Sequence[str]) -> list[str]:
 def _decide_end(best: Fitted, names: Sequence[str], covariance: Array, determined: Sequence[Combination]) -> End:
     """How the fit ended: *not identifiable* where it converged and leaves over half of the prior's u of every
     parameter, ``covariance`` (n, n) being that of z, else its own end; ``determined`` combinations are named in the
-    text.
-    """
+    text."""
     if not best.converged or np.any(np.sqrt(np.diag(covariance)) < HALF):
         return best.end
     known = "; ".join(f"{d.words} ({100 * d.left:.0f} % of its prior uncertainty left)" for d in determined)

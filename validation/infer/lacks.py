@@ -111,8 +111,7 @@ def find_supported_estimates(
 ) -> Supported | None:
     """Estimates that hold in spite of what the model lacks, from refits each with one held value or effect freed, as
     many as the budget allows; None where nothing seems to be lacking, or any trial is driven by its key. ``say`` gets a
-    line a refit.
-    """
+    line a refit."""
     if not isinstance(problem.response, ModelResponse) or any(t.key is not None for t in problem.trials):
         return None
     budget = Budget(math.inf) if budget is None else budget
@@ -195,8 +194,7 @@ def _held_columns(
     problem: Problem, fitted: Fitted, response: ModelResponse, own: list[Sequence[Own]] | None
 ) -> Columns:
     """Yield each parameter that the fit held, the action, and the derivative (c m,) of each trial's curves by it, rad
-    per prior standard uncertainty, at the fit's values and random effects.
-    """
+    per prior standard uncertainty, at the fit's values and random effects."""
     action, unknowns = problem.action, problem.unknowns
     moved = {p.name for p in unknowns.moved}
     names = {n: paths for n, paths in single_names(action).items() if n not in moved}
@@ -222,8 +220,7 @@ def _effect_columns(
 ) -> Columns:
     """Yield for each effect that the action lacks a parameter of its size, the action with it, and the change (c m,),
     rad, of each trial's curves by the whole effect at the fit's z and random effects ``own``; those that cannot run are
-    skipped.
-    """
+    skipped."""
     action, base = problem.action, response.curves([fitted.z], own)[0]
     for source in list_addable_effects(action) if base is not None else ():
         scene = None if LIFTING & set(source.effects) else source.scene(action, 1.0)
@@ -252,8 +249,7 @@ def fit_with_change(
     budget: Budget | None = None,
 ) -> LetIn | None:
     """The fit continued with one parameter of ``action`` freed, and its gain of log evidence less ``rarity``, the
-    logarithm of how many changes were tried; None where the model cannot run with it.
-    """
+    logarithm of how many changes were tried; None where the model cannot run with it."""
     unknowns = problem.unknowns
     held = tuple(p for p in unknowns.held if p.name != parameter.name)
     unknowns = replace(unknowns, beside=(*unknowns.beside, parameter), held=held)
@@ -287,8 +283,7 @@ def _combine_estimates(
 ) -> tuple[tuple[Estimate, ...], tuple[tuple[Combination, float, float], ...]]:
     """Estimates of the first, likeliest fit with intervals that cover those of all ``kept``, and (combination, value,
     u) of determined combinations of parameters, in prior standard uncertainties; of these none where a fit did not
-    converge.
-    """
+    converge."""
     each = [estimate_all(one.problem, one.fitted, (), lambda text: None) for one in kept]
     out = []
     for of in zip(*each, strict=True):
@@ -348,8 +343,7 @@ def describe_lack_phase(problem: Problem, lack: Sequence[Array]) -> str:
 
 def _discrepancy_curves(problem: Problem, fitted: Fitted, best: LetIn) -> list[Array]:
     """Discrepancy (m, c), rad, of each trial: curves of the fit ``best`` less those of the model without what it freed;
-    measured less predicted by ``fitted`` where it freed nothing or the model cannot run without.
-    """
+    measured less predicted by ``fitted`` where it freed nothing or the model cannot run without."""
     z = best.fitted.z
     if best.parameter is not None:
         z = np.delete(z, best.problem.unknowns.moved.index(best.parameter))
@@ -361,8 +355,7 @@ def _discrepancy_curves(problem: Problem, fitted: Fitted, best: LetIn) -> list[A
 
 def measure_separation(let_in: Sequence[LetIn], trials: Sequence[ObservedTrial]) -> Array:
     """How far the predictions of the fits ``let_in`` are apart in each stroke (trials,): root mean square over times
-    and channels of their range, in standard deviations of the sensors' noise; 0 where one cannot run.
-    """
+    and channels of their range, in standard deviations of the sensors' noise; 0 where one cannot run."""
     out = np.zeros(len(trials))
     for k, trial in enumerate(trials):
         curves = []

@@ -50,8 +50,7 @@ def family_of(parameter: Parameter) -> int:
 
 def law_family(path: str) -> int:
     """Place in `FAMILIES` of the law that a path of the action belongs to, told by its name; every other path counts as
-    stiffness.
-    """
+    stiffness."""
     if "joint_friction" in path:
         return 1
     if "friction" in path:
@@ -100,8 +99,7 @@ class Sizes:
     def _fill(families: NDArray[np.intp], seen: Array, scatter: float, own: float, common: float) -> Sizes:
         """Equal start values, standard deviations: ``scatter`` of laws (prior u), ``own`` of each trial's deviation and
         ``common`` of the discrepancy (shares of the response); next to none of a channel that ``seen`` (sessions, c; 1
-        or 0) lacks.
-        """
+        or 0) lacks."""
         sessions = len(seen)
         parts = np.hstack([np.repeat(seen, len(SCALES_S), axis=1), seen, np.ones((sessions, 1))])
         return Sizes(
@@ -187,8 +185,7 @@ class RandomEffectColumns:
     @cached_property
     def component_blocks(self) -> list[tuple[int, slice, Array]]:
         """For each variance component its index in `Sizes.log`, a slice of rows outside which its columns are zero, and
-        its columns in these rows.
-        """
+        its columns in these rows."""
         out = []
         for component in np.unique(self.component):
             mine = self.columns[:, self.component == component]
@@ -248,8 +245,7 @@ def shared_root(block: Block, sizes: Sizes, root: Array) -> Array:
 
 def common_parts(blocks: Sequence[Block], sizes: Sizes) -> RandomEffectColumns:
     """Columns, of unit size, of the discrepancy that the trials ``blocks`` of one session share: rows are shifts of its
-    l laws, then the n rows of its first trial.
-    """
+    l laws, then the n rows of its first trial."""
     lead, c = blocks[0], sizes.channels
     m, first = lead.time_s.size, len(FAMILIES) + sizes.own.size + lead.session * sizes.common.shape[1]
     columns, component = [], []
@@ -280,8 +276,7 @@ def make_parts(blocks: Sequence[Block], sizes: Sizes) -> Parts:
 
 def null_covariances(block: Block, sizes: Sizes) -> tuple[Array, Array, Array]:
     """Covariances (n, n), rad², of a trial: of its sensors, drive and smooth deviation; of the scatter of its laws; of
-    what all trials share, discrepancy and errors of instruments.
-    """
+    what all trials share, discrepancy and errors of instruments."""
     common, (own,) = make_parts([block], sizes)
     size, laws = np.exp(sizes.log()), law_columns(block, sizes)
     alone = replace(sizes, by_family=np.full_like(sizes.by_family, LEAST))
@@ -367,8 +362,7 @@ class Marginal:
 
     def projected(self, residuals: Sequence[Array]) -> tuple[Array, float]:
         """Xᵀ C⁻¹ r (q,) and rᵀ C⁻¹ r of residuals r (n,) of each trial: X all columns that trials share, C the
-        covariance of what a trial has of its own. The last answer is kept for the same list.
-        """
+        covariance of what a trial has of its own. The last answer is kept for the same list."""
         if self._asked is residuals:
             return self._projected
         b, square = np.zeros(self.q), 0.0
@@ -442,8 +436,7 @@ def held_out_score(marginal: Marginal, residuals: Sequence[Array]) -> float:
 
 def _log_density(back: Array, left: Array, covariance: Array) -> float:
     """Log density, but for a constant, of n whitened rows kept aside: ``left`` (n,) these rows less what the fit to all
-    data explains, ``back`` (n, q) their columns, ``covariance`` (q, q) of the columns given all data.
-    """
+    data explains, ``back`` (n, q) their columns, ``covariance`` (q, q) of the columns given all data."""
     inside = np.linalg.inv(covariance) - back.T @ back  # the precision without the strokes kept aside
     inside = 0.5 * (inside + inside.T)
     factor = cho_factor(inside)
@@ -489,8 +482,7 @@ class OwnModes:
 
     def costs(self, residuals: Sequence[Array], own: Sequence[Own]) -> Array:
         """Cost (trials,), twice the negative log density but for a constant, of the residuals (n,) of runs at z with
-        the random effects ``own``, and of these, one of each trial.
-        """
+        the random effects ``own``, and of these, one of each trial."""
         scatters, out = self.scatter > 0.0, []
         for lower, shared, r, o in zip(self._own_roots, self.shared, residuals, own, strict=True):
             white = solve_triangular(lower, r - shared, lower=True)
@@ -501,8 +493,7 @@ class OwnModes:
     @cached_property
     def _own_roots(self) -> list[Array]:
         """Cholesky root (n, n) of the covariance of each trial's residual given its laws and drive: sensor noise,
-        smooth deviation, zeros of its sensors.
-        """
+        smooth deviation, zeros of its sensors."""
         size, out = np.exp(self.marginal.sizes.log()), []
         for b, part in zip(self.marginal.blocks, self.marginal.parts[1], strict=True):
             laws = law_columns(b, self.marginal.sizes).shape[1]
@@ -517,8 +508,7 @@ LEAST_DAMPING, MARQUARDT = 0.03, 10.0  # of the curvature's diagonal; factor to 
 
 def box_step(marginal: Marginal, here: Sequence[Array], z: Array, box: tuple[Array, Array], damping: float) -> Array:
     """Step (p,) from z to the linear model's minimum within ``box``, lowest and highest z (p,) each; ``here``:
-    residuals (n,) of each trial at z; ``damping`` times the curvature's diagonal is added to it (Marquardt).
-    """
+    residuals (n,) of each trial at z; ``damping`` times the curvature's diagonal is added to it (Marquardt)."""
     low, high = box
     slope, curvature = marginal.slope(here, z), marginal.curvature
     damped = curvature + damping * np.diag(np.diag(curvature))
@@ -564,8 +554,7 @@ class Scores:
 def scores(marginal: Marginal, residuals: Sequence[Array] | None = None) -> Scores:
     """Slope, expected information and share in each parameter's variance, of the negative log likelihood by the
     logarithms of the variance components of ``marginal``; ``residuals`` at z = 0 of the linear model, without which the
-    slope is 0.
-    """
+    slope is 0."""
     log = marginal.sizes.log()
     variance, p = np.exp(2.0 * log), marginal.p
     slope, information, shares = np.zeros(log.size), np.zeros((log.size, log.size)), np.zeros((p, log.size))
@@ -625,8 +614,7 @@ def _add_scores(
 ) -> None:
     """Add what one independent part says of its variance components to ``slope`` (k,) and ``information`` (k, k) in
     place: ``variance`` (k,) by component, ``weight`` (n, n) the projected precision, ``left`` (n,) that times the data;
-    no slope without.
-    """
+    no slope without."""
     for k, (i, rows, columns) in enumerate(part.component_blocks):
         for j, others, more in part.component_blocks[: k + 1]:
             across = columns.T @ weight[rows, others] @ more

@@ -72,8 +72,7 @@ def read_film(m: MeasuredTrial, phase_s: Array) -> FilmSeen:
 
 def _assign_frames(frame_s: Array, phase_s: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
     """For each phase (m,), s, the index of the nearest frame, and whether it may be used: near enough, within the
-    phases, and nearest to no other phase.
-    """
+    phases, and nearest to no other phase."""
     frame = np.clip(np.round(np.interp(phase_s, frame_s, np.arange(frame_s.size))), 0, frame_s.size - 1).astype(int)
     away = np.abs(frame_s[frame] - phase_s)
     there = away <= NEAR * float(np.median(np.diff(frame_s)))
@@ -197,8 +196,7 @@ def _thin_trials(
     name: str, session: int, trials: Sequence[MeasuredTrial], ways: tuple[_SpanOf, _Seen], phases: int, film: bool
 ) -> list[ObservedTrial]:
     """Trials of a session thinned to at most ``phases`` common times; ``ways``: functions that give a trial's span, and
-    its observation at these times. Input error where an encoder stands still, or trials have no span in common.
-    """
+    its observation at these times. Input error where an encoder stands still, or trials have no span in common."""
     for m in trials:
         still = np.flatnonzero(np.ptp(m.change_rad, axis=0) == 0.0)
         if still.size:
@@ -214,8 +212,7 @@ def _thin_trials(
 
 def common_phases(name: str, trials: Sequence[MeasuredTrial], spans: Sequence[Span], phases: int) -> Array:
     """Times (m,), s, since the hammer first came 90 % of its way (negative before), at which all trials are compared:
-    at most ``phases``, closer where the first trial moves fast; input error where the trials have no span in common.
-    """
+    at most ``phases``, closer where the first trial moves fast; input error where the trials have no span in common."""
     before = min(s.top_s - s.start_s for s in spans)
     after = min(s.end_s - s.top_s for s in spans)
     if before <= 0.0 or after <= 0.0:
@@ -236,8 +233,7 @@ def common_phases(name: str, trials: Sequence[MeasuredTrial], spans: Sequence[Sp
 
 def add_film_angles(trial: ObservedTrial, m: MeasuredTrial) -> ObservedTrial:
     """Copy of an observed trial with two more channels, jack and repetition lever, rad, as the film of ``m`` shows them
-    in the frames nearest to its phases; NaN throughout without a film.
-    """
+    in the frames nearest to its phases; NaN throughout without a film."""
     seen: FilmSeen = read_film(m, trial.time_s)
     white = np.broadcast_to(trial.u_white_rad, trial.change_rad.shape)
     return replace(
@@ -291,8 +287,7 @@ def _interpolate_change(m: MeasuredTrial, time_s: Array) -> Array:
 
 def _observe_trial(name: str, session: int, m: MeasuredTrial, span: Span, phases: Array) -> ObservedTrial:
     """Observation of a force-driven trial: encoder angles of the samples nearest to ``phases`` (m,), s since the hammer
-    came up, the force from before it acts, and their u; ``session``: its index in the fit.
-    """
+    came up, the force from before it acts, and their u; ``session``: its index in the fit."""
     index = nearest_samples(m, span, phases)
     time = m.time_s[index]
     f = m.force
@@ -353,8 +348,7 @@ def _driven_span(m: MeasuredTrial) -> Span:
 
 def _observe_driven_trial(name: str, session: int, m: MeasuredTrial, span: Span, phases: Array) -> ObservedTrial:
     """Observation of a trial driven by its key's encoder: a motion fitted to the key since rest, whippen and hammer
-    angles of the samples nearest to ``phases`` (m,), s since the hammer came up; input error where no motion fits.
-    """
+    angles of the samples nearest to ``phases`` (m,), s since the hammer came up; input error where no motion fits."""
     index = nearest_samples(m, span, phases)
     time = m.time_s[index]
     inside = (m.time_s > span.start_s - LEAD_S) & (m.time_s <= time[-1] + AFTER_S)
@@ -415,8 +409,7 @@ def _positions_span(m: MeasuredTrial) -> Span:
 
 def _observe_positions_trial(name: str, session: int, m: MeasuredTrial, span: Span, phases: Array) -> ObservedTrial:
     """Observation of a trial of position sensors: the key's drives the model, the hammer's is compared, rad since rest,
-    at the samples nearest to ``phases`` (m,), s since the hammer came up.
-    """
+    at the samples nearest to ``phases`` (m,), s since the hammer came up."""
     index, measured = nearest_samples(m, span, phases), list(HAMMER_ALONE)
     white = (m.resolution_rad * RECTANGULAR)[measured]
     return ObservedTrial(
@@ -452,8 +445,7 @@ def with_calibration(trials: Sequence[ObservedTrial], sensors: SensorCalibration
 
 def share_key_errors(trials: Sequence[ObservedTrial]) -> list[ObservedTrial]:
     """The trials; where a key's encoder drives any of them, those that a force drives are copied with the errors of
-    their key's encoder to be fitted, too (``key_moves``).
-    """
+    their key's encoder to be fitted, too (``key_moves``)."""
     if not any(isinstance(t.key, KeyFit) for t in trials):
         return list(trials)
     return [
@@ -466,8 +458,7 @@ def share_key_errors(trials: Sequence[ObservedTrial]) -> list[ObservedTrial]:
 
 def add_drive_errors(asked: Unknowns, trials: Sequence[ObservedTrial]) -> Unknowns:
     """Copy of the unknowns whose ``force`` holds the errors of what drives the trials: of the force, the key's encoder
-    or the position sensors, each where it drives any trial.
-    """
+    or the position sensors, each where it drives any trial."""
     errors: tuple[Parameter, ...] = ()
     if any(t.key is None for t in trials):
         errors += FORCE

@@ -38,8 +38,7 @@ def z_of(parameter: Parameter, prior: float, value: float) -> float:
 
 def forest(found: Identification) -> Forest:
     """Table with a drawing of each estimate's value and 95 % interval, and of the prior's, in prior standard
-    uncertainties from the value before.
-    """
+    uncertainties from the value before."""
     rows = []
     table = _tables(found, "estimates", found)[0]
     for cells, p, e in zip(table.rows, found.details.problem.unknowns.asked, found.estimates, strict=True):
@@ -54,8 +53,7 @@ def forest(found: Identification) -> Forest:
 
 def residual_rms(trials: Sequence[ObservedTrial], curves: Sequence[Array]) -> dict[int, tuple[Array, Array]]:
     """Session -> times (m,), s, of its first trial and root mean square over its trials (m, c), rad, of measured less
-    predicted angles, 0 where lost; ``curves``: predicted angles (m, c), rad, of each trial.
-    """
+    predicted angles, 0 where lost; ``curves``: predicted angles (m, c), rad, of each trial."""
     found = {}
     for session in sorted({t.session for t in trials}):
         own = [(t, c) for t, c in zip(trials, curves, strict=True) if t.session == session]
@@ -83,8 +81,7 @@ def residual_figure(
     trials: Sequence[ObservedTrial], before: Sequence[Array], after: Sequence[Array]
 ) -> list[ReportFigure]:
     """Figure, in a list of one, of the root mean square residual, degrees, over time, by session and channel;
-    ``before``, ``after``: predicted angles (m, c), rad, of each trial with the values before and after the fit.
-    """
+    ``before``, ``after``: predicted angles (m, c), rad, of each trial with the values before and after the fit."""
     one, two = residual_rms(trials, before), residual_rms(trials, after)
     shown = sorted({c for t in trials for c in t.channels})
     chart = Chart(WIDTH, ROW * len(one) + 40, [1.0] * len(one), len(shown), top=18, between=40, is_shared=False)
@@ -111,8 +108,7 @@ def _figure(chart: Chart, key: str, caption: str) -> ReportFigure:
 
 def profile_figure(found: Identification) -> list[ReportFigure]:
     """Figure (SVG), in a list of one, of all likelihood profiles with the level and ends of their 95 % intervals; an
-    empty list where none was made.
-    """
+    empty list where none was made."""
     profiles = found.details.profiles
     if not profiles:
         return []

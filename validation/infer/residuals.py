@@ -143,8 +143,7 @@ def residual_problem(
 
 def problem_at_start(problem: Problem) -> ResidualProblem:
     """Least-squares problem of a fit, with sizes of noise learnt once, at z = 0; input error where the model cannot run
-    there.
-    """
+    there."""
     zero = np.zeros(len(problem.unknowns.moved))
     curves = problem.response.curves([zero])[0]
     if curves is None:

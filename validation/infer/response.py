@@ -182,8 +182,7 @@ class Case:
 
     def felt_n(self, trial: ObservedTrial) -> Array:
         """Force (k,), N, that drives the model at ``trial.force_time_s``: the recorded one with this case's gain,
-        level, offset and noise added, acting later by its delay; held beyond the record.
-        """
+        level, offset and noise added, acting later by its delay; held beyond the record."""
         when, force = trial.force_time_s, trial.force_n * (1 + self.gain * trial.u_gain) + self._level_n(trial)
         if self.delay:
             force = np.interp(when, when + self.delay * trial.u_delay_s, force)
@@ -193,8 +192,7 @@ class Case:
 
     def motion(self, trial: ObservedTrial) -> model.KeyMotion:
         """Motion of the key since rest, rad, that drives the model: the trial's fitted one plus this case's draws of
-        its posterior, less its errors of the encoder's zero and scale.
-        """
+        its posterior, less its errors of the encoder's zero and scale."""
         fit = trial.key
         assert isinstance(fit, KeyFit)
         # control points of knots at every sample stand next to the curve
@@ -217,8 +215,7 @@ class Case:
     def with_drive(self, trial: ObservedTrial, weights: Array) -> Case:
         """Copy with a trial's random effects ``weights`` (k,), in standard deviations: offset and noise at each knot
         but the first of its force, or draws of its key's motion; then the error of its film's clock. Itself where all
-        are 0.
-        """
+        are 0."""
         if not weights.any():
             return self
         n = DRAWS if trial.key is not None else 1 + SEGMENTS
@@ -232,8 +229,7 @@ class Case:
     def read(self, trial: ObservedTrial, turn_rad: Array) -> Array:
         """Readings (m, c), rad since rest, of a trial's channels for the model's turns since rest (k, 5), rad, of key,
         whippen, jack, repetition, hammer at `model_time_s`, with this case's errors of the key's encoder and of the
-        film's clock.
-        """
+        film's clock."""
         seen = trial.seen(turn_rad, self.film_late_s)
         if trial.key_moves and trial.channels[0] == 0:
             turned = seen[:, 0]
@@ -348,8 +344,7 @@ class ModelResponse:
 
     def case(self, z: Array) -> Case:
         """Settings of a run at z (n,), amounts of all parameters in prior standard uncertainties: changed values of the
-        action, and errors of the force and the sensors.
-        """
+        action, and errors of the force and the sensors."""
         changed: dict[str, float] = {}
         bench: dict[str, float] = {}
         for parameter, value in zip(self.parameters, z, strict=True):
@@ -367,8 +362,7 @@ class ModelResponse:
     ) -> list[Array]:
         """Derivatives (m, c, len(which) + k) of every trial's curves, rad per standard uncertainty, by parameters
         ``which``, then, if ``driven``, by the k random effects of its drive: by tangents, or by differences of runs
-        where these fail a check.
-        """
+        where these fail a check."""
         out: list[Array] = [np.empty(0)] * len(self.trials)
         for places in self._group_by_drive():
             some, those = self.of_trials(places), None if own is None else [own[k] for k in places]
@@ -407,8 +401,7 @@ class ModelResponse:
     def _jacobian(self, z: Array, which: Sequence[int], own: Sequence[Own] | None, driven: bool) -> list[Array]:
         """Derivatives (m, c, columns) of each trial's curves, rad per standard uncertainty, at z, by the parameters
         numbered ``which``, then, if ``driven``, by the drive's random effects; all trials of this response have one
-        kind of drive.
-        """
+        kind of drive."""
         if self._is_by_position:  # runs take milliseconds, and readings are held at the ruler's ends
             moving = [j for j in which if j in self.acting or self.parameters[j].name in POSITION_ERRORS]
             return self.differences(self.places(z, own), own, list(which), moving)
@@ -443,8 +436,7 @@ class ModelResponse:
         self, at: Array, own: Sequence[Own] | None, laws: Sequence[int], told: Sequence[int]
     ) -> list[Array]:
         """Derivatives (m, c, n) of each trial's curves at its row of ``at`` (trials, p), by tangents: by the ``laws``
-        (indices; per SI unit or relative change), then by the others of ``told``, which begins with the laws.
-        """
+        (indices; per SI unit or relative change), then by the others of ``told``, which begins with the laws."""
         names, n = tuple(self.parameters[j].name for j in laws), at.shape[1]
         ends = [
             [self.cases(at + step * (np.arange(n) == j), own) for step in (ERROR_STEP, -ERROR_STEP)]
@@ -522,8 +514,7 @@ class ModelResponse:
 
     def run(self, members: Sequence[Sequence[Case]]) -> list[list[Array] | None]:
         """Curves (m, c), rad, of every trial for each of ``members``, which has one case a trial; None in place of a
-        member in which any trial cannot run.
-        """
+        member in which any trial cannot run."""
         out: list[list[Array | None]] = [[None] * len(self.trials) for _ in members]
         for places in self._group_by_drive():
             some = self.of_trials(places)
@@ -537,8 +528,7 @@ class ModelResponse:
 
     def _run_by_key(self, members: Sequence[Sequence[Case]]) -> list[list[Array | None] | None]:
         """Curves (m, c), rad, of every trial for each list of cases (one a trial), driven by its key's encoder or
-        position sensor; None in place of each run that fails.
-        """
+        position sensor; None in place of each run that fails."""
         jobs = [
             (self.action, case, trial, self._run_tolerance)
             for cases in members
@@ -550,8 +540,7 @@ class ModelResponse:
 
     def _run_by_force(self, members: Sequence[Sequence[Case]]) -> list[list[Array | None] | None]:
         """Curves (m, c), rad, of every trial for each list of cases (one a trial), driven by its force and kept in
-        memory; None in place of each run that fails, and of a list in which an action has no rest.
-        """
+        memory; None in place of each run that fails, and of a list in which an action has no rest."""
         if len(self._known) > KEPT:
             self._known.clear()
         jobs: list[model.batch.Job] = []
@@ -656,8 +645,7 @@ def tangents(
 
 def tangent_options(trial: ObservedTrial, preload_n: float, time_s: Array) -> model.SensitivityOptions:
     """Options of `model.sensitivities` for a trial's angles: from rest under ``preload_n``, N, with derivatives at the
-    times ``time_s`` (k,), s.
-    """
+    times ``time_s`` (k,), s."""
     return model.SensitivityOptions(
         tolerance=MOTION,
         relative_tolerance=TANGENT,
@@ -690,8 +678,7 @@ def driven_tangents(
 
 def driven_curve(job: tuple[model.Action, Case, ObservedTrial, float]) -> Array | None:
     """Angles since rest (m, c), rad, of a trial's channels under its key's motion; ``job``: action, case, trial,
-    tolerance (rad). None where the model cannot run.
-    """
+    tolerance (rad). None where the model cannot run."""
     action, case, trial, tolerance = job
     when = trial.model_time_s(case.film_late_s)
     try:
@@ -706,8 +693,7 @@ def driven_curve(job: tuple[model.Action, Case, ObservedTrial, float]) -> Array 
 
 def positions_curve(job: tuple[model.Action, Case, ObservedTrial, float]) -> Array | None:
     """Reading (m, 1), as a hammer angle since rest, rad, of a trial's position sensor under its key's motion; ``job``:
-    action, case, trial, tolerance (rad). None where the model cannot run.
-    """
+    action, case, trial, tolerance (rad). None where the model cannot run."""
     action, case, trial, tolerance = job
     assert isinstance(trial.key, PositionSensors)
     away = np.array(case.sensors)

@@ -76,8 +76,7 @@ Trials = list[tuple[ObservedTrial, MeasuredTrial | None]]
 
 def select_driven_by_force(sources: Sources) -> list[Trials]:
     """For each session that a force drives a list of its fitted trials: as compared, and as measured (None where it was
-    given as tables).
-    """
+    given as tables)."""
     observed = [t for t in sources.fitted if t.key is None]
     tables = len(observed) - len(sources.measured)  # their trials come first
     out: dict[int, Trials] = {}
@@ -106,8 +105,7 @@ def _name(trial: ObservedTrial) -> str:
 
 def sensor_calibration(problem: Problem, fitted: Fitted, sources: Sources) -> SensorCalibration | None:
     """Errors of the position sensors (amount and u of each of `ERROR_NAMES`) where the fit ended; None where no trial
-    has such sensors or their errors were not fitted.
-    """
+    has such sensors or their errors were not fitted."""
     sensors = next((m.sensors for _, m in sources.measured_by_key if m.sensors is not None), None)
     places = {p.name: j for j, p in enumerate(problem.unknowns.moved) if p.name in ERROR_NAMES}
     if sensors is None or not places:
@@ -121,8 +119,7 @@ def sensor_calibration(problem: Problem, fitted: Fitted, sources: Sources) -> Se
 
 def apply_calibration(m: MeasuredTrial, sensors: SensorCalibration | None) -> MeasuredTrial:
     """Copy of a trial of position sensors with the calibration errors ``sensors``, and its key's turn read with them;
-    any other trial, or without ``sensors``, as it is.
-    """
+    any other trial, or without ``sensors``, as it is."""
     if m.sensors is None or sensors is None:
         return m
     new = replace(m.sensors, calibration=sensors)

@@ -72,8 +72,7 @@ def explain_rising_rmse(
 ) -> list[str]:
     """Line for each channel whose RMSE with the identified values, ``found``, is over 2 % larger than ``before`` the
     fit (both channel -> rad), with a possible reason; ``whole``: with the errors of drive and sensors fitted beside
-    them.
-    """
+    them."""
     lines = []
     for channel in (c for c in found if found[c] > RISES * before[c]):
         from_, to, beside = (f"{np.degrees(by[channel]):.2g}°" for by in (before, found, whole))
@@ -92,8 +91,7 @@ def explain_rising_rmse(
 
 def rmse_by_channel(trials: Sequence[ObservedTrial], curves: Sequence[Array]) -> dict[str, float]:
     """Channel -> root mean square, rad, of measured less predicted angles over the trials that have it, without samples
-    that a film lost; ``curves``: predicted angles (m, c), rad, of each trial.
-    """
+    that a film lost; ``curves``: predicted angles (m, c), rad, of each trial."""
     out = {}
     for c, name in enumerate(CHANNEL_NAMES):
         apart = [
@@ -107,8 +105,7 @@ def rmse_by_channel(trials: Sequence[ObservedTrial], curves: Sequence[Array]) ->
 
 def _run_null_model(action: model.Action, trial: ObservedTrial, tolerance: float) -> Array | None:
     """Channels (m, c), rad since rest, that the null model predicts of a trial driven by its force; None where it
-    cannot run, or the key drives the trial.
-    """
+    cannot run, or the key drives the trial."""
     if trial.key is not None:  # the null model moves as the key does: it has nothing to say under its motion
         return None
     try:
@@ -176,8 +173,7 @@ def _predict_events(
     tested: ModelUnderTest, m: MeasuredTrial, simulate: Callable[..., model.Solution]
 ) -> dict[str, float]:
     """Event of `SHOWN` -> value that ``simulate`` (the model's or the null model's) predicts of a trial under its
-    measured force; NaN where it does not happen, all NaN where it cannot run.
-    """
+    measured force; NaN where it does not happen, all NaN where it cannot run."""
     time = m.time_s[(m.time_s >= m.force.time_s[0]) & (m.time_s <= m.force.time_s[-1])]
     nothing = dict.fromkeys(SHOWN, float("nan"))
     try:
@@ -204,8 +200,7 @@ def _events(tested: ModelUnderTest, m: MeasuredTrial, time: Array, change: Array
 
 def _score_event(event: str, predicted: Sequence[dict[str, float]], measured: Sequence[dict[str, float]]) -> EventScore:
     """Mean and root mean square of predicted less measured values of one event over trials (each name -> value, NaN
-    where it does not happen), with how many have it in both, and in the measurement.
-    """
+    where it does not happen), with how many have it in both, and in the measurement."""
     trial = np.array([one[event] for one in measured])
     apart = np.array([one[event] for one in predicted]) - trial
     known = apart[np.isfinite(apart)]

@@ -64,8 +64,7 @@ def _describe_held_out(found: Identification) -> list[str]:
 
 def _describe_speed_error(by: Mapping[str, Mapping[str, EventScore]]) -> str:
     """Sentence on the root mean square errors of the predicted hammer speed by each model, beside the trials' own
-    scatter; ``by``: model or scatter → event → `EventScore` of one held-out set.
-    """
+    scatter; ``by``: model or scatter → event → `EventScore` of one held-out set."""
     title, factor, unit = event_words(SPEED)
     parts = []
     for who, words in WHO:
@@ -81,8 +80,7 @@ def _describe_speed_error(by: Mapping[str, Mapping[str, EventScore]]) -> str:
 
 def _curve_words(scores: Mapping[str, Mapping[str, float] | None]) -> str:
     """Text on the root mean square errors, degrees, of the hammer's angle, and whether the identified values are better
-    than those before; ``scores``: model or scatter → channel → rad, None where it cannot run.
-    """
+    than those before; ``scores``: model or scatter → channel → rad, None where it cannot run."""
     parts = [
         f"{number(math.degrees(by['hammer']), 2)}° {words}"
         for who, words in (*WHO, (CEILING, "is the scatter of the trials"))
@@ -99,8 +97,7 @@ def _curve_words(scores: Mapping[str, Mapping[str, float] | None]) -> str:
 
 def _describe_next(found: Identification, ranked: Sequence[Prospect]) -> list[str]:
     """Sentences on what to record next, the first of ``ranked`` (at least one, the best first), and on the stroke that
-    best separates the changes that explain these strokes, where there are several.
-    """
+    best separates the changes that explain these strokes, where there are several."""
     best = ranked[0]
     doubt = "" if found.details.fitted.converged else "; but the fit it is predicted from ran out of its budget"
     most = min(best.shrink, key=lambda name: best.shrink[name])
@@ -113,8 +110,7 @@ def _describe_next(found: Identification, ranked: Sequence[Prospect]) -> list[st
 
 def describe_separating_stroke(found: Identification, ranked: Sequence[Prospect]) -> list[str]:
     """Sentence, in a list, on the ``ranked`` stroke in which the fits that explain these strokes alike differ most;
-    empty where fewer than two fits do, or no stroke is ranked.
-    """
+    empty where fewer than two fits do, or no stroke is ranked."""
     known = found.details.supported
     strokes = [(p, p.candidate.trial) for p in ranked if p.candidate is not None]
     if known is None or len(known.let_in) < 2 or not strokes:

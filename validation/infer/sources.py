@@ -199,8 +199,7 @@ def _observe_session(
 
 def _unused_words(trials: Sequence[MeasuredTrial], options: IdentifyOptions) -> tuple[str, ...]:
     """Lines on films that were recorded and are not used or asked for and missing, and on sessions driven by their key
-    because some trials have no force.
-    """
+    because some trials have no force."""
     filmed, out = sum(m.film is not None for m in trials), []
     if filmed and not options.film:
         out.append(f"{filmed} trials have tracked films, which are not used; `film` uses jack and repetition lever")
@@ -225,8 +224,7 @@ def _names(sessions: Sequence[Session]) -> list[str]:
 
 def _no_trials_message(measured: MeasuredSession, name: str, held: int) -> str:
     """Message that the session ``name`` has no trial to fit, with the reasons; ``held``: how many of its usable trials
-    are held out.
-    """
+    are held out."""
     if held:
         return (
             f"{name}: no usable trial to fit ({held} held out by `hold_out_trials`); leave at least one of them to fit"
@@ -241,8 +239,7 @@ def _no_trials_message(measured: MeasuredSession, name: str, held: int) -> str:
 
 def _refuse_absent(wanted: Sequence[int], of_sessions: Sequence[MeasuredSession]) -> None:
     """Raise an input error where no session has a trial of a ``wanted`` number, to be held out: it would be fitted
-    under another number without a word.
-    """
+    under another number without a word."""
     there = {n for one in of_sessions for n in (*one.refused, *(m.number for m in one.trials))}
     absent = [n for n in wanted if n not in there]
     if absent:
@@ -274,8 +271,7 @@ def _refuse_same_stroke(strokes: Sequence[tuple[str, MeasuredTrial]]) -> None:
 
 def _refuse_used_before(action: model.Action, seals: Mapping[str, str], samples: Mapping[str, tuple[str, ...]]) -> None:
     """Raise an input error where the action's values were fitted to one of these trials before, as data would count
-    twice; ``seals``, ``samples``: label -> SHA-256 and sample fingerprints of each trial to fit.
-    """
+    twice; ``seals``, ``samples``: label -> SHA-256 and sample fingerprints of each trial to fit."""
     before = posterior_of(action)
     used = [label for label in seals if before is not None and before.was_fitted_to(seals[label], samples[label])]
     if used:

@@ -40,8 +40,7 @@ GROUPS = tuple(BELONGS)
 
 def single_names(action: model.Action) -> dict[str, tuple[str, ...]]:
     """Name -> paths of each parameter that can be free: a felt's stiffness a, b, c together under the contact's name,
-    every other path under its own; those with no value but 0 are left out.
-    """
+    every other path under its own; those with no value but 0 are left out."""
     values = {path: q.value for path, q in model.quantities_of(action).items()}
     names: dict[str, tuple[str, ...]] = {}
     for path in values:
@@ -204,8 +203,7 @@ class Parameter:
 
     def box(self, action: model.Action) -> tuple[float, float]:
         """Lowest and highest z that a fit allows: `BOX` prior standard uncertainties to either side, or less where the
-        allowed range of the value ends before.
-        """
+        allowed range of the value ends before."""
         low, high = -BOX, BOX
         if not self.factor and self.paths:
             least, most, _ = allowed_range(self.paths[0])
@@ -249,8 +247,7 @@ def parameter_of(
     action: model.Action, name: str, paths: tuple[str, ...], given: float | None = None
 ) -> Parameter | None:
     """Parameter of a single name with its ``paths`` and prior u: ``given`` (relative for laws, else SI), or as stated
-    by the action; None where its stated u is 0.
-    """
+    by the action; None where its stated u is 0."""
     lead = lead_of(model.quantities_of(action), paths)
     value = abs(lead.value)
     law = any(belongs(name, paths) for belongs in BELONGS.values())

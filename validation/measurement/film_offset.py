@@ -8,8 +8,7 @@ from rig.session import Trial
 
 def clock_offsets(trial: Trial, tracked: vision.TrackResult) -> dict[str, tuple[float, float]]:
     """Offset, s, to add to the film's times so that they fit the encoder's, and its standard uncertainty, by name of
-    each body that film and encoder both see; bodies that hardly move are left out. Nothing is changed.
-    """
+    each body that film and encoder both see; bodies that hardly move are left out. Nothing is changed."""
     data = trial.read()
     angles = data.angle_rad
     offsets = {}

@@ -46,8 +46,7 @@ class ActionGeometry:
     @cached_property
     def string_angle_rad(self) -> float:
         """Absolute hammer angle, rad, at which the head first touches the string on the way up from rest, the other
-        bodies staying at rest; raises an input error where it touches at rest or not within 0.8 rad.
-        """
+        bodies staying at rest; raises an input error where it touches at rest or not within 0.8 rad."""
         turn = np.linspace(0.0, -TURNS_RAD[1], round(TURNS_RAD[1] / STEP_RAD) + 1)
         height = self.hammer_height_m(self.absolute({HAMMER: turn}))
         above = np.flatnonzero(height <= 0)
@@ -87,8 +86,7 @@ class ActionGeometry:
 
     def sensitivity(self, function: Callable[[Array], Array], body: int, angle_rad: Array | None = None) -> float:
         """Magnitude of the derivative of a ``function`` (from absolute angles (n, 5) to metres (n,)) by the angle of
-        the body with index ``body``, m/rad, at the angles ``angle_rad`` (5,), rest if None.
-        """
+        the body with index ``body``, m/rad, at the angles ``angle_rad`` (5,), rest if None."""
         centre = self.rest_angle_rad if angle_rad is None else np.asarray(angle_rad, dtype=float)
         step = 1e-5  # rad, of a central difference: exact to 1e-10, far above rounding
         pair = np.tile(centre, (2, 1))
@@ -100,8 +98,7 @@ class ActionGeometry:
 
 def geometry_of(action: model.Action, rest_angle_rad: Array) -> ActionGeometry:
     """Geometry of an action for the event finders: hammer height and key dip, m, as functions of the angles (n, 5), and
-    the dip at touch; ``rest_angle_rad``: (5,), under the load that the trials start from.
-    """
+    the dip at touch; ``rest_angle_rad``: (5,), under the load that the trials start from."""
     rest = np.asarray(rest_angle_rad, dtype=float)
 
     def height(angle: Array) -> Array:
@@ -119,8 +116,7 @@ def geometry_of(action: model.Action, rest_angle_rad: Array) -> ActionGeometry:
 def touch_dip(rest_rad: Array, dip: Callable[[Array], Array], key_gap: Callable[[Array], Array]) -> float:
     """Key dip, m, at which the gap under the key front closes when the key alone turns from rest (5,), rad; ``dip`` and
     ``key_gap`` return metres (n,) for absolute angles (n, 5). Raises an input error where it does not close within 0.2
-    rad.
-    """
+    rad."""
     turn = np.linspace(0.0, -TURNS_RAD[0], round(TURNS_RAD[0] / STEP_RAD) + 1)
     angle = np.tile(rest_rad, (turn.size, 1))
     angle[:, KEY] += turn

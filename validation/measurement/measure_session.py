@@ -61,8 +61,7 @@ def list_usable_trials(
     session: Session, read: Callable[[Trial, TrialData], MeasuredTrial], only: int | None = None
 ) -> tuple[list[MeasuredTrial], dict[int, str]]:
     """Trials for which ``read`` succeeds (of all, or the one numbered ``only``), and by number why each other one is
-    not used (rejected, unreadable, refused by ``read``); warns of files that cannot be read.
-    """
+    not used (rejected, unreadable, refused by ``read``); warns of files that cannot be read."""
     found, refused = [], {}
     for trial in session.trials if only is None else (session.trial(only),):
         if trial.rejected is not None:
@@ -150,8 +149,7 @@ def _share_times(m: MeasuredTrial, other: MeasuredTrial) -> MeasuredTrial:
 
 def select_representative(trials: tuple[MeasuredTrial, ...] | list[MeasuredTrial]) -> MeasuredTrial:
     """The trial of median peak force (of an even number the lower middle one), which stands for all where many runs of
-    the model are needed; of median key speed where a trial has no force. ``trials``: one at least.
-    """
+    the model are needed; of median key speed where a trial has no force. ``trials``: one at least."""
     by_force = all(m.has_force for m in trials)
     order = sorted(
         trials, key=lambda m: (float(m.force.force_n.max()) if by_force else _largest_key_turn_rad(m), m.number)

@@ -81,8 +81,7 @@ class SensorCalibration:
 
 def calibration_of(action: model.Action) -> SensorCalibration:
     """Sensor errors identified with an action, from its file; without them zero errors of the prior's uncertainty,
-    which is what the calibration curves say. Raises an input error where the file's table is damaged.
-    """
+    which is what the calibration curves say. Raises an input error where the file's table is damaged."""
     table = action.identification.get(TABLE)
     if table is None:
         return SensorCalibration()
@@ -155,8 +154,7 @@ class PositionSensors:
 
     def key_motion(self, rest_rad: float, away: Array | None = None) -> model.KeyMotion:
         """The key's absolute angle, rad, as a cubic spline through averages, closer together the faster the stroke;
-        ``rest_rad``: its angle at rest, ``away`` (10,): shifts of the calibration errors, in standard uncertainties.
-        """
+        ``rest_rad``: its angle at rest, ``away`` (10,): shifts of the calibration errors, in standard uncertainties."""
         turn, interval = self.key_turn_rad(away), float(self.time_s[1] - self.time_s[0])
         reach = max(round(SPEED_OVER_S / interval), 1)
         fastest = float(np.abs(self.key_m[reach:] - self.key_m[:-reach]).max()) / (reach * interval)

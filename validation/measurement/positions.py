@@ -61,8 +61,7 @@ class DisplacementReading:
 def measure_positions(data: TrialData, calibration: SensorCalibration, seal: str = "") -> MeasuredTrial:
     """Trial of key and hammer measured by one position sensor each, with the errors of ``calibration``: the key drives
     the model. ``seal``: SHA-256 of the trial. Raises a trial error where a sensor is missing, misplaced or too briefly
-    at rest.
-    """
+    at rest."""
     found = {}
     for body in ("key", "hammer"):
         names = [c.name for c in data.channels if c.ruler is not None and c.ruler.body == body]
@@ -134,8 +133,7 @@ def _cut_short(data: TrialData) -> list[str]:
 
 def _measure_displacement(data: TrialData, name: str, body: str) -> DisplacementReading:
     """Displacement, m, from rest of ``body`` (key or hammer) by the position channel ``name``: hum and offset at rest
-    removed, smoothed; raises a trial error where the rest before the stroke is shorter than a period of the mains.
-    """
+    removed, smoothed; raises a trial error where the rest before the stroke is shorter than a period of the mains."""
     k = [channel.name for channel in data.channels].index(name)
     info, reading = data.channels[k], data.channel_values
     assert info.ruler is not None and reading is not None

@@ -55,8 +55,7 @@ def _channels(data: TrialData) -> Iterator[tuple[NDArray[np.uint64], NDArray[np.
 
 def _hashes(samples: NDArray[np.uint64], is_changing: NDArray[np.bool_]) -> list[int]:
     """Hashes, 64 bits, of about one in 64 of the windows of 64 ``samples`` (n,), chosen by their content, so that equal
-    stretches share them; windows in which fewer than three quarters of ``is_changing`` (n,) hold are skipped.
-    """
+    stretches share them; windows in which fewer than three quarters of ``is_changing`` (n,) hold are skipped."""
     n = samples.size - WINDOW + 1
     if n < 1:
         return []

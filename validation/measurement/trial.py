@@ -154,8 +154,7 @@ class MeasuredTrial:
 
 def _force_doubt(force: CorrectedForce) -> list[str]:
     """One note, in a list, on why the force is implausible as a blow on a key; empty if it is not, or where it cannot
-    be simulated at all, which is refused later.
-    """
+    be simulated at all, which is refused later."""
     known = np.isfinite(force.force_n)
     try:
         doubt = model.blow_implausibility(force.time_s[known], force.force_n[known], "force")
@@ -268,8 +267,7 @@ def encoder_change(angle_rad: Array, quiet: Quiet, resolution_rad: Array) -> tup
 
 def film_angles(table: pd.DataFrame | None, data: TrialData, quiet: Quiet) -> tuple[FilmAngles | None, list[str]]:
     """Film angles of a trial from its derived ``table`` (None without one), and notes on lost frames and on a zero that
-    is not at rest. Raises a trial error where a column is missing or times do not increase.
-    """
+    is not at rest. Raises a trial error where a column is missing or times do not increase."""
     if table is None:
         return None, []
     needed = ["time_s"] + [f"{name}_relative{tail}" for name in FILM_CHANNELS for tail in ("_rad", "_u_rad")]

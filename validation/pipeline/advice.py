@@ -63,8 +63,7 @@ def advise_on_findings(findings: Sequence[SessionFinding], source: Source = RIG)
 
 def advise_on_causes(explained: Explained) -> list[str]:
     """One sentence, in a list, on what to measure or calibrate, from the causes that explain the difference in all
-    trials; empty where there is none.
-    """
+    trials; empty where there is none."""
     sets: dict[int, list[CompatibleChange]] = {}
     for change in (c for c in explained.changes if c.profile == ALL):
         sets.setdefault(change.set, []).append(change)
@@ -86,8 +85,7 @@ def advise_on_causes(explained: Explained) -> list[str]:
 
 def advise_on_domain(outside: Mapping[int, str]) -> list[str]:
     """One sentence, in a list, on what to record before predictions outside the training domain are trusted, or none;
-    ``outside``: number of a trial that was not fitted → why it lies outside, empty for one that lies inside.
-    """
+    ``outside``: number of a trial that was not fitted → why it lies outside, empty for one that lies inside."""
     far = {number: why for number, why in outside.items() if why}
     if not far:
         return []
@@ -103,8 +101,7 @@ def _phase_missing(why: str, phase: str) -> bool:
 
 def advise_on_rivals(skill: Mapping[str, Skill]) -> list[str]:
     """One sentence, in a list, against relying on the model in channels where a rival is nearer beyond the 95 %
-    interval of the skill; empty where none is. ``skill``: by channel.
-    """
+    interval of the skill; empty where none is. ``skill``: by channel."""
     lost = {channel: one for channel, one in skill.items() if one.high < 0.0}
     if not lost:
         return []

@@ -53,8 +53,7 @@ SOFTWARE = ("piano-action-rig", "numpy", "scipy", "pandas", "matplotlib", "numba
 
 def versions() -> dict[str, str]:
     """Versions, as text, of Python, the platform and the packages that shape the numbers, by name; ``unknown`` where a
-    package is not installed.
-    """
+    package is not installed."""
     found = {"python": platform.python_version(), "platform": platform.platform()}
     for name in SOFTWARE:
         try:
@@ -116,8 +115,7 @@ FINER = "; the verdict's test of the primary quantities does not resolve it"
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions) -> ValidationResult:
     """Compare a session with an action under ``chosen`` options: measure, predict, score, find faults, judge; results
-    are kept with the session where the options say so.
-    """
+    are kept with the session where the options say so."""
     tested = model_under_test(session, action, chosen)
     measured = measure_session(
         session, tested.geometry_at, chosen.u_rest_level_m, chosen.condition, chosen.by_motion, tested.calibration
@@ -201,8 +199,7 @@ def name_all_parts(
 
 def _warnings(predicted: PredictedSession, findings: SessionFindings) -> Iterator[str]:
     """Yield the warnings of a comparison: findings first, then few trials, notes on trials and predictions, and trials
-    not used for a reason that no finding names.
-    """
+    not used for a reason that no finding names."""
     yield from (f.text for f in findings.faults)
     few = few_trials_warning(len(predicted.trials))
     if few:
@@ -219,8 +216,7 @@ def _explain(
     predicted: PredictedSession, findings: SessionFindings, tested: ModelUnderTest, chosen: ComparisonOptions
 ) -> Explained:
     """Causes of what the model and the sound trials of one kind of stroke differ by; with outlying trials only where
-    their cause is found. Simulates; ``chosen`` says whether effects that the model lacks count.
-    """
+    their cause is found. Simulates; ``chosen`` says whether effects that the model lacks count."""
     chosen.say("which causes explain the difference")
     every, apart = (select_one_kind(predicted.trials, findings, but) for but in (ODD, ""))
     explained = explain_difference(tested, every, chosen.effects)
@@ -237,8 +233,7 @@ def _verdict(
     chosen: ComparisonOptions,
 ) -> Verdict:
     """Verdict on the model from the errors ``found`` in usable trials, by number, within each condition; simulates the
-    draws it needs, unless stored; undecided where none were requested.
-    """
+    draws it needs, unless stored; undecided where none were requested."""
     limits = relevance_limits(chosen.relevant)
     if not chosen.budget:
         return undecided_verdict("the uncertainties were not drawn")
@@ -283,8 +278,7 @@ def select_one_kind(
     trials: Sequence[MeasuredTrial], findings: SessionFindings, ignored_kind: str = ""
 ) -> list[MeasuredTrial]:
     """Trials without a fault (those of the fault ``ignored_kind`` aside); of several kinds of stroke only the kind of
-    the trial with the median peak force.
-    """
+    the trial with the median peak force."""
     sound = select_sound_trials(trials, findings.faults, ignored_kind)
     if not sound or not findings.kinds:
         return sound

@@ -29,8 +29,7 @@ from validation.side_by_side import SideBySide
 
 def pair_with_conditions(opened: Sequence[Session], condition: str | None) -> list[tuple[Session, str | None]]:
     """Copies of the sessions under distinct names, each with the condition to compare: of a session of several
-    conditions one copy for each, or only ``condition``; else ``condition`` as it is.
-    """
+    conditions one copy for each, or only ``condition``; else ``condition`` as it is."""
     parts: list[tuple[Session, str | None]] = []
     names = []
     for session in opened:
@@ -51,8 +50,7 @@ def pair_with_conditions(opened: Sequence[Session], condition: str | None) -> li
 
 def distinct_models(actions: Sequence[model.Action]) -> list[model.Action]:
     """The models, renamed where names are equal so that all differ; raises an input error where two have the same
-    values.
-    """
+    values."""
     seen: dict[str, str] = {}
     for action in actions if len(actions) > 1 else ():
         digest = action_sha256(action)
@@ -114,8 +112,7 @@ def compare_every(
     sessions: Sequence[Session | str | Path], actions: Sequence[model.Action | str | Path], chosen: ComparisonOptions
 ) -> SideBySide:
     """Results of every session with every model; errors of a user are collected in ``refused`` and the rest goes on.
-    Raises an input error where a model cannot be read or no session can be compared.
-    """
+    Raises an input error where a model cannot be read or no session can be compared."""
     models = distinct_models([load_model(action) for action in actions])
     opened, refused = open_all(sessions)
     results: list[ValidationResult] = []
@@ -142,8 +139,7 @@ def compare_every(
 
 def open_all(sessions: Sequence[Session | str | Path]) -> tuple[list[Session], list[tuple[str, Exception]]]:
     """Sessions that can be opened, and for each other one its message and error; raises an input error where a session
-    is given twice.
-    """
+    is given twice."""
     places = Counter(Path(s.path if isinstance(s, Session) else s).resolve() for s in sessions)
     for place, n in places.items():
         if n > 1:

@@ -187,8 +187,7 @@ def _list_differing(
     own: TrialErrors, of_model: int, rows: Sequence[ObservedDifference], limits: Mapping[str, float]
 ) -> list[str]:
     """Texts on events that only the trial or only the model has (``of_model``: its branch), and on quantities of
-    ``rows``, model − trial, beyond their ``limits`` of relevance (by name); ``own``: errors and branch of the trial.
-    """
+    ``rows``, model − trial, beyond their ``limits`` of relevance (by name); ``own``: errors and branch of the trial."""
     apart = own.branch ^ (of_model & own.known)
     out = [
         f"{words[not own.branch >> i & 1]} in the trial, {words[not of_model >> i & 1]} in the model"

@@ -29,8 +29,7 @@ def fitted_trials(action: model.Action, trials: Sequence[MeasuredTrial]) -> list
 
 def prediction_lines(action: model.Action, trials: Sequence[MeasuredTrial]) -> list[str]:
     """One sentence, in a list, on which of the trials an identified model was fitted to, by their hashes, and so
-    whether this is a prediction; empty list for a model that was not identified.
-    """
+    whether this is a prediction; empty list for a model that was not identified."""
     posterior = posterior_of(action)
     if posterior is None:
         return []
@@ -123,8 +122,7 @@ def _excluded_alone_lines(quantities: pd.DataFrame) -> list[str]:
 
 def _describe_draws(facts: Mapping[str, Any]) -> list[str]:
     """One sentence, in a list, on the draws and trials that the intervals rest on, from the ``facts`` of a verdict by
-    name; empty list where nothing was judged.
-    """
+    name; empty list where nothing was judged."""
     if not facts.get("judged", False):
         return []
     least = "at least " if len(facts["drawn_trials"]) > 1 else ""  # of the conditions
@@ -152,8 +150,7 @@ def _score(row: Any) -> str:
 
 def _score_lines(scored: pd.DataFrame) -> list[str]:
     """One sentence, in a list, with the ISO-style score of each channel and that of a perfect model, from rows of the
-    channel table; empty list where none has one.
-    """
+    channel table; empty list where none has one."""
     shown = [
         f"{row.channel} {row.iso_overall:.2f}" + (f" ({row.iso_ceiling:.2f})" if math.isfinite(row.iso_ceiling) else "")
         for row in scored.itertuples()
@@ -165,8 +162,7 @@ def _score_lines(scored: pd.DataFrame) -> list[str]:
 
 def _describe_events(events: pd.DataFrame) -> list[str]:
     """Sentences on the events that only trials or only model have, that neither has, that no trial counts and that are
-    ambiguous, from the table ``event_summary``; empty if nothing is to be said.
-    """
+    ambiguous, from the table ``event_summary``; empty if nothing is to be said."""
     differ, doubtful, missing, uncounted = [], [], [], []
     for row in events.itertuples():
         kind = EVENTS[str(row.event)]

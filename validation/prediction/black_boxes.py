@@ -65,8 +65,7 @@ class BlackBox:
 
     def answers(self, drive_s: Array, drive: Array, time_s: Array) -> Array:
         """Answers (n, c) at times (n,), s, to an input ``drive`` (k,) over ``drive_s`` (k,), s; the answers are clipped
-        to the range of those it was fitted to.
-        """
+        to the range of those it was fitted to."""
         grid, scaled = _grid(time_s), (drive - self.middle) / self.reach
         made = np.clip(
             _evaluate_terms(self.kind, _terms(self.kind, self.order), drive_s, scaled, grid) @ self.weights,
@@ -156,8 +155,7 @@ class _Normal:
 
     def choose_order(self) -> tuple[tuple[int, int], float]:
         """Order (stretches of the past or lags, degree) and ridge with the least mean square error on left-out groups
-        of strokes, each answer relative to its range; the lowest order and the largest ridge with one stroke.
-        """
+        of strokes, each answer relative to its range; the lowest order and the largest ridge with one stroke."""
         if len(self.gram) < 2:
             return ORDERS[self.kind][0], RIDGES[-1]
         spans = np.maximum(np.nan_to_num(self.none.high - self.none.low), 1e-12)
@@ -199,8 +197,7 @@ def _grid(time_s: Array) -> Array:
 
 def _evaluate_terms(kind: str, terms: Sequence[tuple[int, ...]], time_s: Array, drive: Array, at_s: Array) -> Array:
     """Values (m, f) of the f ``terms`` (as of `_terms`) at times ``at_s`` (m,), s, for an input ``drive`` (n,), scaled
-    to -1 … 1, over ``time_s`` (n,), s; before its first sample the input is held.
-    """
+    to -1 … 1, over ``time_s`` (n,), s; before its first sample the input is held."""
     if kind == POLYNOMIAL:  # powers of the ninth degree are too alike
         at = np.clip(np.interp(at_s, time_s, drive), -1.0, 1.0)
         return np.asarray(np.polynomial.chebyshev.chebvander(at, len(terms) - 1), dtype=float)

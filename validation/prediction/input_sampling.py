@@ -30,8 +30,7 @@ def parameter_draws(action: model.Action, n: int, rng: np.random.Generator) -> l
 
 def uncertain_parameters(action: model.Action, *, assumed: bool) -> dict[str, tuple[float, float]]:
     """Path -> (value, standard uncertainty), SI, of every parameter with u > 0 whose basis is an assumption
-    (``assumed``), or is none; those of an identified set's posterior are left out.
-    """
+    (``assumed``), or is none; those of an identified set's posterior are left out."""
     joint = posterior_of(action)
     elsewhere = joint.moved if joint is not None else frozenset()
     return {
@@ -43,8 +42,7 @@ def uncertain_parameters(action: model.Action, *, assumed: bool) -> dict[str, tu
 
 def _draws(known: dict[str, tuple[float, float]], n: int, rng: np.random.Generator) -> Iterator[dict[str, float]]:
     """Yield ``n`` independent draws, path -> value, of parameters ``known``, path -> (value, u): normal within 3 u,
-    log-normal where u is over a quarter of the value, half normal where that is 0.
-    """
+    log-normal where u is over a quarter of the value, half normal where that is 0."""
     value, u = (np.array(column) for column in zip(*known.values(), strict=True))
     for _ in range(n):
         z = np.clip(rng.standard_normal(value.size), -CUT, CUT)

@@ -98,8 +98,7 @@ def session_seed(trials: Sequence[MeasuredTrial]) -> int:
 
 def joint_draws(action: model.Action, seed: int, n: int, *, parameters: bool) -> list[JointDraw]:
     """Draw ``n`` possible truths of a session: errors of force, sensors and levels, in standard uncertainties, and,
-    with ``parameters``, values of the action within their u (else its own); the same draws for the same ``seed``.
-    """
+    with ``parameters``, values of the action within their u (else its own); the same draws for the same ``seed``."""
     rng = np.random.default_rng([SEED, seed, int(parameters)])
     changes = parameter_draws(action, n, rng) if parameters else [{} for _ in range(n)]
     out = []
@@ -137,8 +136,7 @@ class DrawnAction:
 
 def drawn_action(tested: ModelUnderTest, m: MeasuredTrial, draw: JointDraw) -> DrawnAction | None:
     """Action with the values of a draw, and its rest under the declared preload of trial ``m`` with the drawn errors of
-    gain and preload; None where it cannot rest.
-    """
+    gain and preload; None where it cannot rest."""
     channel = m.force.channel
     preload = channel.preload_n * (1 + channel.gain_relative_u * draw.z_gain) + channel.u_preload_n * draw.z_preload
     try:
@@ -193,8 +191,7 @@ def _run_draws_by_key(
     tested: ModelUnderTest, m: MeasuredTrial, time_s: Array, draws: Sequence[JointDraw], use: Callable[[Array], T]
 ) -> list[T | None]:
     """Simulate one key-driven trial in each draw: what ``use(readings)`` returns of the readings (n, 5), rad, at the
-    times ``time_s`` (n,), s, in the order of the draws; None where the draw cannot be run.
-    """
+    times ``time_s`` (n,), s, in the order of the draws; None where the draw cannot be run."""
 
     def some(part: Sequence[JointDraw]) -> list[T | None]:
         drawn = [drawn_action(tested, m, draw) for draw in part]
@@ -226,8 +223,7 @@ def drawn_tolerance(tested: ModelUnderTest) -> float:
 
 def drawn_run(tested: ModelUnderTest, m: MeasuredTrial, drawn: DrawnAction, time_s: Array) -> Run:
     """What to simulate for a draw (not simulated here): its action and rest, the force of trial ``m`` with the drawn
-    errors, and the ``time_s`` at which the delayed force is recorded.
-    """
+    errors, and the ``time_s`` at which the delayed force is recorded."""
     draw, f, rng = drawn.draw, m.force, drawn.draw.rng(m.number, "force")
     offset = f.hum.u_offset_n if np.isfinite(f.hum.u_offset_n) else 0.0
     force = f.force_n * (1 + f.channel.gain_relative_u * draw.z_gain) + f.channel.u_preload_n * draw.z_preload
@@ -254,8 +250,7 @@ def drawn_readings(m: MeasuredTrial, drawn: DrawnAction, time_s: Array, solution
 def _readings(m: MeasuredTrial, draw: JointDraw, time_s: Array, turn: Array) -> Array:
     """Readings since rest (n, 5), rad, of key, whippen, hammer, jack, repetition at ``time_s``, s, for turns (n, 5) of
     key, whippen, jack, repetition, hammer, with the draw's errors; of position sensors ``turn`` holds curve and scale
-    already.
-    """
+    already."""
     rng = draw.rng(m.number, "readings")
     out = np.full((time_s.size, len(CHANNELS)), np.nan)
     for i, name in enumerate(CHANNELS):

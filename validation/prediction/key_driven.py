@@ -58,8 +58,7 @@ def run_key_driven(
 ) -> tuple[Array, Array, dict[str, float]]:
     """Changes since rest (n, 5), rad, of key, whippen, jack, repetition, hammer as the sensors read them, speeds (n,
     5), rad/s, and counters of a run under the trial's key; ``rest_rad`` (5,): the action's rest; ``errors``: of the
-    sensors, in u.
-    """
+    sensors, in u."""
     motion, at = _motion_and_times(m, rest_rad, errors)
     run = run_prescribed(action, motion, at, tolerance=min(tolerance, TOLERANCE_RAD))
     counters = {name: float(value) for name, value in run.counters.items()}
@@ -159,8 +158,7 @@ def run_null_key_driven(action: model.Action, m: MeasuredTrial) -> Array:
 
 def _integrate_hammer(null: NullAction, s: Array, w: Array) -> Array:
     """Hammer angle from rest towards the string (m,), rad, of the null model, for the key's turn ``s`` (m,), rad,
-    positive when pressed, and its rate ``w`` (m,), rad/s, at steps of `STEP_S`.
-    """
+    positive when pressed, and its rate ``w`` (m,), rad/s, at steps of `STEP_S`."""
     r = null.reduced
     joined = r.up * (np.interp(s, r.sigma, r.joined.angle_rad[:, HAMMER]) - float(r.rest_rad[HAMMER]))
     speed = r.up * np.interp(s, r.sigma, r.joined.ratio[:, HAMMER]) * w

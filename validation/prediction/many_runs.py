@@ -115,8 +115,7 @@ def run_many(
 
 def _solutions(tested: ModelUnderTest, runs: Sequence[Run], pool: Executor) -> list[model.Solution | None]:
     """Solution of each run, in their order, computed on ``pool``; None where the model refuses a run. Another error is
-    raised.
-    """
+    raised."""
     if tested.own_model:
         members = run_jobs(_choose_jobs(tested.action, runs), executor=pool, workers=WORKERS)
         defects = [m.error for m in members if m.error is not None and not isinstance(m.error, ModelError)]
@@ -136,8 +135,7 @@ def _solutions(tested: ModelUnderTest, runs: Sequence[Run], pool: Executor) -> l
 
 def _choose_jobs(action: model.Action, runs: Sequence[Run]) -> list[Job]:
     """Job of each run, in their order: in vector lanes always for the scene of ``action``, for another scene only where
-    the runs are many enough to compile them.
-    """
+    the runs are many enough to compile them."""
     jobs, own = [_job(run) for run in runs], model.choice_of(action)
     mine = [model.choice_of(run.action) == own for run in runs]
     return [

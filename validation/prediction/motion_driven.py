@@ -103,8 +103,7 @@ def _widen_mask(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
 def motion_row(trial: int, frame: pd.DataFrame, gain_relative_u: float) -> dict[str, Any]:
     """Row of table *motion_driven* (`COLUMNS`) of one trial: scores of predicted less measured force, N, in ``frame``,
     of `motion_driven`; only number and shares where no sample is left. ``gain_relative_u``: of the force, common to all
-    samples.
-    """
+    samples."""
     use = ~frame["left_out"].to_numpy(dtype=bool)
     measured, predicted = frame["force_n"].to_numpy(), frame["predicted_force_n"].to_numpy()
     use &= np.isfinite(measured) & np.isfinite(predicted)

@@ -103,8 +103,7 @@ class Posterior:
 
     def table(self) -> dict[str, Any]:
         """Plain values for the table ``[identification.posterior]`` of an action file: all fields but the trials, which
-        its provenance has; directions to seven digits, empty fields left out.
-        """
+        its provenance has; directions to seven digits, empty fields left out."""
         return {
             "names": list(self.names),
             "paths": [list(paths) for paths in self.paths],
@@ -137,8 +136,7 @@ def make_posterior(
 
 def posterior_of(action: model.Action) -> Posterior | None:
     """Joint uncertainty that the file of an identified action holds; None where the action was not identified, an input
-    error where the table is damaged.
-    """
+    error where the table is damaged."""
     table = action.identification.get(TABLE)
     if table is None:
         return None

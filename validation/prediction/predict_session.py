@@ -159,8 +159,7 @@ def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "mode
 
 def _predict_by_key(m: MeasuredTrial, tested: ModelUnderTest, variant: str) -> PredictedAngles:
     """Predict the angles of a trial from its measured key motion, by the ``variant`` ``model`` (read from the store, or
-    computed and kept there) or ``null`` (neither); refuses any other, and stand-ins.
-    """
+    computed and kept there) or ``null`` (neither); refuses any other, and stand-ins."""
     if variant not in KEY_DRIVEN or not tested.stand_ins.are_absent:
         raise PredictionError("is not driven by the key")
     rest = np.asarray(tested.load(m.force.preload_n).rest.angle_rad, dtype=float)[: len(BODIES)]
@@ -194,8 +193,7 @@ def _load_prediction(
     tested: ModelUnderTest, m: MeasuredTrial, step: str, key: str, rest: Array
 ) -> PredictedAngles | None:
     """Prediction of a trial from table ``step`` of the store, with the rest angles ``rest`` (5,), rad; None where it is
-    missing, incomplete, or not of the inputs whose hash is ``key``.
-    """
+    missing, incomplete, or not of the inputs whose hash is ``key``."""
     found = tested.store.table(step, m.number, key)
     if found is None:
         return None
@@ -241,8 +239,7 @@ def predict_session(
 ) -> PredictedSession:
     """Predict every measured trial by the model and its rivals; stored predictions are read, not simulated. Trials that
     the model cannot predict are refused with the reason; input error where none is left. ``progress`` gets a line a
-    trial.
-    """
+    trial."""
     refused, predictions = dict(measured.refused), {}
     # a user's function need not bear threads, nor be called in another order
     with ThreadPoolExecutor(WORKERS if tested.own_model else 1) as pool:
@@ -269,8 +266,7 @@ def predict_session(
 
 def _predict_with_rivals(m: MeasuredTrial, tested: ModelUnderTest) -> PredictedTrial | ModelError:
     """Prediction of a trial by the model and its rivals, with notes on rivals that cannot; the error where the model
-    cannot.
-    """
+    cannot."""
     try:
         found = predict_trial(m, tested)
     except ModelError as error:

@@ -17,8 +17,7 @@ from validation.errors import InputError, ValidationInputError
 
 def check_folder(folder: Path) -> None:
     """Raise an input error where ``folder`` is or lies below a file, or where nothing can be written in its nearest
-    existing folder; nothing is made.
-    """
+    existing folder; nothing is made."""
     nearest = folder
     while not nearest.exists() and nearest != nearest.parent:
         nearest = nearest.parent
@@ -29,8 +28,7 @@ def check_folder(folder: Path) -> None:
 
 def check_writable(folder: Path) -> None:
     """Raise an input error where no file can be made in an existing ``folder``, by making an empty one and removing it;
-    permissions alone do not tell.
-    """
+    permissions alone do not tell."""
     probe = folder / f".written.{os.getpid()}.part"
     try:
         probe.touch()
@@ -41,8 +39,7 @@ def check_writable(folder: Path) -> None:
 
 def write_files(folder: Path, texts: dict[str, str | bytes]) -> dict[str, Path]:
     """Write texts and bytes, by relative name, into ``folder``, made if need be; older files are replaced once all are
-    written. Returns the path by name. Raises an input error if that fails, and removes the folders made.
-    """
+    written. Returns the path by name. Raises an input error if that fails, and removes the folders made."""
     made: list[Path] = []
     try:
         with contextlib.ExitStack() as whole:
@@ -75,8 +72,7 @@ def _make(folder: Path, made: list[Path]) -> None:
 
 def check_target(path: str | Path, ending: str = ".toml") -> Path:
     """The path of a file to write, if it has the ``ending``, lies in an existing writable folder and is no folder; else
-    an input error is raised. The file is not made.
-    """
+    an input error is raised. The file is not made."""
     target = Path(path)
     if target.suffix != ending:
         raise ValidationInputError(f"{target}: ending found {target.suffix!r}, allowed {ending}")

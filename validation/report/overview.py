@@ -31,8 +31,7 @@ NOTE = (
 
 def verdict_parts(result: ValidationResult) -> tuple[str, str]:
     """Two texts from the verdict's sentence: what leads a page, the model error with its interval (the outcome where it
-    agrees or none is named), and the rest.
-    """
+    agrees or none is named), and the rest."""
     parts = re.split(r"(?<=[.)]) (?=[A-Z0-9])", result.sentence)
     lead = next((part for part in parts if part.startswith(ERROR)), parts[0])
     if result.outcome == AGREES:
@@ -138,8 +137,7 @@ def forest(results: Sequence[ValidationResult]) -> Forest | None:
 
 def quantity_rows(result: ValidationResult) -> list[tuple[str, str, str, str]]:
     """Texts of each primary quantity with an interval, the most important first: name with unit, model error with its
-    95 % interval, limit, reading; those not tested are left out.
-    """
+    95 % interval, limit, reading; those not tested are left out."""
     if not len(result.quantities):
         return []
     rows = []

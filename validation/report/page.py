@@ -125,8 +125,7 @@ def _rotation(result: ValidationResult, trial: int, channel: str, kind: str, at:
 
 def _pack_curves(curves: dict[str, Any]) -> dict[str, Any]:
     """Curves of one channel (``m``: measured, ``p``: predicted by model, ``limit``: repeatability limit, if any) as
-    base-64 text of 16-bit integers, by the same names, with their common ``scale``.
-    """
+    base-64 text of 16-bit integers, by the same names, with their common ``scale``."""
     every = np.concatenate([np.ravel(np.asarray(part, dtype=float)) for part in curves.values() if len(part)])
     known = np.abs(every[np.isfinite(every)])
     scale = float(known.max()) / LARGEST if known.size and known.max() > 0 else 1.0
@@ -181,8 +180,7 @@ def _lines_left(result: ValidationResult) -> list[str]:
 
 def angles_caption(view: SessionView, is_first: bool = True) -> str:
     """Caption of the five angles: trials left out, widths of the intervals and limits; for the first session on a page
-    (``is_first``) also how measured and predicted curves are drawn.
-    """
+    (``is_first``) also how measured and predicted curves are drawn."""
     n = len(view.first.traces)
     trials = "the trial" if n == 1 else f"all {n} trials"
     if n > MOST_LINES:
@@ -232,8 +230,7 @@ def is_simulated(result: ValidationResult) -> bool:
 
 def _warnings(view: SessionView) -> list[str]:
     """Warnings of a session's results that are not findings, each once, as sentences; one that not every model raises
-    is led by the names of those that do.
-    """
+    is led by the names of those that do."""
     said: dict[str, list[str]] = {}
     for r in view.results:
         shown = set(r.findings["text"])
@@ -256,8 +253,7 @@ ANIMATION = "animation.html"
 
 def render_html(side: SideBySide, *, animation: bool = False) -> str:
     """The report as the text of one HTML page without outside addresses, in which only its own scripts may run;
-    ``animation``: whether to link the file ``animation.html`` in the page's folder.
-    """
+    ``animation``: whether to link the file ``animation.html`` in the page's folder."""
     several = len(side.sessions) > 1
     sections = [
         session_section(SessionView(tuple(results), f"s{i}-" if several else ""), i == 1)
@@ -353,8 +349,7 @@ BY_KEY = (
 
 def _limits_of(result: ValidationResult) -> list[str]:
     """Sentences on what the trials of one session cannot show: by what drives the model, films, number of trials,
-    simulation.
-    """
+    simulation."""
     limits = [BY_KEY if result.provenance.get("driven_by") == "key" else BY_FORCE]
     filmed = len(result.film_traces)
     if filmed == 0:

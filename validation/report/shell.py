@@ -18,8 +18,7 @@ SCRIPTS = ("zoom.js", "curves.js", "tables.js")
 
 def fill_page(template: str, /, **fields: Any) -> str:
     """HTML text of the page ``template`` filled with ``fields``, which are escaped unless the template marks them as
-    drawn; no outside addresses, and only the report's own scripts may run. A field that is missing raises.
-    """
+    drawn; no outside addresses, and only the report's own scripts may run. A field that is missing raises."""
     script = "\n".join((HERE / name).read_text(encoding="utf-8").strip() for name in SCRIPTS)
     # the text between the tags, with the line end that the template puts on each side
     digest = hashlib.sha256(f"\n{script}\n".encode()).digest()
@@ -41,8 +40,7 @@ def fill_page(template: str, /, **fields: Any) -> str:
 
 def flatten_provenance(value: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
     """Pairs of dotted name, led by ``prefix``, and text of all values of nested provenance; event definitions are left
-    out, missing values read ``unknown``.
-    """
+    out, missing values read ``unknown``."""
     rows: list[tuple[str, str]] = []
     for key, item in value.items():
         name = f"{prefix}{key}"

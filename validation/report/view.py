@@ -78,8 +78,7 @@ class SessionView:
 
 def shown_trials(view: SessionView, max_trials: int) -> list[int]:
     """At most ``max_trials`` numbers of trials to show: all, or the drawn one, filmed ones, the worst and best of each
-    channel, then others evenly through the session.
-    """
+    channel, then others evenly through the session."""
     trials = list(view.first.traces)
     if len(trials) <= max_trials:
         return trials

@@ -96,8 +96,7 @@ SPREAD = ("mean_rad", "s_r_rad", "band95_rad", "difference_rad", "difference_u95
 
 def curve_files(side: SideBySide) -> Iterator[tuple[str, str | bytes]]:
     """Yield name and content of every file of curves: netCDF for each result with all trials, and for each session and
-    channel a CSV text with at most eight trials; SI, rad.
-    """
+    channel a CSV text with at most eight trials; SI, rad."""
     for name, result in zip(netcdf_names(side), side.results, strict=True):
         yield name, result.curves_netcdf()
     several = len(side.sessions) > 1
@@ -111,8 +110,7 @@ def curve_files(side: SideBySide) -> Iterator[tuple[str, str | bytes]]:
 
 def view_curves(view: SessionView) -> dict[str, dict[str, Array]]:
     """Columns (n,) by channel (``force`` and bodies) and column name: time, measured and predicted curves of at most
-    eight trials, mean and bands, SI and rad; columns of the second model end in ``_m2``, and so on.
-    """
+    eight trials, mean and bands, SI and rad; columns of the second model end in ``_m2``, and so on."""
     first = view.first
     base = first.base_s
     out: dict[str, dict[str, Array]] = {channel: {"time_s": base} for channel in ("force", *BODIES)}

@@ -60,8 +60,7 @@ def score_curve(time_s: Array, trial: Array, model: Array) -> dict[str, float]:
 
 def choose_trial_pairs(n: int, seed: int = PAIR_SEED, kinds: Sequence[int] | None = None) -> list[tuple[int, int]]:
     """Pairs (i, j), i < j, of the indices of ``n`` trials, both of one kind of stroke (``kinds``: number of each
-    trial's kind; all alike if None): all of them, or 200 drawn with ``seed``, in order.
-    """
+    trial's kind; all alike if None): all of them, or 200 drawn with ``seed``, in order."""
     pairs = [(i, j) for i, j in combinations(range(n), 2) if kinds is None or kinds[i] == kinds[j]]
     if len(pairs) <= MOST_PAIRS:
         return pairs
@@ -72,8 +71,7 @@ def choose_trial_pairs(n: int, seed: int = PAIR_SEED, kinds: Sequence[int] | Non
 def compute_pair_rmse(curves: Array, *, kinds: Sequence[int] | None = None) -> tuple[float, int]:
     """Root mean square difference between two trials, over all pairs of one kind or 200 of them, and the number of
     pairs; ``curves``: (n_samples, n_trials), NaN where lost, ``kinds``: number of each trial's kind. NaN and 0 without
-    a pair.
-    """
+    a pair."""
     pairs = np.array(choose_trial_pairs(curves.shape[1], kinds=kinds), dtype=int).reshape(-1, 2)
     difference = curves[:, pairs[:, 0]] - curves[:, pairs[:, 1]]
     if not np.isfinite(difference).any():

@@ -43,8 +43,7 @@ class IsoScore:
 def iso_score(test: Array, cae: Array, step_s: float) -> IsoScore:
     """ISO/TS 18571 ratings, 0 to 1 (1 is best), and shift in samples (positive: late) of a predicted curve ``cae``
     against the measured ``test``, each (n,), n ≥ 9, sampled every ``step_s`` s; raises ValueError where one is shorter
-    or not finite.
-    """
+    or not finite."""
     t, c = np.ascontiguousarray(test, dtype=float), np.ascontiguousarray(cae, dtype=float)
     if t.ndim != 1 or t.shape != c.shape or t.size < FEWEST_SAMPLES:
         raise ValueError(
@@ -66,8 +65,7 @@ def iso_score(test: Array, cae: Array, step_s: float) -> IsoScore:
 
 def corridor_score(t: Array, c: Array) -> float:
     """Mean corridor rating, 0 to 1, of a prediction ``c`` (n,) against the test ``t`` (n,): 1 where they differ by less
-    than 5 % of the largest magnitude of ``t``, 0 beyond 50 %, quadratic between.
-    """
+    than 5 % of the largest magnitude of ``t``, 0 beyond 50 %, quadratic between."""
     top = float(np.abs(t).max())
     inner, outer = INNER * top, OUTER * top
     error = np.abs(t - c)

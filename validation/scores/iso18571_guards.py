@@ -58,8 +58,7 @@ def _find_offset(t: Array, extent: float) -> tuple[str, int, int, float]:
 
 def _find_quiet_ends(t: Array, c: Array, extent: float) -> tuple[str, int, int, float]:
     """Note that test ``t`` and prediction ``c`` (n,) are quiet at the ends of the window for over a quarter of it (else
-    empty), first sample and end of the rest, and zero, rad, to score it again with; ``extent``: range of ``t``.
-    """
+    empty), first sample and end of the rest, and zero, rad, to score it again with; ``extent``: range of ``t``."""
     band = QUIET_SHARE * extent
     begin, end = _find_still(t, c, band), t.size - _find_still(t[::-1], c[::-1], band)
     quiet = 1 - max(end - begin, 0) / t.size
@@ -74,8 +73,7 @@ def _find_still(t: Array, c: Array, band: float) -> int:
 
 def _describe_periodicity(t: Array, c: Array, step: float, shift_s: float) -> str:
     """Note that the correlation of test ``t`` and prediction ``c`` (n,) has a peak nearer than the shift ``shift_s``,
-    s, of the best one, or that this lies at the end of the search; else empty. ``step``: between samples, s.
-    """
+    s, of the best one, or that this lies at the end of the search; else empty. ``step``: between samples, s."""
     shift = round(shift_s / step)
     if shift == 0:
         return ""
@@ -92,8 +90,7 @@ def _describe_periodicity(t: Array, c: Array, step: float, shift_s: float) -> st
 
 def _climb_to_peak(t: Array, c: Array) -> int:
     """Shift, in samples, of the first peak reached by climbing the correlation of test ``t`` and prediction ``c`` (n,)
-    from no shift; positive when ``c`` is late.
-    """
+    from no shift; positive when ``c`` is late."""
 
     def correlation(m: int) -> float:
         a, b = (t[: t.size - m], c[m:]) if m >= 0 else (t[-m:], c[:m])

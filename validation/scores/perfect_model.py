@@ -132,8 +132,7 @@ def _score_draws(
     paired: bool,
 ) -> list[list[dict[str, dict[str, float]]]]:
     """Scores of the predictions against drawn trials, nested trial → draw → channel → score; a draw that cannot be run
-    is empty. With ``paired`` also the recorded trials' scores against the draw, named ``moved_…``.
-    """
+    is empty. With ``paired`` also the recorded trials' scores against the draw, named ``moved_…``."""
     times = [np.unique(np.concatenate([c.time_s for c in curves])) if curves else np.empty(0) for _, curves in trials]
 
     def scores(i: int, read: Array) -> dict[str, dict[str, float]]:
@@ -154,8 +153,7 @@ def _score_draws(
 
 def _select_curves(m: MeasuredTrial, traces: SessionTraces, without: Collection[tuple[int, str]]) -> list[_Curve]:
     """Measured and predicted curves, rad, of a trial's encoders and film inside the window, one a channel, with times,
-    lost samples and those before the impact; without the pairs (trial, channel) ``without``.
-    """
+    lost samples and those before the impact; without the pairs (trial, channel) ``without``."""
     out = []
     for names, source in CHANNEL_GROUPS:
         frame = traces.select_source(source).get(m.number)

@@ -47,8 +47,7 @@ def score_session(predicted: PredictedSession, events: SessionEvents, store: Res
 
 def trace_session(predicted: PredictedSession, events: SessionEvents) -> SessionTraces:
     """Tables of measured and predicted curves of every trial, by number, on encoder and film times, with the evaluation
-    window and the times of the string impacts.
-    """
+    window and the times of the string impacts."""
     encoder, film = {}, {}
     for m in predicted.trials:
         p = predicted.predictions[m.number]
@@ -65,8 +64,7 @@ def score_curves(
 ) -> pd.DataFrame:
     """Table with a row for each trial and channel compared: scores inside the window of the model and its rivals;
     ``u_encoder``: u of key, whippen and hammer, rad, ``channels``: names compared, both by trial number. Kept in
-    ``store``.
-    """
+    ``store``."""
     jobs = [
         (number, name, i, source, frame)
         for names, source in CHANNEL_GROUPS
@@ -105,8 +103,7 @@ def _score_with_rivals(
     time: Array, trial: Array, model: Array, rivals: dict[str, Array], early: NDArray[np.bool_]
 ) -> dict[str, object]:
     """Scores by name of the curve ``model`` against ``trial``, (n,) rad, and of each of the ``rivals`` (n,), whose
-    names lead theirs, with notes on the ISO-style score; ``early``: mask of the samples before the impact.
-    """
+    names lead theirs, with notes on the ISO-style score; ``early``: mask of the samples before the impact."""
     whole = score_curve(time, trial, model)
     scores = compute_scores(time, trial, model, early)
     beside = ("bias_rad", "scatter_rad", "largest_rad", "largest_at_s", "n", "n_lost")

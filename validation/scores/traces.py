@@ -37,8 +37,7 @@ CONTACTS = {
 
 def find_contact_times(m: MeasuredTrial, events: dict[str, Event], channel: str) -> list[float]:
     """Times, s, increasing, at which the body of ``channel`` (key, whippen or hammer) is struck, stopped or leaves the
-    string, so that its speed may jump; ``events``: the trial's, by name.
-    """
+    string, so that its speed may jump; ``events``: the trial's, by name."""
     times = [events[name].value for name in CONTACTS[channel] if np.isfinite(events[name].value)]
     if channel == "hammer":
         leaves = up_crossings(m.time_s, m.motion.hammer_height_m, 0.0)
@@ -59,8 +58,7 @@ def _slope_weights(window: int) -> Array:
 
 def _fit_slopes(values: Array, window: int) -> tuple[Array, Array]:
     """Slope (n,), per sample, of ``values`` (n,) by cubics fitted over ``window`` (odd, n at most) samples, one-sided
-    at the ends, and the factor (n,) by which the noise of a sample enters it.
-    """
+    at the ends, and the factor (n,) by which the noise of a sample enters it."""
     weights, half = _slope_weights(window), window // 2
     gain = np.linalg.norm(weights, axis=1)
     slope, factor = np.empty(values.size), np.full(values.size, gain[half])
@@ -109,8 +107,7 @@ def differentiate_between_contacts(
 
 def make_speed_table(m: MeasuredTrial, events: dict[str, Event]) -> pd.DataFrame:
     """Table of angular speeds of key, whippen and hammer at the trial's sample times: ``time_s`` and, for each,
-    ``<channel>_rad_per_s`` and standard uncertainty ``<channel>_u_rad_per_s``; counter-clockwise is positive.
-    """
+    ``<channel>_rad_per_s`` and standard uncertainty ``<channel>_u_rad_per_s``; counter-clockwise is positive."""
     columns = {"time_s": m.time_s}
     for i, name in enumerate(ENCODER_CHANNELS):
         speed, u = differentiate_between_contacts(
@@ -150,8 +147,7 @@ def make_trace_table(
 ) -> pd.DataFrame:
     """Table of one trial at the DAQ's sample times: raw and corrected force, measured, predicted and rivals' angles
     since rest, rad, ``speeds`` as of `make_speed_table`; samples inside ``lifts`` of the key are True in
-    ``key_marked``.
-    """
+    ``key_marked``."""
     columns: dict[str, NDArray[Any]] = {
         "time_s": m.time_s,
         "raw_force_n": m.raw_force_n,
@@ -170,8 +166,7 @@ def make_trace_table(
 
 def make_film_trace_table(m: MeasuredTrial, p: PredictedTrial) -> pd.DataFrame | None:
     """Table of one trial at the film's frame times: angles of jack and repetition lever relative to the whippen, their
-    standard uncertainty, the predicted and the rivals' ones, rad since rest; None when not filmed.
-    """
+    standard uncertainty, the predicted and the rivals' ones, rad since rest; None when not filmed."""
     if m.film is None:
         return None
     columns = {"time_s": m.film.time_s}

@@ -49,8 +49,7 @@ ROUND_SAMPLES = 0.05  # to which shifts are rounded: a twentieth of a sample
 
 def estimate_time_scatter(curves: Array, u_sample: float = 0.0) -> Array:
     """Standard deviation (n_samples,), in samples, of the trials' shifts in time of ``curves`` (n_samples, n_trials),
-    not decreasing along the curve, 0 where none is found; ``u_sample``: noise of one sample, unit of the curves.
-    """
+    not decreasing along the curve, 0 where none is found; ``u_sample``: noise of one sample, unit of the curves."""
     mean = curves.mean(axis=1)
     fastest = float(np.abs(np.gradient(mean)).max())
     if not fastest > 0:
@@ -75,8 +74,7 @@ def estimate_time_scatter(curves: Array, u_sample: float = 0.0) -> Array:
 def _estimate_shifts(curves: Array, u_sample: float, rise_samples: float, window: Array) -> tuple[Array, Array]:
     """Standard deviation (n_samples,), in samples, of the trials' shifts near each sample, and its weight, the squared
     slope; 0 where none is detectable or it exceeds half of ``rise_samples``. ``window`` (k,): weights of neighbouring
-    samples, of sum 1.
-    """
+    samples, of sum 1."""
     n_samples, n = curves.shape
     mean = curves.mean(axis=1)
     slope = np.gradient(mean)
@@ -100,8 +98,7 @@ def _estimate_shifts(curves: Array, u_sample: float, rise_samples: float, window
 
 def extend_in_time(mean: Array, scatter: Array, n_trials: int) -> Array:
     """Largest change (n_samples,), 0 or more, of a curve ``mean`` (n_samples,) when it is shifted in time by as much as
-    a further trial may be; ``scatter`` (n_samples,): standard deviation of the shifts of ``n_trials``, in samples.
-    """
+    a further trial may be; ``scatter`` (n_samples,): standard deviation of the shifts of ``n_trials``, in samples."""
     factor = float(stdtrit(n_trials - 1, 0.5 + TIME_CONFIDENCE / 2)) * np.sqrt(1 + 1 / n_trials)
     # rounding keeps the number of different reaches small
     rounded = np.round(scatter / ROUND_SAMPLES) * ROUND_SAMPLES

@@ -100,8 +100,7 @@ def extract_features(time_s: Array, key: Array, unit: str, force_n: Array | None
 
 def _select_notes(key_depth: Array, strikes: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
     """Strikes, (first sample, end) each, that count as notes: one before which the key did not come up below half of
-    its largest ``key_depth`` (n,) is joined to the one before.
-    """
+    its largest ``key_depth`` (n,) is joined to the one before."""
     out = list(strikes[:1])
     for start, end in strikes[1:]:
         if key_depth[out[-1][1] : start + 1].min() < AGAIN * key_depth.max():
@@ -131,8 +130,7 @@ class DomainPosition:
 def locate_stroke(stroke: Features, fitted: Sequence[Features]) -> DomainPosition | None:
     """Position of a stroke, as of `extract_features`, in the domain of the ``fitted`` strokes: distance (above 1
     outside, infinite for a new phase), reason, ways out; None where it or every fitted stroke of its unit lacks
-    properties.
-    """
+    properties."""
     fitted = [one for one in fitted if one and one["unit"] == stroke.get("unit")]
     if not stroke or not fitted:
         return None
@@ -166,8 +164,7 @@ def _scale(name: str, value: float) -> float:
 def describe_domain(action: str, places: pd.DataFrame, known: bool, lost: Collection[int] = ()) -> list[str]:
     """Sentences on which trials that were not fitted lie inside or outside of the training domain; ``places``: a row a
     trial, as of `_locate_trials`, ``known``: whether the action has its strokes, ``lost``: trials nearer to a rival,
-    not called inside.
-    """
+    not called inside."""
     if not known:
         return [
             f"Domain: not known, {action} does not say what the strokes it was fitted to were like; identify it again."

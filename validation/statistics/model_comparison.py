@@ -62,8 +62,7 @@ def compare_pairs(results: Sequence[ValidationResult]) -> pd.DataFrame:
 
 def _compare_pair(first: ValidationResult, second: ValidationResult) -> list[dict[str, object]]:
     """Rows, with the columns `COLUMNS`, of a paired comparison of two models on the trials that both have, one for each
-    score and channel; differences are second − first.
-    """
+    score and channel; differences are second − first."""
     keys = ["trial", "channel"]
     both = first.scores.merge(second.scores, on=keys, suffixes=("_1", "_2"))
     moved = first.nuisance.merge(second.nuisance, on=[*keys, "draw"], suffixes=("_1", "_2"))
@@ -104,8 +103,7 @@ def _compare_pair(first: ValidationResult, second: ValidationResult) -> list[dic
 def _estimate_common_u(drawn: pd.DataFrame, apart: pd.DataFrame, score: str) -> float:
     """Standard uncertainty of the mean difference of a ``score`` of one channel from what is common to the trials:
     ``drawn`` has a row a draw and trial with both models' scores, ``apart`` the difference ``d`` a trial. NaN where
-    nothing was drawn.
-    """
+    nothing was drawn."""
     if not len(drawn):
         return float("nan")
     base = apart.set_index("trial")["d"]
@@ -116,8 +114,7 @@ def _estimate_common_u(drawn: pd.DataFrame, apart: pd.DataFrame, score: str) -> 
 
 def _summarise_differences(first: Array, second: Array, better: str, u_nuisance: float) -> dict[str, object]:
     """Cells by column for the differences second − first of a score (n,) each, paired by trial: mean, 95 % interval, u,
-    p; ``better``: ``lower`` or ``higher``, ``u_nuisance``: u common to the trials, NaN where not drawn.
-    """
+    p; ``better``: ``lower`` or ``higher``, ``u_nuisance``: u common to the trials, NaN where not drawn."""
     d = second - first
     n = d.size
     mean = float(d.mean())
@@ -206,8 +203,7 @@ def evidence_table(sessions: Sequence[Sequence[ValidationResult]]) -> pd.DataFra
 
 def _make_evidence_row(first: ValidationResult, other: ValidationResult) -> dict[str, object]:
     """Row by column of the natural logarithm of the Bayes factor of ``other`` against ``first``, positive for
-    ``other``, with the cost of both and a reading in words, which says why where the factor is NaN.
-    """
+    ``other``, with the cost of both and a reading in words, which says why where the factor is NaN."""
     a, b = first.judgement, other.judgement
     nan = float("nan")
     row: dict[str, object] = {"session": other.session_name, "model": other.action_name, "against": first.action_name}
@@ -236,8 +232,7 @@ def _make_evidence_row(first: ValidationResult, other: ValidationResult) -> dict
 
 def _describe_unequal(first: ValidationResult, second: ValidationResult, both: pd.DataFrame) -> str:
     """Reason why the scores of two results may not be compared (other window, other samples left out); empty where they
-    may. ``both``: their scores merged by trial and channel, suffixes ``_1`` and ``_2``.
-    """
+    may. ``both``: their scores merged by trial and channel, suffixes ``_1`` and ``_2``."""
     a, b = first.window, second.window
     step = min(float(np.median(np.diff(t["time_s"]))) for t in first.traces.values())
     if max(abs(a.start_s - b.start_s), abs(a.end_s - b.end_s)) > 1.5 * step:
@@ -250,8 +245,7 @@ def _describe_unequal(first: ValidationResult, second: ValidationResult, both: p
 
 def _describe_claim(row: dict[str, object], tolerance: float) -> str:
     """Text on which model of a compared row (columns `COLUMNS`) is closer, or why none is claimed; differences within
-    ``tolerance``, in the score's unit, are no claim.
-    """
+    ``tolerance``, in the score's unit, are no claim."""
     n, difference = int(row["n_trials"]), float(row["difference"])  # type: ignore[call-overload,arg-type]
     if difference == 0:
         return "no difference"

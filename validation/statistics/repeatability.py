@@ -85,8 +85,7 @@ def limit_factor(n: int) -> float:
 
 def s_interval_factors(n: int) -> tuple[float, float]:
     """Factors, below and above 1, on a standard deviation of ``n`` trials that bound the true one with 95 % confidence;
-    NaN below two trials.
-    """
+    NaN below two trials."""
     if n < 2:
         return float("nan"), float("nan")
     freedom = n - 1

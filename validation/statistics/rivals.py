@@ -40,8 +40,7 @@ def describe_stroke(m: MeasuredTrial) -> dict[str, Any]:
 
 def make_example(m: MeasuredTrial) -> Example:
     """Input and outputs of a measured trial for a black box: the force, N, in (the key's angle, rad, where the key
-    drives), angles of key, whippen and hammer since rest, (n, 3), rad, out; NaN for those not compared.
-    """
+    drives), angles of key, whippen and hammer since rest, (n, 3), rad, out; NaN for those not compared."""
     compared = [name in m.channels for name in ENCODER_CHANNELS]
     answers = np.where(compared, m.change_rad, np.nan)
     if m.driven_by_key:
@@ -72,8 +71,7 @@ def compare_rivals(
 ) -> Rivals:
     """RMSE of the rivals that ``tested`` names, for each trial and channel, skill by channel, position of each trial in
     the training domain, and sentences on them; pairs (trial, channel) ``without`` do not count. Simulates values before
-    a fit.
-    """
+    a fit."""
     posterior = posterior_of(tested.action)
     compared = {m.number: m.channels for m in predicted.trials}
     faulty = {number for number, name in without if name in (*compared.get(number, ()), *FILM_CHANNELS)}
@@ -122,8 +120,7 @@ def _fit_black_boxes(
     trials: Collection[MeasuredTrial], tested: ModelUnderTest, posterior: Posterior | None, faulty: Collection[int]
 ) -> dict[int, dict[str, BlackBox]]:
     """Black boxes by trial number and kind: those stored with the identified action, else each fitted to the other
-    trials but ``faulty`` ones, given by number (which get none). Empty where ``tested`` names no black box.
-    """
+    trials but ``faulty`` ones, given by number (which get none). Empty where ``tested`` names no black box."""
     nothing: dict[int, dict[str, BlackBox]] = {m.number: {} for m in trials}
     if not set(KINDS) & set(tested.rivals):
         return nothing
@@ -147,8 +144,7 @@ def _make_unfitted(tested: ModelUnderTest, posterior: Posterior | None) -> Model
 
 def _locate_trials(trials: Collection[MeasuredTrial], posterior: Posterior | None) -> pd.DataFrame:
     """Table with a row a trial: whether it was ``fitted``, its ``distance`` from the training domain (above 1 outside),
-    ``outside``, and ``why_outside``; distance NaN and outside None where the domain is not known.
-    """
+    ``outside``, and ``why_outside``; distance NaN and outside None where the domain is not known."""
     rows = []
     for m in trials:
         fitted = posterior is not None and posterior.was_fitted_to(m.seal, m.samples)
@@ -169,8 +165,7 @@ def _compute_skills(
     table: pd.DataFrame, places: pd.DataFrame, without: Collection[tuple[int, str]]
 ) -> dict[str, Skill]:
     """Skill by channel, from the ``table`` of RMSE of model and rivals, a row a trial and channel, over the trials that
-    ``places`` does not call fitted, or all where none is left; pairs (trial, channel) ``without`` do not count.
-    """
+    ``places`` does not call fitted, or all where none is left; pairs (trial, channel) ``without`` do not count."""
     fitted = set(places["trial"][places["fitted"]])
     out = {}
     for channel, part in table.groupby("channel", sort=False):

@@ -18,8 +18,7 @@ Array = NDArray[np.float64]
 
 def joint_sign_flip(differences: Array) -> Array:
     """Two-sided p (k,) of a zero mean of every column of ``differences`` (n, k), by random signs of the rows, adjusted
-    for all columns together; 1 for one row or a column of zeros.
-    """
+    for all columns together; 1 for one row or a column of zeros."""
     d = np.asarray(differences, dtype=float)
     size = np.sqrt((d**2).sum(axis=0))
     out = np.ones(d.shape[1])
@@ -37,8 +36,7 @@ def joint_sign_flip(differences: Array) -> Array:
 
 def _signs(n: int) -> tuple[Array, int]:
     """Arrangements of n signs, (arrangements, n), and what to add to counts of them: all up to their negative, and 0,
-    for n up to 14; else 20,000 drawn with a fixed seed, and 1 for the arrangement found.
-    """
+    for n up to 14; else 20,000 drawn with a fixed seed, and 1 for the arrangement found."""
     if n <= EXACT_UP_TO:
         # the first sign is kept: a sum and its negative are equally far from zero
         bits = np.arange(2 ** (n - 1))[:, None] >> np.arange(n - 1) & 1

@@ -76,8 +76,7 @@ def compute_skill(model: Array, rivals: Mapping[str, Array]) -> Skill | None:
 
 def describe_skills(skill: Mapping[str, Skill], fitted: str) -> tuple[str, ...]:
     """One sentence, in a tuple, on the skills by channel with their intervals and best rivals; empty without skills.
-    ``fitted``: text that says what the black boxes were fitted to.
-    """
+    ``fitted``: text that says what the black boxes were fitted to."""
     if not skill:
         return ()
     of = []
@@ -91,8 +90,7 @@ def describe_skills(skill: Mapping[str, Skill], fitted: str) -> tuple[str, ...]:
 
 def describe_nearer_rivals(skill: Mapping[str, Skill]) -> str:
     """Sentence on rivals whose error is smaller than the model's, by channel, with the interval; empty where no channel
-    has one.
-    """
+    has one."""
     parts = []
     for channel, one in skill.items():
         if one.skill >= 0.0:
@@ -109,8 +107,7 @@ def describe_nearer_rivals(skill: Mapping[str, Skill]) -> str:
 
 def describe_nearest(errors: pd.DataFrame) -> list[str]:
     """One line, in a list, on which of the model and its rivals is nearest to each trial, by channel; ``errors``: a row
-    a trial and channel with its ``nearest``, empty where nothing is known. Empty list where no row has one.
-    """
+    a trial and channel with its ``nearest``, empty where nothing is known. Empty list where no row has one."""
     parts = []
     for channel, part in errors[errors["nearest"] != ""].groupby("channel", sort=False):
         by_name: dict[str, list[int]] = {}

@@ -89,8 +89,7 @@ NOT_MADE = undecided_verdict("the uncertainties were not drawn")
 
 def rows(comparison: Comparison) -> pd.DataFrame:
     """Table with the columns `COLUMNS`, a row for each channel: repeatability, difference from the model, scores, and
-    skill against the best rival.
-    """
+    skill against the best rival."""
     skill = comparison.rivals.skill
     table = add_scores(
         summary(comparison)[0], comparison.scored.scores, comparison.table("scorecard"), comparison.without
@@ -106,8 +105,7 @@ def rows(comparison: Comparison) -> pd.DataFrame:
 
 def summary(comparison: Comparison) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Table of the channels without scores, a row each, and table of mean, s_r, bands and difference of every channel
-    over time, rad; made once and kept in ``comparison.made``.
-    """
+    over time, rad; made once and kept in ``comparison.made``."""
     c = comparison
     if "spread" not in c.made:
         u_sample = c.table("uncertainty").groupby("channel")["u_rad"].mean().to_dict()
@@ -163,8 +161,7 @@ def _summarise_channel(
     kinds: Sequence[Collection[int]],
 ) -> tuple[dict[str, object], dict[str, Array]]:
     """Row by column of one channel, and its curves (n,), rad, for the table over time; ``base``: times (n,), s,
-    ``frames``: traces by trial number, ``u``: of a sample, rad, ``kinds``: trial numbers of each kind of stroke.
-    """
+    ``frames``: traces by trial number, ``u``: of a sample, rad, ``kinds``: trial numbers of each kind of stroke."""
     curves = interpolate_to_base(base, frames, f"{name}_measured_rad")
     apart = interpolate_to_base(base, frames, f"{name}_predicted_rad") - curves
     mean, u_mean, judged = _mean_difference(base, apart, verdict, name)
@@ -209,8 +206,7 @@ COVERAGE = 1.96
 
 def _mean_difference(base: Array, apart: Array, verdict: Verdict, name: str) -> tuple[Array, Array, dict[str, object]]:
     """Mean (n,), rad, over trials of ``apart``, model − trial (n, trials), at times ``base`` (n,), s, its standard
-    uncertainty (n,), and cells of the channel ``name`` by column; NaN where not known, u wherever nothing was drawn.
-    """
+    uncertainty (n,), and cells of the channel ``name`` by column; NaN where not known, u wherever nothing was drawn."""
     known = np.isfinite(apart).any(axis=1)
     mean, u = np.full((2, base.size), np.nan)
     row: dict[str, object] = dict.fromkeys(NAMES[-5:], np.nan)
@@ -239,8 +235,7 @@ def _mean_difference(base: Array, apart: Array, verdict: Verdict, name: str) -> 
 
 def _explain_missing(curves: Array) -> str:
     """Reason why ``curves`` (n_samples, n_trials) have no repeatability or band: no frame tracked, one trial, too few
-    for a band; empty where they have both.
-    """
+    for a band; empty where they have both."""
     if not np.isfinite(curves).any():
         return "no frame tracked"
     n = curves.shape[1]
@@ -253,8 +248,7 @@ def add_scores(
     channels: pd.DataFrame, scores: pd.DataFrame, scorecard: pd.DataFrame, without: LeftOut = ()
 ) -> pd.DataFrame:
     """Copy of the table ``channels`` with RMSE, ISO-style score, those of null and perfect model, and RMSE over range
-    and over s_r, from the tables ``scores`` and ``scorecard``; pairs (trial, channel) ``without`` do not count.
-    """
+    and over s_r, from the tables ``scores`` and ``scorecard``; pairs (trial, channel) ``without`` do not count."""
     counts = [pair not in without for pair in zip(scores["trial"], scores["channel"], strict=True)]
     rms = scores[counts].groupby("channel")["rmse_rad"].agg(lambda v: float(np.sqrt(np.mean(np.square(v)))))
     overall = scorecard[scorecard["score"] == "iso_overall"].set_index("channel")

@@ -74,8 +74,7 @@ class Comparison:
     @cached_property
     def ceiling(self) -> Ceiling:
         """Scores of a perfect model by channel and score, one value a draw; empty where no uncertainties are to be
-        drawn. Computed once, with simulations unless stored.
-        """
+        drawn. Computed once, with simulations unless stored."""
         if not self.options.budget:
             return Ceiling()
         self.options.say("scores of a perfect model")
@@ -86,8 +85,7 @@ class Comparison:
     @cached_property
     def motion(self) -> tuple[list[dict[str, Any]], pd.DataFrame | None, list[str]]:
         """Comparison driven by the key's motion, of the sound trial of median peak force: rows (one or none), its trace
-        (None without one), and why the model cannot run, as a warning in a list. Computed once.
-        """
+        (None without one), and why the model cannot run, as a warning in a list. Computed once."""
         sound = select_sound_trials(self.predicted.trials, self.findings.faults)
         asked = self.options.by_motion or self.options.further
         if not (sound and asked and all(m.has_force for m in sound)):

@@ -20,8 +20,7 @@ from validation.tables.table import OF_ROW, UNIT, Column, Page, Row, Table
 
 def _count_words(column: str) -> Callable[[Row], str]:
     """Formatter of a table cell: how many of a row's trials have the event, by the count in ``column``, with the
-    ambiguous ones where that is ``found_model``.
-    """
+    ambiguous ones where that is ``found_model``."""
 
     def cell(row: Row) -> str:
         if not row["n_trials"]:
@@ -98,8 +97,7 @@ def area_floor(n_model: int, n_trial: int) -> tuple[float, float]:
 
 def _area_between_distributions(model: Array, trial: Array) -> Array:
     """Area (k,) between the empirical distribution functions of row i of ``model`` (k, n) and row i of ``trial`` (k,
-    m), in their unit.
-    """
+    m), in their unit."""
     values = np.concatenate([model, trial], axis=1)
     order = np.argsort(values, axis=1, kind="stable")
     of_model = order < model.shape[1]
@@ -111,8 +109,7 @@ def _area_between_distributions(model: Array, trial: Array) -> Array:
 def event_summary(trial: dict[int, dict[str, Event]], model: dict[int, dict[str, Event]]) -> Iterator[dict[str, Any]]:
     """Yield for each event a row by column: in how many trials and predictions it happened, means, and paired
     differences model − trial where both have it; arguments: trial number → event name → event. Events missing from
-    ``trial`` do not count.
-    """
+    ``trial`` do not count."""
     for name, kind in EVENTS.items():
         t = [events[name] for events in trial.values() if name in events]
         m = [model[number][name] for number, events in trial.items() if name in events]

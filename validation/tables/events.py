@@ -36,8 +36,7 @@ def event_rows(
     trial: Mapping[int, Mapping[str, Event]], model: Mapping[int, Mapping[str, Event]]
 ) -> Iterator[dict[str, Any]]:
     """Yield a row by column for each trial, source (``trial``, then ``model``) and event: value, u, unit, status and
-    note; arguments: trial number → event name → event. The value of an event that did not happen is NaN.
-    """
+    note; arguments: trial number → event name → event. The value of an event that did not happen is NaN."""
     for source, events in (("trial", trial), ("model", model)):
         for number, found in events.items():
             for e in found.values():

@@ -18,8 +18,7 @@ SETS = {"before": "before", "identified": "identified", "null model": "null", "s
 
 def _score(column: str) -> Callable[[Row], str]:
     """Formatter of a table cell: the root mean square error ``<column>_rms`` of a row in the unit shown, with the
-    number of trials that have the event where not all do; a dash where it is NaN.
-    """
+    number of trials that have the event where not all do; a dash where it is NaN."""
 
     def cell(row: Row) -> str:
         value, both = row[f"{column}_rms"], row[f"{column}_both"]
@@ -54,8 +53,7 @@ COLUMNS = (
 
 def rows(found: Any) -> Iterator[dict[str, object]]:
     """Yield rows by column of the errors of events and angles, of each set of trials of an identification ``found``: of
-    values before, identified, null model and scatter.
-    """
+    values before, identified, null model and scatter."""
     for name, curves in found.scores.items():
         events = found.events.get(name, {})
         for event in next(iter(events.values()), {}):

@@ -81,8 +81,7 @@ def inside_rows(predicted: PredictedSession, tested: ModelUnderTest, *, is_drawn
 
 def _make_rows(tested: ModelUnderTest, m: MeasuredTrial, draws: Sequence[JointDraw]) -> Iterator[dict[str, Any]]:
     """Yield rows by column of the largest loads, deformations and energies of a trial's predicted blow, with standard
-    uncertainties by simulating it in each of the ``draws`` (NaN without any).
-    """
+    uncertainties by simulating it in each of the ``draws`` (NaN without any)."""
     force, at = m.force, m.force.time_s  # the force bends there, and integrals stop at bends and outputs
     blow = tested.simulate(
         tested.action, force.time_s, force.force_n, tolerance=tested.tolerance, output_time_s=at,
@@ -113,8 +112,7 @@ def _energies(audit: model.EnergyAudit) -> dict[str, float]:
 
 def _list_parts(action: model.Action, blow: model.Solution) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield name and row by column of each energy (J), contact, joint (N, J) and moving part (m) of a blow simulated
-    with inner forces and energy.
-    """
+    with inner forces and energy."""
     seen, time = blow.inside, blow.time_s
     assert seen is not None and blow.energy is not None
     for name, energy in _energies(blow.energy).items():

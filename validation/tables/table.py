@@ -80,8 +80,7 @@ class Column:
 
     def cell(self, row: Row) -> str:
         """Text of this column's cell of a row (by column name), in the unit shown, with its uncertainty where the
-        column has one; a dash where the value is missing.
-        """
+        column has one; a dash where the value is missing."""
         if self.text is not None:
             return self.text(row)
         value = row[self.name]
@@ -157,8 +156,7 @@ class Table:
 
     def make(self, source: Any) -> pd.DataFrame:
         """Data frame of the rows made from ``source`` (a comparison, or what the field `of` names), with all columns of
-        the table in their order; raises ValueError where a data frame of rows has other columns.
-        """
+        the table in their order; raises ValueError where a data frame of rows has other columns."""
         rows = self.rows(source)
         if isinstance(rows, pd.DataFrame):
             if set(rows.columns) != set(self.names):
@@ -205,8 +203,7 @@ def make_page_table(
     table: Table, page: Page, rows: Sequence[tuple[str, Row]], named: bool = False, prefix: str = ""
 ) -> PageTable | None:
     """Table of text from ``rows``, pairs of model name and row, less columns without any value; the model's name stands
-    first where ``named``, ``prefix`` leads the table's id. None without rows.
-    """
+    first where ``named``, ``prefix`` leads the table's id. None without rows."""
     if not rows:
         return None
     columns = [c for c in table.columns if (c.name in page.columns if page.columns else c.head)]

@@ -74,8 +74,7 @@ def rows(comparison: Comparison) -> pd.DataFrame:
 
 def _rows(comparison: Comparison) -> Iterator[dict[str, object]]:
     """Yield rows by column of all trials in order of their number: of those used what was measured, of the others
-    number and reason.
-    """
+    number and reason."""
     predicted = comparison.predicted
     measured = {m.number: m for m in predicted.trials}
     for n in sorted({*measured, *predicted.refused}):
@@ -87,8 +86,7 @@ def _rows(comparison: Comparison) -> Iterator[dict[str, object]]:
 
 def _make_used_row(m: MeasuredTrial, reused: bool) -> dict[str, object]:
     """Row by column of a used trial, without force cells where no force was recorded; ``reused``: whether its
-    prediction came from the store.
-    """
+    prediction came from the store."""
     row = {
         "trial": m.number,
         "used": True,

@@ -33,8 +33,7 @@ def uncertainty_rows(
     measurements: Sequence[MeasuredTrial], film: Mapping[int, pd.DataFrame]
 ) -> Iterator[dict[str, Any]]:
     """Yield rows by column for each trial and channel: u by the sensor's step and u of a sample, rad, relative u of the
-    scale; of films, whose tables are in ``film`` by trial number, the median u over frames alone.
-    """
+    scale; of films, whose tables are in ``film`` by trial number, the median u over frames alone."""
     names = [column.name for column in COLUMNS]
     for m in measurements:
         steps = m.resolution_rad / np.sqrt(12)

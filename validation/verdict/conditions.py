@@ -59,8 +59,7 @@ def separate_conditions(
 def find_change(found: Mapping[int, TrialErrors], limits: Mapping[str, float]) -> Change | None:
     """Largest step, between two trials in order of their number, of a primary quantity's error beyond the trials'
     scatter; ``found``: errors by trial number, ``limits``: limits of relevance by name. None if none, or with fewer
-    than 4 trials on one branch.
-    """
+    than 4 trials on one branch."""
     most = Counter(one.branch for one in found.values()).most_common(1)
     numbers = sorted(n for n in found if found[n].branch == most[0][0])
     n = len(numbers)

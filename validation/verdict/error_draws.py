@@ -121,8 +121,7 @@ def select_usable_errors(
     found: Mapping[int, TrialErrors], without: Collection[tuple[int, str]] = ()
 ) -> dict[int, TrialErrors]:
     """Errors, by trial number, of the trials with at least one usable encoder; values that need a channel of the pairs
-    (trial, channel) ``without`` are NaN and do not count for the branch of the motion.
-    """
+    (trial, channel) ``without`` are NaN and do not count for the branch of the motion."""
     out = {}
     for number, one in found.items():
         lost = {name for name in (*ENCODER_CHANNELS, *FILM_CHANNELS) if (number, name) in without}
@@ -133,8 +132,7 @@ def select_usable_errors(
 
 def _drop_channels(one: TrialErrors, lost: Collection[str]) -> TrialErrors:
     """Copy of a trial's errors in which angles of the channels ``lost``, and events that need them, are NaN, and in
-    which only the other encoders count for the branch.
-    """
+    which only the other encoders count for the branch."""
     errors, values = one.errors.copy(), one.values.copy()
     of_events = QUANTITIES[len(ANGLES) :]
     errors[: len(ANGLES)][[q.channel in lost for q in ANGLES]] = np.nan
@@ -156,8 +154,7 @@ def _errors_of_trial(
     m: MeasuredTrial, traces: SessionTraces, events: SessionEvents, tested: ModelUnderTest
 ) -> TrialErrors:
     """Errors, model − trial, of `QUANTITIES` in a trial, NaN of channels that it lacks and of missing events; with them
-    the samples that each angle is a mean of, measured travel and events, and the branch of the motion.
-    """
+    the samples that each angle is a mean of, measured travel and events, and the branch of the motion."""
     frame, own = traces.encoder[m.number], events.trial[m.number]
     phases = phase_masks(m.time_s, own, traces.window)
     errors, masks, travel = np.full(len(QUANTITIES), np.nan), {}, {}
@@ -266,8 +263,7 @@ def _select_majority_branch(
 ) -> tuple[list[list[MeasuredTrial]], dict[int, tuple[int, int]]]:
     """Trials of each condition whose events follow its most frequent branch (a condition without trials is left out),
     and for each other trial, by number, its branch and the bits of it that its encoders tell; ``found``: errors by
-    trial number.
-    """
+    trial number."""
     groups: list[list[MeasuredTrial]] = []
     other: dict[int, tuple[int, int]] = {}
     for numbers in conditions or [[m.number for m in usable]]:
@@ -314,8 +310,7 @@ class _TrialDrawing:
 
     def load_or_run(self) -> _TrialDraws:
         """Draws of the errors of one trial: read from the store where nothing they depend on has changed, else run and
-        stored.
-        """
+        stored."""
         m, n = self.m, len(self.common)
         sensors = (m.u_rad, m.resolution_rad, m.scale_relative_u, m.time_s, m.quiet.stop, self.u_rest_level_m)
         # one array of all parameters: hashing them one by one costs a twentieth of a comparison
@@ -334,8 +329,7 @@ class _TrialDrawing:
 
     def _run(self) -> dict[str, Any]:
         """Errors (``values``), branches (``branch``) and errors over time (``curves``, by channel) of the trial in
-        every draw, as the store keeps them, arrays in base64; simulates each draw.
-        """
+        every draw, as the store keeps them, arrays in base64; simulates each draw."""
         tested, m = self.tested, self.m
         every = [*(replace(d, has_own_errors=False) for d in self.common), *self.own[1:]]
         n, sparse = len(self.common), _sparse(m.time_s.size)
@@ -366,8 +360,7 @@ class _TrialDrawing:
 
     def _angle_means(self, apart: Array) -> Array:
         """Means (k,), rad, one for each of `ANGLES`, of the differences ``apart`` (n, channels), rad, over that angle's
-        samples; NaN where the trial does not have it.
-        """
+        samples; NaN where the trial does not have it."""
         out = np.full(len(ANGLES), np.nan)
         for k, q in enumerate(ANGLES):
             if q.name in self.masks:
@@ -378,8 +371,7 @@ class _TrialDrawing:
 
     def _read_events(self, draw: JointDraw, read: Array) -> tuple[Array, int]:
         """Event values, as of `event_values`, and number of the branch of the motion, that readings ``read`` (n,
-        channels) of the trial give, rad since rest, with the levels at rest moved as in ``draw``.
-        """
+        channels) of the trial give, rad since rest, with the levels at rest moved as in ``draw``."""
         m = self.m
         motion = m.read_motion(m.time_s, read[:, : len(ENCODER_CHANNELS)])
         hammer, key = (self.u_rest_level_m * z for z in draw.z_levels)

@@ -85,8 +85,7 @@ class Estimates:
 
 def estimate_errors(sample: ErrorSample) -> Estimates:
     """Intervals of the model error (model − trial) of each quantity of a sample, what they come from and which error is
-    detectable, and a simultaneous test of all primary quantities and of the branch of the motion.
-    """
+    detectable, and a simultaneous test of all primary quantities and of the branch of the motion."""
     n_all = len(sample.common)
     rng = np.random.default_rng([SEED, n_all, len(sample.found)])
     noise, u_repeat = draw_trial_scatter(sample.residuals, sample.own, sample.n_trials, n_all, rng)
@@ -192,8 +191,7 @@ def quantile_by_rank(drawn: Array, share: float) -> float:
 
 def interval_by_rank(found: Array, drawn: Array, share: float) -> tuple[Array, Array]:
     """Lower and upper ends (V,) of intervals of coverage ``share`` for the model errors, from the errors ``found`` (V,)
-    and draws of them without a model error, ``drawn`` (N, V); NaN with fewer than 39 finite draws.
-    """
+    and draws of them without a model error, ``drawn`` (N, V); NaN with fewer than 39 finite draws."""
     low, high = np.full((2, found.size), np.nan)
     for v in range(found.size):
         known = np.sort(drawn[np.isfinite(drawn[:, v]), v])
@@ -259,8 +257,7 @@ def divide_variance(errors: Array, inputs: Array, middle: Array, lower: Array, u
 
 def strongest_inputs(errors: Array, inputs: Array, names: Sequence[str]) -> list[str]:
     """For each column of ``errors`` (N, V) the name of the column of ``inputs`` (N, q) with the largest squared rank
-    correlation, empty where that is below 0.2 or there are fewer than 39 draws; ``names``: of the q inputs.
-    """
+    correlation, empty where that is below 0.2 or there are fewer than 39 draws; ``names``: of the q inputs."""
     known = np.isfinite(errors)
     enough = known.sum(axis=0) >= FEWEST_FOR_INTERVAL
     if not len(names) or not enough.any():

@@ -43,8 +43,7 @@ def log_evidence(found: Array, drawn: Array, floor: Array) -> tuple[float, float
 
 def _log_density(found: Array, drawn: Array, least: Array) -> float:
     """Natural logarithm of the density at ``found`` (d,) of the Student's t distribution that draws (N, d) predict;
-    ``least`` (d, d) is added to their covariance.
-    """
+    ``least`` (d, d) is added to their covariance."""
     n, d = drawn.shape
     free = n - d
     covariance = np.cov(drawn, rowvar=False).reshape(d, d) + least

@@ -49,8 +49,7 @@ def observed_differences(errors: Array, row_index: int | None = None) -> list[Ob
 
 def observed_text(found: Mapping[int, TrialErrors]) -> str:
     """Lines of text with mean and standard deviation of each primary quantity, model − trial, over the trials ``found``
-    (errors by trial number), for a user who waits for the draws; empty where none is measured.
-    """
+    (errors by trial number), for a user who waits for the draws; empty where none is measured."""
     rows = observed_differences(np.array([one.errors for one in found.values()])) if found else []
     if not rows:
         return ""

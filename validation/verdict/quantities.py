@@ -95,8 +95,7 @@ IS_PRIMARY = np.array([q.is_primary for q in QUANTITIES])
 
 def relevance_limits(given: Mapping[str, float]) -> dict[str, float]:
     """Limits of relevance by name (travel, check_height, let_off, time, speed), in SI or as a share, the defaults where
-    ``given`` has none; raises an input error for an unknown name or a limit not above 0.
-    """
+    ``given`` has none; raises an input error for an unknown name or a limit not above 0."""
     for name, value in given.items():
         if name not in RELEVANT:
             raise ValidationInputError(f"relevant: {name!r} is no limit; allowed {', '.join(RELEVANT)}")
@@ -107,8 +106,7 @@ def relevance_limits(given: Mapping[str, float]) -> dict[str, float]:
 
 def quantity_limits(limits: Mapping[str, float], travel: Mapping[str, float], values: Array) -> Array:
     """Limit of relevance of each of `QUANTITIES` in its unit, (V,), from ``limits`` by name, the ``travel`` of each
-    channel, rad, and the measured ``values`` as of `event_values`; NaN where it is not primary or not measured.
-    """
+    channel, rad, and the measured ``values`` as of `event_values`; NaN where it is not primary or not measured."""
     out = np.full(len(QUANTITIES), np.nan)
     for i, q in enumerate(QUANTITIES):
         if q.is_primary:
@@ -119,8 +117,7 @@ def quantity_limits(limits: Mapping[str, float], travel: Mapping[str, float], va
 
 def phase_masks(time_s: Array, events: Mapping[str, Event], window: Window) -> dict[str, NDArray[np.bool_]]:
     """Masks (n,) of the samples at ``time_s`` (n,) in the phases attack, check and release of one trial, by name,
-    inside the window; all False for a phase whose begin is not recorded.
-    """
+    inside the window; all False for a phase whose begin is not recorded."""
     ends = {phase: events[event].value if event in events else float("nan") for phase, event in PHASES.items()}
     out: dict[str, NDArray[np.bool_]] = {}
     begin, begins, inside = window.start_s, True, window.mask(time_s)

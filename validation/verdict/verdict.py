@@ -90,8 +90,7 @@ def judge_model(errors: SessionErrors | None, limits: Mapping[str, float]) -> Ve
 
 def _facts(errors: SessionErrors, e: Estimates) -> dict[str, Any]:
     """Plain values of a verdict by name: p and factor of the test, numbers of draws, branch of the motion and its share
-    of the draws, trial numbers, logarithm of the evidence and its uncertainty.
-    """
+    of the draws, trial numbers, logarithm of the evidence and its uncertainty."""
     sample = errors.sample
     found, common = _mean_of_conditions(sample)
     angles = [i for i, q in enumerate(ANGLES) if q.is_primary and np.isfinite(found[i])]
@@ -118,8 +117,7 @@ def _facts(errors: SessionErrors, e: Estimates) -> dict[str, Any]:
 
 def _mean_of_conditions(sample: ErrorSample) -> tuple[Array, Array]:
     """Errors found, (Q,), and drawn, (N, Q), each averaged over the conditions, weighted by their numbers of trials; Q
-    quantities.
-    """
+    quantities."""
     shape = len(sample.branch_found), len(QUANTITIES)
     weight = np.where(np.isfinite(sample.found), sample.n_trials, 0).reshape(shape)
     with np.errstate(invalid="ignore"):
@@ -131,8 +129,7 @@ def _mean_of_conditions(sample: ErrorSample) -> tuple[Array, Array]:
 
 def quantity_table(errors: SessionErrors, e: Estimates, limits: Mapping[str, float]) -> pd.DataFrame:
     """Table of model errors with the columns `COLUMNS`, SI, one row for each condition and each quantity whose channel
-    was recorded; NaN where it is not estimated, and ``state`` says why. ``limits``: limits of relevance by name.
-    """
+    was recorded; NaN where it is not estimated, and ``state`` says why. ``limits``: limits of relevance by name."""
     sample = errors.sample
     names = sorted({name for changed in errors.changed for name in changed})
     parameters = np.array([[changed.get(name, 0.0) for name in names] for changed in errors.changed]).reshape(
@@ -176,8 +173,7 @@ def quantity_table(errors: SessionErrors, e: Estimates, limits: Mapping[str, flo
 
 def is_another_fall(condition: Condition, differences: Array) -> bool:
     """Whether model and trials show two different falls of the hammer: one hammer lands before the other drops;
-    ``differences``: mean model − trial of each of `QUANTITIES` in this condition, SI.
-    """
+    ``differences``: mean model − trial of each of `QUANTITIES` in this condition, SI."""
     drop, landing = (float(condition.values[INDEX[name] - len(ANGLES)]) for name in FALL)
     moved_drop, moved_landing = drop + differences[INDEX[FALL[0]]], landing + differences[INDEX[FALL[1]]]
     return bool(moved_drop > landing or moved_landing < drop)
@@ -190,8 +186,7 @@ def _trials_of_condition(errors: SessionErrors, one: Condition) -> str:
 
 def _explain_no_estimate(q: Quantity, one: Condition, found: float, low: float) -> str:
     """Reason why quantity ``q`` of condition ``one`` has no estimate, from its difference ``found`` and the lower end
-    ``low`` of its interval, NaN where missing; empty where it has one.
-    """
+    ``low`` of its interval, NaN where missing; empty where it has one."""
     if not math.isfinite(found):
         if q.channel:
             before = list(PHASES)[: list(PHASES).index(q.phase)][-1:]
@@ -203,8 +198,7 @@ def _explain_no_estimate(q: Quantity, one: Condition, found: float, low: float) 
 
 def decide_outcome(table: pd.DataFrame, *, is_branch_resolved: bool = False) -> str:
     """One of `validation.result.OUTCOMES` (differs, differs by less than matters, differs perhaps, agrees, cannot tell)
-    from a table as of `quantity_table`; a resolved branch of the motion makes it differ.
-    """
+    from a table as of `quantity_table`; a resolved branch of the motion makes it differ."""
     claim = table[table["primary"].astype(bool) & table["difference"].notna()]
     readings = {reading_of(row) for row in claim[claim["resolved"].astype(bool)].itertuples()}
     if is_branch_resolved or DIFFERS in readings:
@@ -237,8 +231,7 @@ def shown_interval(row: Any, names: tuple[str, str] = ("low", "high")) -> tuple[
 
 def format_interval(middle: float, half: float, unit: str, *, is_signed: bool = True) -> str:
     """Text ``middle ± half unit``, rounded to one digit of ``half``, two if it begins with 1, and to three decimals at
-    most; ``middle`` has a plus sign unless ``is_signed`` is False.
-    """
+    most; ``middle`` has a plus sign unless ``is_signed`` is False."""
     places = 2
     if half > 0:
         first = math.floor(math.log10(half))
@@ -256,8 +249,7 @@ def title_of(row: Any) -> str:
 
 def quantity_words(row: Any, names: tuple[str, str] = ("low", "high")) -> str:
     """Text of a row of `quantity_table`: its title with the interval between the columns ``names``, by default the 95 %
-    one of the error, in the unit shown; of an angle also in percent of the travel.
-    """
+    one of the error, in the unit shown; of an angle also in percent of the travel."""
     q = QUANTITIES[INDEX[str(row.quantity)]]
     middle, half = shown_interval(row, names)
     text = f"{title_of(row)} {format_interval(middle, half, q.unit_shown)}"
@@ -269,8 +261,7 @@ def quantity_words(row: Any, names: tuple[str, str] = ("low", "high")) -> str:
 
 def reading_of(row: Any) -> str:
     """Reading of one row of `quantity_table`: one of the outcomes that differ where it is resolved, else ``alone``,
-    ``within its limit``, ``not tested`` or ``not resolved``; without an estimate the reason.
-    """
+    ``within its limit``, ``not tested`` or ``not resolved``; without an estimate the reason."""
     if not math.isfinite(row.low):
         return str(row.state) or "not estimated"
     if row.resolved:
@@ -291,8 +282,7 @@ def is_untested(row: Any) -> bool:
 
 def sentence_of(outcome: str, table: pd.DataFrame, errors: SessionErrors, e: Estimates) -> str:
     """Verdict in sentences: the outcome and what it rests on, the model errors that matter most with their 95 %
-    intervals, what was not tested, and reservations; ``table`` is that of `quantity_table`.
-    """
+    intervals, what was not tested, and reservations; ``table`` is that of `quantity_table`."""
     ordered = sort_by_importance(table)
     is_tested = np.array([reading_of(row) != NOT_TESTED for row in ordered.itertuples()], dtype=bool)
     untested, ordered = list(ordered[~is_tested].itertuples()), ordered[is_tested]
@@ -322,8 +312,7 @@ def sentence_of(outcome: str, table: pd.DataFrame, errors: SessionErrors, e: Est
 
 def _largest_ends(ordered: pd.DataFrame) -> str:
     """Text of the largest end of the 90 % intervals in rows of `quantity_table`, one for each limit of relevance, in
-    the unit shown and with its quantity.
-    """
+    the unit shown and with its quantity."""
     words = []
     for name in RELEVANT:
         own = [row for row in ordered.itertuples() if QUANTITIES[INDEX[str(row.quantity)]].relevant == name]
@@ -340,8 +329,7 @@ def _largest_ends(ordered: pd.DataFrame) -> str:
 
 def _untested_words(rows: Sequence[Any]) -> str:
     """Text on the quantities of these rows of `quantity_table`, which the trials do not test, with the least error that
-    would be shown, in the unit shown.
-    """
+    would be shown, in the unit shown."""
     parts = []
     for row in rows:
         q = QUANTITIES[INDEX[str(row.quantity)]]
@@ -352,8 +340,7 @@ def _untested_words(rows: Sequence[Any]) -> str:
 
 def _describe_undecided(ordered: pd.DataFrame, untested: Sequence[Any]) -> str:
     """End of the sentence ``cannot tell``: the detectable error farthest over its limit, its main input and what would
-    halve it, and the quantities that agree; ``ordered``, ``untested``: rows of `quantity_table`, tested and not.
-    """
+    halve it, and the quantities that agree; ``ordered``, ``untested``: rows of `quantity_table`, tested and not."""
     inside = is_within_limit(ordered)
     if inside.all():
         if not len(ordered):
@@ -377,8 +364,7 @@ def _describe_undecided(ordered: pd.DataFrame, untested: Sequence[Any]) -> str:
 
 def detectable_words(row: Any) -> str:
     """Text, without unit, of the least error that the test would show of a row of `quantity_table`, in its unit shown:
-    one number, or that of either sign where they differ by a tenth or more.
-    """
+    one number, or that of either sign where they differ by a tenth or more."""
     q = QUANTITIES[INDEX[str(row.quantity)]]
     sign = float(SIGN[q.channel]) if q.channel else 1.0
     low, high = sorted(sign * q.factor * y for y in (row.detectable_low, row.detectable_high))
@@ -394,8 +380,7 @@ def _plain_digits(value: float) -> str:
 
 def describe_halving(row: Any) -> str:
     """Text on what would halve the detectable error of a row of `quantity_table`: more trials, or a smaller uncertainty
-    of the input, force, sensors or parameters, that contributes most.
-    """
+    of the input, force, sensors or parameters, that contributes most."""
     parts = {"force": row.u_force, "sensors": row.u_sensors, "parameters": row.u_parameters, "scatter": row.u_repeat}
     squares = {name: float(u) ** 2 for name, u in parts.items() if np.isfinite(u)}
     total = sum(squares.values())
@@ -420,8 +405,7 @@ def describe_halving(row: Any) -> str:
 
 def _reservations(table: pd.DataFrame, errors: SessionErrors, e: Estimates) -> list[str]:
     """Sentences, without full stop, on what limits an outcome: several conditions, an untested let-off, few draws on
-    the observed branch, conditions of two trials, trials on another branch; empty if nothing does.
-    """
+    the observed branch, conditions of two trials, trials on another branch; empty if nothing does."""
     said = []
     if len(errors.conditions) > 1:
         names = "; ".join(trials_in_words(one.trials) for one in errors.conditions)
@@ -461,8 +445,7 @@ def _percent(share: float) -> str:
 
 def curve_errors(verdict: Verdict, channel: int) -> tuple[Array, Array]:
     """Times (n,), s, and at each the standard uncertainty (n,), rad, that what is common to the trials makes of the
-    difference model − trial of the channel with index ``channel``; both empty where nothing was drawn.
-    """
+    difference model − trial of the channel with index ``channel``; both empty where nothing was drawn."""
     errors = verdict.errors
     if errors is None:
         return np.empty(0), np.empty(0)
@@ -481,8 +464,7 @@ def curve_errors(verdict: Verdict, channel: int) -> tuple[Array, Array]:
 
 def right_rmse(verdict: Verdict, channel: int, ends_s: Array) -> Array:
     """RMSE, rad, that a model without error reaches in one trial between the two times ``ends_s``, s, in each draw on
-    the observed branch, (k,), in the channel with index ``channel``; empty where nothing was drawn.
-    """
+    the observed branch, (k,), in the channel with index ``channel``; empty where nothing was drawn."""
     errors = verdict.errors
     if errors is None:
         return np.empty(0)

@@ -60,8 +60,7 @@ def outline_distances(
 
 def masks_from_distances(bodies: Sequence[Body], distances: Sequence[NDArray[np.float32]]) -> list[NDArray[np.bool_]]:
     """Masks (height, width) of each body's usable pixels, as `build_masks` has them, from the `signed_distance`
-    (height, width) of every outline, px, positive inside; `BodyError` where too few are left.
-    """
+    (height, width) of every outline, px, positive inside; `BodyError` where too few are left."""
     height, width = distances[0].shape
     masks = []
     for i, body in enumerate(bodies):
@@ -84,8 +83,7 @@ def exclude_saturated(
 ) -> list[NDArray[np.bool_]]:
     """Masks less ``saturated`` pixels (height, width) and those within two pixels of them, for bodies of which more
     than `SATURATED_SHARE` are saturated; the other masks as given; `BodyError` where fewer than 100 pixels are left of
-    a body.
-    """
+    a body."""
     if not saturated.any():
         return list(masks)
     # start-up: OpenCV costs 0.12 s, outlines and masks do without

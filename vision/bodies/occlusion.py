@@ -31,8 +31,7 @@ def relative_pose(
     other_centre: NDArray[np.float64],
 ) -> tuple[float, float, float]:
     """Turn (rad) relative to another body, and position (x, y; px) of a body's centre from the other's centre, in the
-    other's turned axes; poses are (turn, x, y) since the reference, ``centre`` (x, y) in the reference.
-    """
+    other's turned axes; poses are (turn, x, y) since the reference, ``centre`` (x, y) in the reference."""
     cosine, sine = math.cos(other_pose[0]), math.sin(other_pose[0])
     x, y = centre[0] + pose[1] - other_centre[0] - other_pose[1], centre[1] + pose[2] - other_centre[1] - other_pose[2]
     return pose[0] - other_pose[0], cosine * x + sine * y, cosine * y - sine * x

@@ -105,8 +105,7 @@ def project_posed_points(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Picture x and y, each (n, k), px from the picture's centre, of points (k, 2), px from a body's centre, of a body
     turned n times (``cosine``, ``sine`` (n,), picture axes), with its centre at ``at_px`` (n, 2), px of the rectified
-    plane.
-    """
+    plane."""
     x, y, depth = transform_points(points_px, cosine, sine, at_px - camera.centre_px, camera.homography)
     x /= depth
     y /= depth
@@ -292,8 +291,7 @@ class CalibratedCamera:
 
     def variants(self, width: int, height: int) -> list[Variant]:
         """One `Variant`, of term ``tilt`` or ``distortion`` and weight 1, along each eigenvector of the five
-        parameters' correlations: the projection one standard uncertainty from the nominal one.
-        """
+        parameters' correlations: the projection one standard uncertainty from the nominal one."""
         scale = np.sqrt(np.maximum(np.diag(self.covariance), 1e-30))
         values, vectors = np.linalg.eigh(self.covariance / np.outer(scale, scale))
         made = []

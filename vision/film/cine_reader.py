@@ -106,8 +106,7 @@ class CineFilm(Film):
     @property
     def frame_time_s(self) -> NDArray[np.float64] | None:
         """Middle of each exposure, (n_frames,), s after the trigger: from the images' own times, else from their
-        numbers and the rate; None where the file states neither.
-        """
+        numbers and the rate; None where the file states neither."""
         half = 0.5 * (self.exposure_s or 0.0)
         if self._time_s is not None:
             return self._time_s + half
@@ -199,8 +198,7 @@ class CineFilm(Film):
 
     def _read_note_offsets(self, table_offset: int, n: int, allow_truncated: bool) -> NDArray[np.int64]:
         """Byte at which the note of each image begins, (n,), from the table of ``n`` images at byte ``table_offset``;
-        `FilmError` where an image lies beyond the end of the file, with ``allow_truncated`` those before it, if any.
-        """
+        `FilmError` where an image lies beyond the end of the file, with ``allow_truncated`` those before it, if any."""
         if table_offset + 8 * n > self._file.size:
             raise FilmError(f"{self.path}: ends within the table of its {n} images; copy the film again")
         table = self._file.view(table_offset, table_offset + 8 * n).view("<i8").astype(np.int64)

@@ -36,8 +36,7 @@ class FileWindow:
 
     def view(self, start: int, end: int) -> NDArray[np.uint8]:
         """Bytes ``start..end-1`` of the file, (end - start,), read-only, which stay valid after the window has moved on
-        or the file was closed; `FilmError` beyond the end of the file.
-        """
+        or the file was closed; `FilmError` beyond the end of the file."""
         if not 0 <= start <= end <= self.size:
             raise FilmError(f"{self.path}: bytes {start}..{end} requested, the file has {self.size}; it is cut short")
         held, window = self._held

@@ -112,8 +112,7 @@ def find_contradiction(header: FilmHeader) -> str | None:
 
 def _parse_cihx(data: bytes) -> dict[str, str]:
     """Texts of a CIHX header, given as bytes, by the keys of `_FIELDS`, empty where missing; `FilmError` where it is
-    cut short or no valid XML.
-    """
+    cut short or no valid XML."""
     start, end = data.find(b"<cih>"), data.rfind(b"</cih>")
     if end < start:
         raise FilmError("header is cut short: <cih> is never closed; copy the .cihx file again")

@@ -90,8 +90,7 @@ def open_or_use(
     path_or_source: str | os.PathLike[str] | FrameSource, first_frame: int = 0, last_frame: int | None = None
 ) -> Iterator[FrameSource]:
     """Context manager: a film, or its frames ``first_frame`` to ``last_frame`` (inclusive; None: to the end) only; one
-    opened from a path is closed again, a given source is left open.
-    """
+    opened from a path is closed again, a given source is left open."""
     own = open_film(path_or_source) if isinstance(path_or_source, str | os.PathLike) else None
     film = own or path_or_source
     assert not isinstance(film, str | os.PathLike)

@@ -97,8 +97,7 @@ CAMERA_COUNTS = re.compile(r"Img-\d{5}$")
 def _select_series(folder: Path, files: list[Path], allow_truncated: bool) -> list[Path]:
     """The files of the one series in a folder, sorted by the number in their names, which grows by equal steps. Warns
     of other files; `FilmError` where there are several series or gaps; with ``allow_truncated`` the files before the
-    first gap.
-    """
+    first gap."""
     number = _number_pattern(folder, files)
     kinds: dict[str, list[Path]] = {}
     for file in files:
@@ -152,8 +151,7 @@ def _number_pattern(folder: Path, files: list[Path]) -> re.Pattern[str]:
 
 def _sort_by_number(folder: Path, files: list[Path], number: re.Pattern[str], allow_truncated: bool) -> list[Path]:
     """Files of one series sorted by the number that grows in their names, which ``number`` finds; where some are
-    missing `FilmError`, or with ``allow_truncated`` the files before the first gap.
-    """
+    missing `FilmError`, or with ``allow_truncated`` the files before the first gap."""
     values = {file: [int(digits) for digits in number.findall(file.stem)] for file in files}
     files = sorted(files, key=lambda file: (values[file], file.name))
     columns = np.array([values[file] for file in files], dtype=object)
@@ -183,8 +181,7 @@ def _sort_by_number(folder: Path, files: list[Path], number: re.Pattern[str], al
 
 def _read_picture(path: Path, channel: str | None) -> NDArray[Any]:
     """Decode a picture file to grey (height, width), 8 or 16 bit, of one ``channel`` (red, green, blue) where named;
-    `FilmError` for other types, damage, and files of several pictures.
-    """
+    `FilmError` for other types, damage, and files of several pictures."""
     # start-up: OpenCV costs 0.12 s, MRAW films do without
     import cv2
 

@@ -41,8 +41,7 @@ class Compression:
 
 def jpeg_segments(data: bytes | NDArray[np.uint8]) -> Iterator[tuple[int, int]]:
     """Yield, for each segment before the picture of a JPEG, its kind (the marker's second byte) and the index of its
-    first byte of content; a smaller JPEG inside a segment is passed over with it.
-    """
+    first byte of content; a smaller JPEG inside a segment is passed over with it."""
     at = 2
     while at + 4 <= len(data) and data[at] == 0xFF:
         kind = int(data[at + 1])
@@ -52,8 +51,7 @@ def jpeg_segments(data: bytes | NDArray[np.uint8]) -> Iterator[tuple[int, int]]:
 
 def jpeg_quantisation_table(data: bytes) -> NDArray[np.float64] | None:
     """Steps of the luminance quantisation table of a JPEG, grey, (8, 8), lowest frequency first; None where it has
-    none.
-    """
+    none."""
     at = next((at for kind, at in jpeg_segments(data) if kind == 0xDB), len(data))
     number = np.dtype(">u2") if data[at : at + 1] > b"\x0f" else np.dtype(np.uint8)
     if len(data) < at + 1 + len(ZIGZAG) * number.itemsize:
@@ -112,8 +110,7 @@ def to_grey(picture: NDArray[Any], channel: str | None) -> NDArray[Any]:
 
 def decode_picture(data: NDArray[np.uint8], flags: int) -> NDArray[Any] | None:
     """Decode the bytes (n,) of a picture file with OpenCV, silently, as its `imread` ``flags`` say, colours as blue,
-    green, red; None where that fails.
-    """
+    green, red; None where that fails."""
     # start-up: as above
     import cv2
 
@@ -412,8 +409,7 @@ def check_frame(
     path: Path, frame: ArrayLike, shape: tuple[int, ...] | None, bit_depth: int, number: int
 ) -> NDArray[Any]:
     """Frame number ``number`` as whole numbers; `FilmError` unless it has the ``shape`` of the first frame (None: it is
-    the first, and must be (height, width)) and values from 0 to ``2**bit_depth - 1``. ``path``: for the message.
-    """
+    the first, and must be (height, width)) and values from 0 to ``2**bit_depth - 1``. ``path``: for the message."""
     if not (isinstance(frame, np.ndarray) and frame.dtype.kind in "iu"):
         try:
             frame = as_numbers(frame, f"{path}: frame {number}", dtype=np.int64)
@@ -453,8 +449,7 @@ class Repeats:
 
     def is_repeat(self, index: int) -> bool:
         """Whether frame ``index`` is equal, inside the rectangle, to the one before; False for the first frame, for
-        rectangles of one grey value, and where the codec predicts frames from others. Reads both frames.
-        """
+        rectangles of one grey value, and where the codec predicts frames from others. Reads both frames."""
         if not self.meaningful or index < 1:
             return False
         if self._newest is None or self._newest[0] != index - 1:

@@ -168,8 +168,7 @@ class TiffFilm(Film):
 
     def _count_imagej(self, allow_truncated: bool) -> None:
         """Set the frames of an ImageJ stack with a single directory to those that the file holds; `FilmError` for fewer
-        than its header states, unless ``allow_truncated``.
-        """
+        than its header states, unless ``allow_truncated``."""
         said = int((self._tiff.imagej_metadata or {}).get("images", 1)) if self._tiff.is_imagej else 1
         series = self._at[0][0]
         found = sum(one.size for one in {id(one): one for one, _ in self._at}.values())
@@ -231,8 +230,7 @@ class TiffFilm(Film):
 
     def _drop_incomplete_frames(self, allow_truncated: bool) -> None:
         """Raise `FilmError` for a frame that lies beyond the end of the file, or, with ``allow_truncated``, drop the
-        frames from the first such one on, unless that is the first of all.
-        """
+        frames from the first such one on, unless that is the first of all."""
         for index in range(self.n_frames):
             start = self._find_frame_offset(index) if self._at[index][0].dataoffset is not None else None
             if start is not None:

@@ -116,8 +116,7 @@ def _multiples(intervals: F64, tick_s: float, base_s: float) -> NDArray[np.int64
 
 def _even_interval(stamp_s: F64, intervals: F64, tick_s: float, median: float) -> float | None:
     """Interval, s, of the even grid that stamps (n,), rounded to ``tick_s``, would come from: the slope of a line
-    through them; None where their ``intervals`` (n - 1,), of median ``median``, show frames left out.
-    """
+    through them; None where their ``intervals`` (n - 1,), of median ``median``, show frames left out."""
     if np.ptp(intervals) <= 1e-6 * median:
         return float(np.mean(intervals))
     if tick_s <= median < FINE_TICKS * tick_s:
@@ -202,8 +201,7 @@ def frame_times_at_rate(film: FrameSource, frame_rate_hz: float) -> F64:
 
 def film_spacing(film: FrameSource, time_s: F64) -> Spacing:
     """How a film's own times ``time_s`` (n_frames,) follow one another, as its reader found, else by
-    `classify_spacing`; `FilmError` for a slow-motion ramp or times that go back.
-    """
+    `classify_spacing`; `FilmError` for a slow-motion ramp or times that go back."""
     spacing = getattr(film, "spacing", None)
     if spacing is None:
         try:
@@ -217,8 +215,7 @@ def film_spacing(film: FrameSource, time_s: F64) -> Spacing:
 
 def refuse_ramp(path: Path, time_s: F64) -> None:
     """Raise `FilmError` for a film whose times (n,), s, are a slow-motion ramp, with its slowest and fastest pace,
-    frames/s.
-    """
+    frames/s."""
     paces = [np.median(part) for part in np.array_split(np.diff(time_s), max(1, (time_s.size - 1) // RUN))]
     raise FilmError(
         f"{path}: its time stamps change pace, from {1.0 / max(paces):.4g} to {1.0 / min(paces):.4g} frames/s, as "
@@ -237,8 +234,7 @@ def describe_spacing(spacing: Spacing, first_frame: int) -> str:
 
 def _compare_with_camera(film: FrameSource, time_s: F64, frame_rate_hz: float) -> None:
     """Raise `FilmError` where a stated rate differs from that of the camera's own times (n,), s, by more than 1e-4 of
-    it and 1 us over the film, or where these times lack frames.
-    """
+    it and 1 us over the film, or where these times lack frames."""
     if time_s.size < 2:
         return
     intervals = np.diff(time_s)
@@ -261,8 +257,7 @@ def _compare_with_camera(film: FrameSource, time_s: F64, frame_rate_hz: float) -
 
 def count_missing_frames(time_s: F64) -> dict[int, int]:
     """Frames missing in times (n,), s: their number by the index of the frame before the gap; empty for fewer than
-    three times and where more are missing than there are. `FilmError` for times that go back.
-    """
+    three times and where more are missing than there are. `FilmError` for times that go back."""
     if time_s.size < 3:
         return {}
     missing = classify_spacing(time_s, 0.0).missing
@@ -273,8 +268,7 @@ def count_missing_frames(time_s: F64) -> dict[int, int]:
 
 def warn_of_uneven_times(film: FrameSource, time_s: F64) -> None:
     """Warn (`VisionWarning`) where the times (n,), s, that are used for a film lack frames, change pace, or have an
-    interval above twice their median; silent for fewer than three.
-    """
+    interval above twice their median; silent for fewer than three."""
     if time_s.size < 3:
         return
     spacing = classify_spacing(time_s, 0.0)

@@ -20,8 +20,7 @@ SATURATED_PIXELS = 4  # equal to the white of 10 bit, from which it is believed
 
 def find_white(film: Film) -> None:
     """Set ``bit_depth`` (fewer bits used) or ``white_grey`` (lower bits unused) of a film stored in 16 bits by the grey
-    values of its first, middle and last frame, or of its first only where frames are decoded in order.
-    """
+    values of its first, middle and last frame, or of its first only where frames are decoded in order."""
     if film.bit_depth != STORED_BITS or film.white_grey is not None:
         return
     used, most, n_white_of_10 = 0, 0, 0

@@ -157,8 +157,7 @@ def index_video(path: Path, allow_truncated: bool) -> VideoIndex:
 @lru_cache(maxsize=HELD)
 def _build_index(_resolved: Path, path: Path, _changed_ns: int, _size: int) -> VideoIndex:
     """Read the index of the video at ``path``; it is kept in memory while resolved path, time of change, ns, and size,
-    bytes, are the same, which serve as its key only.
-    """
+    bytes, are the same, which serve as its key only."""
     with open_container(path) as container:
         stream = choose_video(container)
         packets = _demux(path, container, stream)
@@ -246,8 +245,7 @@ def _build_index(_resolved: Path, path: Path, _changed_ns: int, _size: int) -> V
 
 def find_first_field(frame: Any) -> str | None:
     """Rows, ``even`` or ``odd``, of an interlaced PyAV frame that were exposed first: those that FFmpeg's filter
-    ``separatefields`` gives first; None where both fields show the same or the filter fails.
-    """
+    ``separatefields`` gives first; None where both fields show the same or the filter fails."""
     # start-up: as above
     import av
 
@@ -347,8 +345,7 @@ def _decode_stamps(
 ) -> tuple[tuple[Any, str | None], list[int | None], bool, str]:
     """Decode a video's first frame (``is_counted``), else all: (first PyAV frame, first field of the first interlaced
     one), stamps in ticks, whether any is interlaced, damage in words ('': none). ``first_packet``: bytes, checked where
-    a JPEG.
-    """
+    a JPEG."""
     # start-up: as above
     import av
 
@@ -403,8 +400,7 @@ def _convert_stamps(
 ) -> tuple[NDArray[np.float64] | None, Spacing | None]:
     """Times (n,) from the first stamp on, s, on an even grid where the stamps, in ticks of ``tick_s``, lie near one,
     and their spacing; both None where stamps lack or are all the same. ``nominal_s``: interval that the file states, or
-    None.
-    """
+    None."""
     if len(stamps) < 2 or any(at is None for at in stamps) or len(set(stamps)) == 1:
         return None, None
     ticks = np.array(stamps, dtype=np.int64)
@@ -440,8 +436,7 @@ def _read_picture_facts(frame: Any) -> dict[str, Any]:
 
 def is_limited(frame: Any) -> bool:
     """Whether luma of a PyAV frame has the limited range 16 to 235: as the frame says, else yes unless grey or
-    ``yuvj``; never for red, green, blue or a palette.
-    """
+    ``yuvj``; never for red, green, blue or a palette."""
     name = frame.format.name
     if frame.format.is_rgb or name == "pal8":
         return False

@@ -258,8 +258,7 @@ class _Decoder:
 
 def _bits(path: Path, pixel_format: str) -> int:
     """Bits of a grey value, 8 to 16, of a film of a PyAV pixel format; `FilmError` for the raw mosaic of a colour
-    sensor.
-    """
+    sensor."""
     # start-up: as above
     import av
 
@@ -280,8 +279,7 @@ def _colours(frame: Any) -> Picture:
 
 def _grey(frame: Any, channel: str | None) -> Picture:
     """Grey values (height, width) of a decoded PyAV frame, those of ``channel`` (red, green, blue) where named; a view
-    of the frame where they lie in it as such.
-    """
+    of the frame where they lie in it as such."""
     form = frame.format
     name, height, width = form.name, frame.height, frame.width
     if channel is not None or (form.is_rgb and name != "pal8"):

@@ -71,8 +71,7 @@ def inverse_and_covariance(
 ) -> bool:
     """Invert ``normal`` less ``share`` of ``noise_normal``, each (5, 5), into ``inverse``; ``covariance`` (3, 3)
     becomes ``factor`` times the first rows and columns of inverse times ``normal`` times inverse. False where that is
-    nearly singular.
-    """
+    nearly singular."""
     scale, work = np.empty(5), np.zeros((5, 10))
     for i in range(5):
         diagonal = normal[i, i] - share * noise_normal[i, i]
@@ -130,8 +129,7 @@ def block_ratios(
 ) -> None:
     """Fill ``ratio`` (sizes, 3), variance of (turn, x, y) by blocks of residuals over ``white`` (3,), that by white
     noise, and ``count`` (sizes, 3), the blocks that carry it; ``influence`` (3, 5): change of the pose by each score of
-    `block_sums`.
-    """
+    `block_sums`."""
     first, groups = blocks.first, blocks.groups
     n_sizes, n_runs = groups.shape
     moved = np.zeros((n_sizes, n_runs, 3))
@@ -158,8 +156,7 @@ def block_ratios(
 def assess_fit(facts: BodyFacts, blocks: Blocks, fit: RigidFit, work: F32, weight: F32, out: Assessed) -> int:
     """Fill ``out`` with variance, correlation, covariance and coherence of a fit, by its last iteration's ``work``
     (rows of grey values, visible pixels, residuals; n) and ``weight`` (n,); returns 0, or why it is not whole
-    (`SUSPECTED` and beyond).
-    """
+    (`SUSPECTED` and beyond)."""
     sums, gain, covariance = fit.sums, fit.gain, out.covariance
     if sums.weight <= N_PARAMETERS + 1.0:
         return TOO_FEW

@@ -58,8 +58,7 @@ def region_at(
 ) -> tuple[int, int, int, int]:
     """Rectangle (y0, y1, x0, x1), ``margin`` px wider all round, of a frame of ``size`` (height, width) with a body of
     ``box`` (left, right, top, bottom; px from its centre) turned by ``turn``, rad, and centred at (x, y); y0
-    `NO_REGION`: too little inside.
-    """
+    `NO_REGION`: too little inside."""
     nothing = (NO_REGION, 0, 0, 0)
     if not math.isfinite(turn + x + y) or abs(x) + abs(y) > 1e9:
         return nothing
@@ -81,8 +80,7 @@ def region_of(
     template: Template, pose: NDArray[np.float64], height: int, width: int, margin_px: int = MARGIN_PX
 ) -> tuple[int, int, int, int] | None:
     """Rectangle (y0, y1, x0, x1), ``margin_px`` wider all round, of the frame that holds the body at ``pose``: turn,
-    rad, and shift x, y, px, from its place in the reference; None where too little is inside.
-    """
+    rad, and shift x, y, px, from its place in the reference; None where too little is inside."""
     turn, x, y = pose.tolist()
     x, y = template.centre_px[0] + x, template.centre_px[1] + y
     region: tuple[int, int, int, int] = region_at(turn, x, y, template.box_px, (height, width), margin_px)

@@ -51,8 +51,7 @@ def subtract_scaled(factor: np.float32, one: F32, out: F32) -> None:
 @cached_njit(nogil=True)
 def prefilter(picture: NDArray[Any], out: F32) -> int:
     """Fill ``out`` (height, width) with the spline coefficients of a picture of that shape, at least 17 x 17 pixels,
-    mirrored at its edges; returns its largest grey value.
-    """
+    mirrored at its edges; returns its largest grey value."""
     rows, width = picture.shape
     line = np.empty(width + 2 * HALF_TAPS, dtype=np.float32)
     middle = line[HALF_TAPS : HALF_TAPS + width]

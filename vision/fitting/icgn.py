@@ -159,8 +159,7 @@ class IcgnFitter:
     ) -> Fit:
         """Fit the body in frame ``index`` from ``pose`` (turn, x, y); ``covered`` (n,): 1 at hidden pixels;
         ``first_fit``: one from there that compiled code has done. Weights, light and scale are kept for the next frame
-        unless the fit breaks down.
-        """
+        unless the fit breaks down."""
         result = self._fit_once(film, index, pose, covered, first_fit)
         if result.converged and max(abs(result.pose[1] - pose[1]), abs(result.pose[2] - pose[2])) > FAR_PX:
             # the fit ended where the border of the spline filter spoils the samples
@@ -222,8 +221,7 @@ class IcgnFitter:
 
     def _update_slow_changes(self, fit: Fit) -> bool:
         """Update the smooth changes in use (of light, scale, tilt, blur) by the residuals of ``fit``, the last one;
-        return whether they changed, so that another fit is needed.
-        """
+        return whether they changed, so that another fit is needed."""
         more = UNCHANGED
         suspected = any(one > COHERENT for one in fit.coherence.ratio[-1].tolist())
         if not suspected and self._changes == UNCHANGED:
@@ -276,8 +274,7 @@ class IcgnFitter:
 
     def _conclude_fit(self, found: RigidFit, pose: NDArray[np.float64], first_fit: FirstFit | None = None) -> Fit:
         """Fit at the pose ``pose`` that a loop ``found``, assessed (``first_fit``: already assessed by compiled code),
-        its covariance inflated for light and scale; `FAILED`, after a reset, where the loop broke down.
-        """
+        its covariance inflated for light and scale; `FAILED`, after a reset, where the loop broke down."""
         if found.iterations <= 0 or not math.isfinite(sum(pose.tolist())):
             self.reset()
             return FAILED
@@ -290,8 +287,7 @@ class IcgnFitter:
 
     def _initialise_weights(self, region: Region, subset: Subset, pose: NDArray[np.float64]) -> None:
         """Set weights and scale by the differences of the region's grey values at a pose from the reference's, less
-        their median; leave them where no pixel is visible.
-        """
+        their median; leave them where no pixel is visible."""
         value, visible = self._work[0], self._work[1]
         places = Places(self._work[3], self._work[4], self._at)
         place_pixels(region, subset, pose, places, visible)

@@ -37,8 +37,7 @@ def row_median(values: F64) -> F64:
 
 def drop_isolated_squares(change: F64) -> F64:
     """Copy of a map of squares (rows, columns; NaN: unknown) without those of whose neighbours fewer than half are
-    known: significant by chance.
-    """
+    known: significant by chance."""
     known = np.pad(np.isfinite(change).astype(int), 1)
     rows, columns = change.shape
     inside = np.pad(np.ones(change.shape, dtype=int), 1)
@@ -51,8 +50,7 @@ def drop_isolated_squares(change: F64) -> F64:
 
 def fill_unknown_squares(change: F64) -> F64:
     """Copy of a map of squares (rows, columns) in which unknown ones (NaN) have, step by step, the mean of their known
-    neighbours; zeros where none is known.
-    """
+    neighbours; zeros where none is known."""
     values = change.copy()
     while np.isnan(values).any():
         padded = np.pad(values, 1, constant_values=np.nan)
@@ -466,8 +464,7 @@ class LocalIllumination:
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Arrays of the present illumination, ``shade``, ``glow`` and ``glows``, and of the candidate that is not yet
-        accepted, ``shown``; empty where there is none.
-        """
+        accepted, ``shown``; empty where there is none."""
         light, nothing = self.light, np.zeros((0, 0))
         return {
             "shade": nothing if light is None else light.shade,

@@ -234,8 +234,7 @@ def mean_noise_gain(places: Places, visible: F32, gain_table: F64) -> float:
 @cached_njit(nogil=True, fastmath=FAST)
 def normal_equations(columns: F32, value: F32, weight: F32, visible: F32, matrix: F64, rhs: F64) -> None:
     """Fill normal ``matrix`` (5, 5) and ``rhs`` (5,) of the fit of ``value`` (n,) by ``columns`` (4, n; turn, x, y,
-    gain) and a constant, each pixel weighted by ``weight`` (n,) times ``visible`` (n,).
-    """
+    gain) and a constant, each pixel weighted by ``weight`` (n,) times ``visible`` (n,)."""
     at, ax, ay, ref = columns[0], columns[1], columns[2], columns[3]
     # named sums, so that the compiler keeps them in vector registers
     h00 = h01 = h02 = h03 = h04 = h11 = h12 = h13 = h14 = h22 = h23 = h24 = h33 = h34 = h44 = 0.0

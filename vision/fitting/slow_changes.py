@@ -100,8 +100,7 @@ class SlowChanges:
     ) -> Changes:
         """Amplitudes, beyond ``changes`` in use, of the group of terms that explains the residuals (n,) of a fit best;
         `UNCHANGED` where each may be chance. ``noise_variance``: of a residual, grey^2; ``left_out``: names of `GROUPS`
-        not asked.
-        """
+        not asked."""
         terms = self._terms_at(changes)
         w = weight.astype(float)
         weighted = w * residual
@@ -140,8 +139,7 @@ class SlowChanges:
     def _blur_noise_term(self, variance: float) -> float:
         """What the reference's noise adds per pixel to the products of residuals and the blur's term, grey^2 / px^2, at
         a blur of ``variance``, px^2: a blurred reference has less noise, so that frames seem the more blurred the
-        noisier it is.
-        """
+        noisier it is."""
         noise2 = self._template.noise_grey**2 / self._template.n_averaged
         now, more = (
             cv2.getGaussianKernel(2 * REACH_PX + 1, math.sqrt(v)).ravel()
@@ -215,8 +213,7 @@ def _next_blur(changes: Changes) -> int:
 
 def _blurred_sensitivities(template: Template) -> NDArray[np.float32]:
     """Sensitivities (k, 4, n) to turn, x, y and gain of the template blurred by each of the k `BLURS`, variances, px^2;
-    all the same where the template has no patch.
-    """
+    all the same where the template has no patch."""
     found = np.repeat(template.columns[None], len(BLURS), axis=0)
     if template.patch is None:
         return found

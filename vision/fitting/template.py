@@ -72,8 +72,7 @@ def design_columns(
     picture: NDArray[Any], mask: NDArray[np.bool_], centre_px: tuple[float, float]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Sensitivities (n, 5) of the masked pixels of a picture, row by row: grey per rad of turn about ``centre_px`` (x,
-    y), per px along x and along y, grey less its mean, one; and offsets dx, dy (n,), px, from the centre.
-    """
+    y), per px along x and along y, grey less its mean, one; and offsets dx, dy (n,), px, from the centre."""
     slope_x, slope_y = gradient(picture)
     rows, cols = np.nonzero(mask)
     dx, dy = cols.astype(float) - centre_px[0], rows.astype(float) - centre_px[1]
@@ -128,8 +127,7 @@ def build_template(
 
 def thin_template(template: Template, max_pixels: int) -> Template:
     """Template of the ``max_pixels`` pixels that tell most about angle and position, its centre unchanged; the template
-    itself where it has no more.
-    """
+    itself where it has no more."""
     design = np.vstack([template.columns, np.ones(template.n_pixels)]).T.astype(float)
     inverse = invert_normal(template.normal)
     if inverse is None or max_pixels >= template.n_pixels:

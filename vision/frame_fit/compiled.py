@@ -154,8 +154,7 @@ is fitted, and Python must judge it; the next is not inside the part of the fram
 def is_accepted(states: States, found: FitOutputs, body: int) -> bool:
     """Whether a body's (index) fit needs no look by Python: coherent with white noise, no failure flag, usual gain,
     within `FAR_PX` of where it was expected. Sets its ``found.flag``, which stays as it was where residuals are
-    coherent.
-    """
+    coherent."""
     for k in range(3):
         if found.ratio[body, -1, k] > COHERENT:
             return False
@@ -312,8 +311,7 @@ def copy_box(one: I64, other: I64) -> None:
 @inner_njit()
 def filter_region(film: Film, k: int, box: I64, buffer: F32) -> tuple[Any, int]:
     """Spline coefficients (h, w) of the rectangle ``box`` (y0, y1, x0, x1) of the ``k``-th frame in memory, made in
-    ``buffer`` and a view of it, and the number of its pixels inside saturated areas.
-    """
+    ``buffer`` and a view of it, and the number of its pixels inside saturated areas."""
     y0, y1, x0, x1 = box[0], box[1], box[2], box[3]
     height, width = y1 - y0, x1 - x0
     picture = np.empty((height, width), film.frames.dtype)
@@ -354,8 +352,7 @@ def track_rows(
     stop: Stop,
 ) -> int:
     """Track the frames that ``rows`` names, in order, and fill its columns; return how many were done. The next one
-    ended at a body or frame that Python must look at, as ``stop`` says.
-    """
+    ended at a body or frame that Python must look at, as ``stop`` says."""
     at, box, expected = stop.at, stop.box, stop.expected
     size = (bodies.distance.shape[1], bodies.distance.shape[2])
     for done in range(rows.frame.size):

@@ -107,8 +107,7 @@ class FrameFit:
 
     def expect(self, ordinal: int) -> Box | None:
         """Find where all bodies are expected in the ``ordinal``-th tracked frame; return the rectangle (y0, y1, x0, x1)
-        that holds them, None where none is inside.
-        """
+        that holds them, None where none is inside."""
         box = self.stop.expected
         size: tuple[int, int] = self._bodies.distance.shape[1:]
         found = self.found
@@ -228,8 +227,7 @@ def build_repeat_watch(repeats: Repeats, n_still: int) -> Watch:
 def read_frames_around(film: FrameSource, index: NDArray[np.int64]) -> tuple[int, NDArray[Any], int] | None:
     """Number of the first frame, frames (k, height, width), read-only, and how many frames of numbers ``index`` (n,),
     from the first on, they hold, each with the one before; None of a film whose frames do not lie in memory as they are
-    read.
-    """
+    read."""
     # a class that only inherits this may read differently
     if "frames" not in type(film).__dict__ or not index.size:
         return None

@@ -52,8 +52,7 @@ class Motion(NamedTuple):
 @inner_njit(_nrt=False)
 def predict_place(history: History, body: int, ordinal: int, place: F64) -> None:
     """Fill ``place`` (turn, x, y) of a body in the ``ordinal``-th tracked frame, extrapolated from its last placements,
-    three at most, where they are those of the frames just before, else the newest known one.
-    """
+    three at most, where they are those of the frames just before, else the newest known one."""
     known, last = history.known[body], history.place[body]
     for k in range(3):
         if ordinal != history.ordinal[body, known - 1] + 1 or known < 2:
@@ -67,8 +66,7 @@ def predict_place(history: History, body: int, ordinal: int, place: F64) -> None
 @inner_njit(_nrt=False)
 def add_place(history: History, body: int, ordinal: int, turn: float, x: float, y: float) -> None:
     """Record the placement of a body in the ``ordinal``-th tracked frame: turn, rad, and place of its centre, px; a gap
-    restarts its history.
-    """
+    restarts its history."""
     known = history.known[body]
     if known > 0 and ordinal != history.ordinal[body, known - 1] + 1:
         known = 0
@@ -149,8 +147,7 @@ def expect_bodies(
 @cached_njit(nogil=True, _nrt=False)
 def place_body(motion: Motion, body: int, ordinal: int, pose: F64) -> None:
     """Record the pose (turn, x, y; shift from the reference) of a body in the ``ordinal``-th tracked frame, in the
-    picture and in its parent's axes; parents are placed before their children.
-    """
+    picture and in its parent's axes; parents are placed before their children."""
     x, y = motion.centre[body, 0] + pose[1], motion.centre[body, 1] + pose[2]
     add_place(motion.absolute, body, ordinal, pose[0], x, y)
     parent = placed_parent(motion, body, ordinal)

@@ -46,8 +46,7 @@ class OutlineDrawer:
 
     def picture(self, row: int) -> NDArray[Any]:
         """Frame of a row of the result in colour (blue, green, red), (height, width, 3), with the bodies' outlines as
-        tracked; those of a lost body where it was found last, in the colour `LOST`.
-        """
+        tracked; those of a lost body where it was found last, in the colour `LOST`."""
         result, film = self._result, self._film
         colour = cv2.cvtColor(grey_picture(film.read(int(result.frame[row])), film.bit_depth), cv2.COLOR_GRAY2BGR)
         for i, shape in enumerate(self._shapes):
@@ -155,8 +154,7 @@ def describe_row(result: TrackResult, row: int) -> tuple[str, str]:
 
 def describe_problems(names: Sequence[str], flag: NDArray[np.integer], zncc: NDArray[np.float64]) -> str:
     """In words, of one frame: each body lost and why, else the body of least correlation with its remarks; by flags
-    `FrameFlag` and correlations (m,) of the bodies ``names``.
-    """
+    `FrameFlag` and correlations (m,) of the bodies ``names``."""
     failures = zip(names, (int(one) & int(FAILURE) for one in flag), strict=True)
     if lost := [f"{name} lost: {flag_texts(failure)}" for name, failure in failures if failure]:
         return "; ".join(lost)

@@ -25,8 +25,7 @@ GRID = (0, 220, 255)
 
 def _draw_with_scales(picture: ArrayLike, bit_depth: int) -> NDArray[Any]:
     """A grey frame of ``bit_depth`` bits in colour (blue, green, red), enlarged to at least `MIN_WIDTH_PX`, with scales
-    of film pixels above and at its left and a grid.
-    """
+    of film pixels above and at its left and a grid."""
     grey = grey_picture(picture, bit_depth)
     factor = max(1, -(-MIN_WIDTH_PX // grey.shape[1]))
     large = cv2.resize(grey, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)

@@ -69,8 +69,7 @@ def _neighbours(grey: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.
 
 def correct_defects(film: FrameSource) -> FrameSource:
     """The film with its defective pixels (far brighter or darker than their neighbours, wherever these change)
-    interpolated; the film itself where it has none.
-    """
+    interpolated; the film itself where it has none."""
     # of a film that must be decoded in order only the beginning is near
     last = min(FIRST_FRAMES if getattr(film, "in_order", True) else film.n_frames, film.n_frames) - 1
     first, late = (_classify_outliers(film.read(k), film.bit_depth) for k in (0, last))
@@ -83,8 +82,7 @@ def correct_defects(film: FrameSource) -> FrameSource:
 
 def _is_fixed(film: FrameSource, rows: NDArray[np.intp], columns: NDArray[np.intp], last: int) -> NDArray[np.bool_]:
     """Which of the pixels at ``rows``, ``columns`` (k,) still differ from their neighbours where these have changed, in
-    frames up to ``last``: texture of a body that rests in most frames goes with them.
-    """
+    frames up to ``last``: texture of a body that rests in most frames goes with them."""
     beside, off = [], []
     for k in np.unique(np.linspace(0, last, FRAMES).astype(int)):
         grey = film.read(int(k))
@@ -98,8 +96,7 @@ def _is_fixed(film: FrameSource, rows: NDArray[np.intp], columns: NDArray[np.int
 
 def _classify_outliers(frame: NDArray[Any], bit_depth: int) -> NDArray[np.int8]:
     """Map (height, width): 1 where a pixel of a frame is far brighter than its neighbours, -1 where far
-    darker, else 0.
-    """
+    darker, else 0."""
     grey = np.ascontiguousarray(frame)
     if grey.dtype not in (np.uint8, np.uint16):
         return np.zeros(grey.shape, dtype=np.int8)
@@ -142,8 +139,7 @@ class FlickerCorrectedFilm(Corrected):
 
 def correct_row_flicker(film: FrameSource, box: tuple[int, int, int, int]) -> FrameSource:
     """The film itself, or one that evens out even against odd rows, where their difference in light flickers inside a
-    rectangle (y0, y1, x0, x1) of the first frames.
-    """
+    rectangle (y0, y1, x0, x1) of the first frames."""
     if film.n_frames < 3 or box[1] - box[0] < FIRST_FRAMES:
         return film
     top = saturated_grey(film)
@@ -185,8 +181,7 @@ OF_NOISE = 2.0  # step over the noise from which it is not blurred
 
 def find_grey_step(film: FrameSource, box: tuple[int, int, int, int]) -> float:
     """Smallest step between grey values of the first recorded frame in a rectangle (y0, y1, x0, x1); corrections are
-    undone, and a rectified film is searched whole; inf with fewer than two values.
-    """
+    undone, and a rectified film is searched whole; inf with fewer than two values."""
     while hasattr(film, "film"):  # what was taken off a frame has no steps
         if isinstance(film, RectifiedFilm):
             box = (0, film.film.height, 0, film.film.width)
@@ -209,8 +204,7 @@ LEAST_SKIPPED = 0.015
 
 def skips_blocks(film: FrameSource, box: tuple[int, int, int, int], noise_grey: float) -> bool:
     """Whether a codec repeats textured squares of the previous frame inside a rectangle (y0, y1, x0, x1); False where
-    the film states its compression or nearly lacks noise (``noise_grey``) and repeats whole pictures.
-    """
+    the film states its compression or nearly lacks noise (``noise_grey``) and repeats whole pictures."""
     if film.compression is not None or film.n_frames < 3:
         return False
     # and the squares next to it

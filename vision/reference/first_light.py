@@ -21,8 +21,7 @@ one so dim has four times the variance."""
 
 def check_first_light(film: FrameSource, region: NDArray[np.bool_]) -> None:
     """Raise `TrackingError`, with the numbers of the frames, for a film whose first frames are darker or brighter than
-    those after in the pixels of ``region`` (height, width).
-    """
+    those after in the pixels of ``region`` (height, width)."""
     n = min(FIRST_FRAMES, film.n_frames)
     if n < 3:
         return

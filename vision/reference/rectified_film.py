@@ -85,8 +85,7 @@ class RectifiedFilm(Corrected):
 
     def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
         """Rows ``y0..y1-1`` and columns ``x0..x1-1`` of a resampled frame, float32; the saturated grey where they lie
-        outside the film or it is saturated.
-        """
+        outside the film or it is saturated."""
         self._check_region(y0, y1, x0, x1)
         x, y = np.meshgrid(np.arange(x0, x1, dtype=float), np.arange(y0, y1, dtype=float))
         at = self.to_film(np.stack([x, y], axis=-1))

@@ -49,8 +49,7 @@ def average_still_frames(
     film: FrameSource, region: NDArray[np.bool_], n_still: int | None = None, max_still: int = MAX_STILL
 ) -> Reference:
     """Average the still frames at the start of the film: ``n_still``, or as many, up to ``max_still``, as agree in the
-    pixels of ``region`` (height, width); with the noise of one frame and the pixels saturated in any.
-    """
+    pixels of ``region`` (height, width); with the noise of one frame and the pixels saturated in any."""
     if film.n_frames < 2:
         raise TrackingError(f"{film.path}: {film.n_frames} frame; tracking needs at least two")
     if n_still is not None and not 1 <= n_still <= film.n_frames:

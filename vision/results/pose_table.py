@@ -57,8 +57,7 @@ class PoseTable:
 
     def store(self, row: int, body: int, fit: Fit, flag: FrameFlag) -> None:
         """Store the fit of one body (index) in a row with its flag; of a failed one the flag only, its row
-        being lost.
-        """
+        being lost."""
         if flag is not FrameFlag.GOOD and flag & FAILURE:
             self.flag[row, body] = 0
             self.reject(row, body, flag)

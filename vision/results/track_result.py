@@ -152,8 +152,7 @@ class TrackResult(Tabular, ArrayRecord):
 
     def _repr_html_(self) -> str:
         """Table, as HTML for a notebook, of each body's frames, lost frames, range of the angle, degrees, and median
-        total standard uncertainty, mdeg.
-        """
+        total standard uncertainty, mdeg."""
         import pandas as pd  # start-up: 0.5 s, only a notebook's display needs it
 
         rows = []
@@ -199,8 +198,7 @@ class TrackResult(Tabular, ArrayRecord):
 
     def to_frame(self) -> pd.DataFrame:
         """Return the columns as a pandas table, one more row per frame that is missing in the film (`info`
-        ``missing_after``: frame -1, flag `FrameFlag.MISSING`, else NaN); ``attrs["units"]`` has their units.
-        """
+        ``missing_after``: frame -1, flag `FrameFlag.MISSING`, else NaN); ``attrs["units"]`` has their units."""
         table, missing = super().to_frame(), self._missing_times()
         if not missing.size:
             return table

@@ -89,8 +89,7 @@ class SyntheticBody:
     @cached_property
     def table(self) -> TextureTable:
         """Texture as spline coefficients, and opacity of the body, 1 inside, 0 outside, over one pixel at the edge, on
-        a grid in the body's axes.
-        """
+        a grid in the body's axes."""
         margin = RIM_PX + 2.0
         x0, y0 = (float(v) for v in np.floor(self.polygon_px.min(axis=0) - margin))
         x1, y1 = np.ceil(self.polygon_px.max(axis=0) + margin)
@@ -172,8 +171,7 @@ def background(
     contrast_grey: float = 6.0,  # choice: weaker than theirs
 ) -> NDArray[np.float32]:
     """Picture (height, width) of an out-of-focus background, grey of 8 bit: Gaussian noise, drawn with ``seed``,
-    smoothed, of mean ``mean_grey`` and standard deviation ``contrast_grey``.
-    """
+    smoothed, of mean ``mean_grey`` and standard deviation ``contrast_grey``."""
     rng = np.random.default_rng(seed)
     noise = cv2.GaussianBlur(rng.standard_normal((height, width)).astype(np.float32), (0, 0), BACKGROUND_PX)
     return (mean_grey + contrast_grey * noise / max(float(noise.std()), 1e-6)).astype(np.float32)
@@ -196,8 +194,7 @@ class Sensor:
 
     def expose(self, light: NDArray[np.float32], gain: float = 1.0) -> NDArray[Any]:
         """Stored frame (height, width) of a noise-free picture, grey of 8 bit, times ``gain``: noise drawn and added,
-        brought to the sensor's bits, rounded and clipped.
-        """
+        brought to the sensor's bits, rounded and clipped."""
         frame = self._draw_noise(light.shape)
         frame *= self._noise
         frame += light * np.float32(gain)

@@ -41,8 +41,7 @@ class BlobTexture:
 
     def evaluate_grid(self, x0: float, y0: float, step: float, rows: int, columns: int) -> NDArray[np.float32]:
         """Grey values (rows, columns) on a grid of spacing ``step``, px, whose first point is at (x0, y0), px, in the
-        body's axes.
-        """
+        body's axes."""
         grey = np.full((rows, columns), self.mean_grey)
         grid_x = x0 + step * np.arange(columns)
         grid_y = y0 + step * np.arange(rows)

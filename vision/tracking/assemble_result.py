@@ -44,8 +44,7 @@ def _width_flags(
     ready: PreparedFilm, predicted_u_rad: NDArray[np.float64], u_rad: NDArray[np.float64]
 ) -> NDArray[np.uint16]:
     """Flags (n, m) of ``u_rad`` (n, m) too wide beside those predicted (m,) and usual: `WIDENED` up to 25 mdeg where
-    the film can tell, else `IMPRECISE`; 0 for others and lost rows.
-    """
+    the film can tell, else `IMPRECISE`; 0 for others and lost rows."""
     film_tells = np.array([not is_coarsely_quantised(template, ready.grey_step) for template in ready.templates])
     film_tells &= not ready.skips_blocks
     # what the best quarter of a body's rows have at most; 0 where it is lost in all of them
@@ -85,8 +84,7 @@ def estimate_zero_from_rows(ready: PreparedFilm, table: PoseTable) -> Zero:
 def _mean_zero(ready: PreparedFilm, turn: NDArray[np.float64], u: NDArray[np.float64]) -> Zero:
     """Zero of the angles by turns and their standard uncertainties in the still frames, (n, m), rad, picture axes, NaN
     where lost: mean turn, uncertainty of one frame, frames found, each (m,); `TrackingError` for a body lost in more
-    than half of them.
-    """
+    than half of them."""
     n = ready.reference.n_averaged
     good = np.count_nonzero(np.isfinite(turn), axis=0)
     for i, body in enumerate(ready.bodies):
@@ -100,8 +98,7 @@ def _mean_zero(ready: PreparedFilm, turn: NDArray[np.float64], u: NDArray[np.flo
 
 def _inflate_coherent_rows(ready: PreparedFilm, table: PoseTable, camera: Projection | None) -> PoseTable:
     """The table with covariances widened for residuals coherent beyond what ``camera``, if calibrated, explains, for
-    skipped blocks, and for resampling.
-    """
+    skipped blocks, and for resampling."""
     ratio = table.ratio
     if camera is not None:
         white = np.diagonal(table.covariance, axis1=2, axis2=3)
@@ -127,8 +124,7 @@ def assemble_result(
 ) -> TrackResult:
     """Result of the rows of ``table``: angles less ``zero``, uncertainties, flags and budget; ``time_s`` (n_frames,):
     of all frames of the film; ``info``: kept in the result; ``u_stretch``: standard uncertainty of the picture's
-    stretch.
-    """
+    stretch."""
     film, bodies, reference = ready.film, ready.bodies, ready.reference
     # what the film was resampled by is corrected already
     is_corrected = ready.rectified_film is not None and ready.rectified_film.projection is not None

@@ -68,8 +68,7 @@ def search_near_pose(
     film: FrameSource, index: int, template: Template, expected: NDArray[np.float64]
 ) -> list[NDArray[np.float64]]:
     """Poses (turn, x, y) in frame ``index`` around the expected one from which to fit, best first; none when the body
-    can only be outside the picture.
-    """
+    can only be outside the picture."""
     half = int(math.ceil(template.radius_px)) + 2
     reach = half + SHIFT_RANGE_PX
     centre_x = round(template.centre_px[0] + expected[1])
@@ -126,8 +125,7 @@ def _rotate_template(
     template: Template, phi: float, coarse: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], float, float]:
     """Template turned by ``phi`` (picture axes), rad, at a ``coarse``-th of the resolution: grey less its mean (h, w),
-    mask (h, w), 1 where it has pixels, else 0, and column and row of the centre in it.
-    """
+    mask (h, w), 1 where it has pixels, else 0, and column and row of the centre in it."""
     cosine, sine = math.cos(phi), math.sin(phi)
     dx, dy = template.offset_px
     x = (cosine * dx - sine * dy) / coarse
@@ -221,8 +219,7 @@ class BodyTracker:
     ) -> Fit:
         """Fit the body in frame ``index``, the ``ordinal``-th tracked, from the pose ``expected``, else from the newest
         known one and, if ``search``, others; return and keep the fit and, unless lost, its pose. ``compiled_fit``: one
-        from ``expected`` done.
-        """
+        from ``expected`` done."""
         fit = self.fitter.fit(film, index, expected, covered) if compiled_fit is None else compiled_fit()
         flag = self._judge(fit, expected)
         if flag & FAILURE:
@@ -283,8 +280,7 @@ class BodyTracker:
         self, film: FrameSource, index: int, start: NDArray[np.float64], covered: NDArray[np.uint8] | None
     ) -> tuple[Fit, FrameFlag]:
         """Reset the fitter and fit from the pose ``start`` with equal weights; if that fails, again with weights for a
-        body that is much hidden. Return the last fit and its flag, failed or not.
-        """
+        body that is much hidden. Return the last fit and its flag, failed or not."""
         for cautious in (False, True):
             self.fitter.reset(cautious)
             fit = self.fitter.fit(film, index, start, covered)

@@ -30,8 +30,7 @@ EVERY_ROWS = 500  # rows between two checkpoints
 
 def job_hash(film: FrameSource, bodies: Sequence[Body], settings: Sequence[object], templates: Sequence[Any]) -> str:
     """SHA-256, hexadecimal, of what decides the result: path, size and time of writing of the film, outlines,
-    templates, settings.
-    """
+    templates, settings."""
     digest = hashlib.sha256()
     if film.path.exists():
         status = film.path.stat()
@@ -52,8 +51,7 @@ class Checkpoint:
 
     def save(self, rows: int, table: PoseTable, tracker: FilmTracker) -> None:
         """Write the first ``rows`` rows of the table and the state of the trackers to the checkpoint's file, in place
-        of what it held, whole or not at all; `VisionInputError` where it cannot.
-        """
+        of what it held, whole or not at all; `VisionInputError` where it cannot."""
         arrays: dict[str, NDArray[Any]] = {"job": np.array(self.job), "rows": np.array(rows)}
         arrays["searches"] = np.array(tracker.searches())
         arrays |= {f"table_{field.name}": getattr(table, field.name)[:rows] for field in fields(table)[1:]}
@@ -63,8 +61,7 @@ class Checkpoint:
 
     def load(self, table: PoseTable, tracker: FilmTracker) -> int:
         """Fill in the rows done of this job and the trackers' state; return the number of rows: 0 where the file is of
-        another job, or missing or damaged, when the trackers start anew.
-        """
+        another job, or missing or damaged, when the trackers start anew."""
         try:
             # opened here: NumPy leaves a damaged archive's file open
             with self.path.open("rb") as file, np.load(file, allow_pickle=False) as stored:

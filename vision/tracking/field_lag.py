@@ -55,8 +55,7 @@ UNKNOWN_LAG = FieldLag(0.0, math.inf)
 
 def measure_field_lag(ready: PreparedFilm, table: PoseTable, time_s: NDArray[np.float64]) -> FieldLag:
     """Delay of a film's odd rows behind the even ones, in frames, by the poses found, and its standard uncertainty,
-    infinite where nothing moves; ``time_s`` (n_frames,) of all frames of the film.
-    """
+    infinite where nothing moves; ``time_s`` (n_frames,) of all frames of the film."""
     at = time_s[table.frame] / (float(np.median(np.diff(time_s))) if time_s.size > 1 else 1.0)
     right, normal, chi2, degrees = 0.0, 0.0, 0.0, 0
     for i, template in enumerate(ready.templates):
@@ -79,8 +78,7 @@ def _field_differences(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
     """Of k rows in which a body moves: motion per frame (k, 3), difference of the fields' steps less that at rest (k,
     3), in the body's axes, and the inverse of its covariance (k, 3, 3); None of too few. ``at`` (n,): times of all rows
-    in frames.
-    """
+    in frames."""
     pose, frame, known = table.pose[:, body], table.frame, ~table.is_lost[:, body]
     if frame.size < LEAST_ROWS:
         return None
@@ -116,8 +114,7 @@ def _field_difference(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """Pose of a frame's odd rows less that of its even ones, (3,): turn and shift in the body's own axes, and the
     inverse of its covariance; ``fit`` has the template's columns and an offset. None where a fit fails or too little is
-    inside.
-    """
+    inside."""
     rectified = ready.rectified_film
     film: FrameSource = ready.film if rectified is None else rectified.film
     dx, dy = template.offset_px.astype(float)

@@ -72,8 +72,7 @@ class MovingParts:
 
 def find_moving_parts(ready: PreparedFilm, table: PoseTable) -> dict[str, MovingParts]:
     """Parts that move against the rest of their outline, by the name of the body: share of its tiles, largest shift,
-    px, where that is, and whether the body bends; bodies without any are left out.
-    """
+    px, where that is, and whether the body bends; bodies without any are left out."""
     found = {}
     for i, template in enumerate(ready.templates):
         if not _needs_test(table, i):
@@ -102,8 +101,7 @@ def _needs_test(table: PoseTable, i: int) -> bool:
 
 def _sample_poses(table: PoseTable, i: int, radius_px: float) -> tuple[NDArray[np.int64], F64]:
     """Frame numbers (k,) and poses (k, 3; turn, x, y), in order, of at most `ROWS` rows evenly spread over the way of
-    the i-th body; ``radius_px``: what a turn counts by.
-    """
+    the i-th body; ``radius_px``: what a turn counts by."""
     rows = np.flatnonzero(~table.is_lost[:, i])
     pose = table.pose[rows, i]
     step = np.hypot(*np.diff(pose[:, 1:], axis=0).T) + 0.5 * radius_px * np.abs(np.diff(pose[:, 0]))
@@ -239,8 +237,7 @@ class _Tile:
     def fit_shift(self, region: Region, pose: F64, start: F64) -> tuple[F64, float, bool]:
         """Place (x, y, px, turn, rad) where the tile fits, against the body's ``pose``, in the template's axes, by
         steps from ``start``; standard uncertainty of x and y, px, NaN where it fits nowhere; whether it fits clearly
-        better there than at the pose.
-        """
+        better there than at the pose."""
         noise2, place, found = self._noise**2, start.copy(), None
         at_rest = self._fit_step(region, pose, np.zeros(3))
         for _ in range(ITERATIONS):
@@ -261,8 +258,7 @@ class _Tile:
 
     def _fit_step(self, region: Region, pose: F64, place: F64) -> tuple[F64, float] | None:
         """Step (x, y, turn) to take off ``place`` (x, y, turn, against ``pose``) for the tile to fit better, and mean
-        square of what is left, grey^2; None where the tile fits nowhere.
-        """
+        square of what is left, grey^2; None where the tile fits nowhere."""
         value, visible = self._work[0], self._work[1]
         offset = (turn_matrix(place[2]) @ self._inside + (self.middle + place[:2])[:, None]).astype(np.float32)
         subset = Subset(offset, self._columns, self._nothing, *self._template.centre_px, self._template.radius_px)

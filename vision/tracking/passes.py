@@ -63,8 +63,7 @@ def track_forward(
 ) -> int:
     """Track all bodies forward and fill the table; returns the number of rows resumed from ``checkpoint``, which is
     written as rows are done. ``progress`` is called with rows done and all rows, ``at_rest`` once the still frames are
-    tracked.
-    """
+    tracked."""
     ready, n = tracker.ready, table.frame.size
     done = checkpoint.load(table, tracker) if checkpoint is not None else 0
     keeper = _ProgressRecorder(table, done, n_still, checkpoint, progress, at_rest)
@@ -133,8 +132,7 @@ class _ProgressRecorder:
 
 def confirm_backward(ready: PreparedFilm, table: PoseTable, confirm: str, threads: int = 1) -> int:
     """Track backward through rows (``confirm``: "all", "doubtful" or "none") and correct the table where both passes
-    differ; returns the number of rows tracked again.
-    """
+    differ; returns the number of rows tracked again."""
     n = table.frame.size
     stretches = [(0, n)] if confirm == "all" else doubtful_segments(table) if confirm == "doubtful" else []
     with workers(threads if len(stretches) > 1 and is_thread_safe(ready.film) else 1) as crew:
@@ -149,8 +147,7 @@ def confirm_backward(ready: PreparedFilm, table: PoseTable, confirm: str, thread
 
 def refit_row(ready: PreparedFilm, table: PoseTable, row: int, poses: Sequence[NDArray[np.float64]]) -> None:
     """Fit a row of the table again by itself, from ``poses`` (turn, x, y) of all bodies or, where that fails, from a
-    search near them, and store what is found, or the failure, in it.
-    """
+    search near them, and store what is found, or the failure, in it."""
     tracker = FilmTracker(ready)
     tracker.clear_histories()
     tracker.place(-1, poses)
@@ -179,8 +176,7 @@ def doubtful_segments(table: PoseTable) -> list[tuple[int, int]]:
 
 def _track_backward(ready: PreparedFilm, table: PoseTable, start: int, end: int) -> PoseTable:
     """Track rows ``end - 1`` back to ``start``, from where the first pass has the bodies after them, into a new table
-    of all rows, in which the others are lost.
-    """
+    of all rows, in which the others are lost."""
     tracker = FilmTracker(ready)
     back = PoseTable.empty(table.frame, len(ready.bodies))
     n = table.frame.size
@@ -215,8 +211,7 @@ def _track_backward(ready: PreparedFilm, table: PoseTable, start: int, end: int)
 def _reconcile(table: PoseTable, back: PoseTable, row: int, body: int, radius_px: float) -> None:
     """Correct ``table`` for one body in a row by the backward pass ``back``: take its pose where the first lost the
     body; reject where ``back`` lost it or has it elsewhere; where they differ a little, keep the better, its covariance
-    widened by that.
-    """
+    widened by that."""
     forward_lost, backward_lost = bool(table.is_lost[row, body]), bool(back.is_lost[row, body])
     if forward_lost and backward_lost:
         return
@@ -256,8 +251,7 @@ def rereference_lost_rows(ready: PreparedFilm, table: PoseTable) -> int:
 
 def _lost_run_starts(table: PoseTable, i: int) -> list[int]:
     """First rows of the runs of lost rows of the i-th body that are long enough and follow a row from which a template
-    may be made.
-    """
+    may be made."""
     lost = table.is_lost[:, i] & ((table.flag[:, i] & OTHERWISE) == 0)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], lost.astype(np.int8), [0]])))
     usual = np.nanmedian(table.inlier[:, i]) if not table.is_lost[:, i].all() else np.nan
@@ -278,8 +272,7 @@ def _can_be_reference(table: PoseTable, row: int, i: int, usual: float) -> bool:
 
 def _track_with_new_reference(ready: PreparedFilm, table: PoseTable, i: int, start: int) -> int:
     """Follow the i-th body through the run of lost rows from ``start`` on, with a template made of the row before it,
-    then of the last row found; fills ``table``, returns the number of rows found.
-    """
+    then of the last row found; fills ``table``, returns the number of rows found."""
     usual, found, n = float(np.nanmedian(table.inlier[:, i])), 0, table.frame.size
     while True:
         row = start - 1
@@ -296,8 +289,7 @@ def _track_with_new_reference(ready: PreparedFilm, table: PoseTable, i: int, sta
 
 def _build_row_template(ready: PreparedFilm, table: PoseTable, row: int, i: int) -> Template | None:
     """Template of the i-th body from the single frame of a row; None where any body is lost in it, too little of this
-    one is in view, or noise hides its texture.
-    """
+    one is in view, or noise hides its texture."""
     if table.is_lost[row].any():
         return None
     bodies = []

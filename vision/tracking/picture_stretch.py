@@ -84,8 +84,7 @@ def measure_stretch(
     ready: PreparedFilm, table: PoseTable, u_before: float, map_items: ItemMap = serial_map
 ) -> PictureStretch:
     """Stretch s of the picture, by 1 + s along x and 1 - s along y, from the strains of bodies that turn, its standard
-    uncertainty and whether it is significant; ``u_before``: standard uncertainty without the measurement.
-    """
+    uncertainty and whether it is significant; ``u_before``: standard uncertainty without the measurement."""
     found = _measure_remaining_stretch(ready, table, u_before, 0.0, map_items)
     for _ in range(ROUNDS):
         if not found.is_significant or abs(found.value) < LINEAR_STRETCH:
@@ -102,8 +101,7 @@ def _measure_remaining_stretch(
     ready: PreparedFilm, table: PoseTable, u_before: float, value: float, map_items: ItemMap
 ) -> PictureStretch:
     """Stretch of the picture that is left, to first order, after it was stretched by ``value``, from strains of bodies
-    that turn; ``u_before``: its standard uncertainty without the measurement.
-    """
+    that turn; ``u_before``: its standard uncertainty without the measurement."""
     right, normal, chi2, degrees = 0.0, 0.0, 0.0, 0
     for strains in map_items(
         lambda i: _measure_strains(ready, table, i, thin_template(ready.templates[i], PIXELS), value),
@@ -179,8 +177,7 @@ def _measure_strains(
 
 def _blur_column(template: Template) -> NDArray[np.float64] | None:
     """Change of the template's grey values (n,) by a blur of standard deviation `BLUR_PX`; None where the picture
-    around the body is not kept.
-    """
+    around the body is not kept."""
     if template.patch is None:
         return None
     change = cv2.GaussianBlur(template.patch, (0, 0), BLUR_PX, borderType=cv2.BORDER_REPLICATE) - template.patch

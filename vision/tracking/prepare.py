@@ -107,8 +107,7 @@ def prepare(
 
 def _warn_of_motion(ready: PreparedFilm, n_still: int) -> None:
     """Warn of each body that moves or is lost within the first ``n_still`` frames, which the user has given as
-    still.
-    """
+    still."""
     pose, u = track_first_frames(FilmTracker(ready), n_still)
     for i, template in enumerate(ready.templates):
         count = count_still_frames(pose[:, i], u[:, i])

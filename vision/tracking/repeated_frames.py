@@ -30,8 +30,7 @@ pass for one."""
 
 def reject_repeated(ready: PreparedFilm, table: PoseTable) -> None:
     """Lose, as `FrameFlag.REPEATED`, all bodies in rows in which they stand still and the picture hardly changes while
-    they move before and after; only of films with predicted frames all of which are tracked.
-    """
+    they move before and after; only of films with predicted frames all of which are tracked."""
     compression = ready.film.compression
     is_predicted = ready.skips_blocks or (compression is not None and compression.steps is None)
     if not is_predicted or table.frame.size < 2 * NEAR + 2 or np.any(np.diff(table.frame) != 1):
@@ -80,8 +79,7 @@ def _mean_of_two(values: NDArray[np.float64], first: int) -> NDArray[np.float64]
 
 def _picture_changes(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64]:
     """Root mean square difference, grey, (n,), of each row's frame from that of the row before, in a rectangle around
-    all bodies; NaN in the first row.
-    """
+    all bodies; NaN in the first row."""
     film = ready.film
     boxes = [region_of(template, np.zeros(3), film.height, film.width, 0) for template in ready.templates]
     known = np.array([box for box in boxes if box is not None] or [(0, film.height, 0, film.width)])

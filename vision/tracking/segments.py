@@ -36,8 +36,7 @@ def find_segment_starts(
     ready: PreparedFilm, frame: NDArray[np.int64], rows: Sequence[int]
 ) -> Iterator[tuple[Poses, Poses]]:
     """Yield, for each of ``rows`` in order, the poses (m, 3) of all bodies two rows before it and one row before it,
-    until a quick walk loses a body; ``frame`` (n,): frame number of every row.
-    """
+    until a quick walk loses a body; ``frame`` (n,): frame number of every row."""
     templates = [thin_template(template, PIXELS) for template in ready.templates]
     light = replace(ready, templates=templates, occlusion=ready.occlusion.with_templates(templates))
     walk = _ForwardPass(FilmTracker(light), frame)
@@ -176,8 +175,7 @@ def _track_segment(
     crew: Workers, ready: PreparedFilm, frame: NDArray[np.int64], first: int, n_still: int, start: tuple[Poses, Poses]
 ) -> Segment:
     """Track rows from ``first`` to the last of ``frame`` (n,) into a segment, from the poses in the two rows before
-    those it shares with the segment before; it ends there where a body is lost in these, as it cannot join.
-    """
+    those it shares with the segment before; it ends there where a body is lost in these, as it cannot join."""
     from_row = first - SHARED_ROWS
     tracker = FilmTracker(ready)
     tracker.clear_histories()

@@ -171,8 +171,7 @@ def _select_rows_by_body(ready: PreparedFilm, table: PoseTable) -> dict[int, tup
 def _sum_differences(film: FrameSource, ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64] | None:
     """Count, sum and sum of squares (first axis) of what rows differ from the reference, by pixel, in the least moved
     third, the middle and the furthest (second axis), (3, 3, height, width); None where bodies have not moved far
-    enough.
-    """
+    enough."""
     shape = (film.height, film.width)
     chosen = _select_rows_by_body(ready, table)
     if not chosen:

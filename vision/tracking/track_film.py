@@ -138,8 +138,7 @@ def _track(
 ) -> TrackResult:
     """Track bodies: passes, fixed pattern, fields, uncertainty; all again where the motion shows another field to be
     first. Writes and removes the checkpoint, gives ``settings.expected`` the budget to expect, warns of faults of the
-    film.
-    """
+    film."""
     given = film, bodies, frame_time_s
     time_s, camera = frame_times(film, frame_time_s, settings.frame_rate_hz), settings.camera_model
     u_stretch = prior_stretch_uncertainty(film, settings)
@@ -294,8 +293,7 @@ def _reject_untextured(ready: PreparedFilm, table: PoseTable) -> None:
 
 def _measure_stretch(ready: PreparedFilm, table: PoseTable, settings: TrackSettings, u_before: float) -> PictureStretch:
     """The picture's stretch, with a warning where it is significant; 0 without uncertainty for a calibrated camera,
-    which has it.
-    """
+    which has it."""
     if settings.is_calibrated:
         return PictureStretch(0.0, 0.0, False)
     with workers(settings.threads or usable_threads() if is_thread_safe(ready.film) else 1) as crew:
@@ -315,8 +313,7 @@ def _measure_stretch(ready: PreparedFilm, table: PoseTable, settings: TrackSetti
 
 def _warn_of_delay(result: TrackResult, ready: PreparedFilm) -> None:
     """Warn of how late motion may be shown by filtering in time, frames and degrees, where rows are flagged
-    `TIME_FILTERED`.
-    """
+    `TIME_FILTERED`."""
     late = np.any(result.flag & np.uint16(int(FrameFlag.TIME_FILTERED)), axis=1)
     if not late.any() or not ready.delay_frames:
         return
@@ -344,8 +341,7 @@ def _run_both_passes(
     ready: PreparedFilm, frame: NDArray[np.int64], settings: TrackSettings, checkpoint: Checkpoint | None
 ) -> _PassResult:
     """Track forward through ``frame`` (n,), backward through doubtful rows, then find lost rows with a later reference;
-    return poses, zero and counts, and write ``checkpoint`` on the way.
-    """
+    return poses, zero and counts, and write ``checkpoint`` on the way."""
     table = PoseTable.empty(frame, len(ready.bodies))
     # found as soon as it can be, so that outlines that do not fit the film are refused before the long work
     zeros = [estimate_zero(ready)] if settings.every > 1 else []
@@ -371,8 +367,7 @@ def _retrack_without_pattern(
     ready: PreparedFilm, done: _PassResult, settings: TrackSettings
 ) -> tuple[PreparedFilm, _PassResult, float]:
     """Track again without the sensor's fixed pattern where there is one; the film and the passes that are better, and
-    the root mean square of the pattern taken off, grey, 0 for none.
-    """
+    the root mean square of the pattern taken off, grey, 0 for none."""
     grey = 0.0
 
     def prepare_again(film: PatternCorrectedFilm) -> PreparedFilm:

@@ -60,8 +60,7 @@ class Workers:
 @contextmanager
 def workers(threads: int) -> Iterator[Workers]:
     """Context manager: ``threads`` threads to which work is submitted, which end with the block, at once where it ends
-    by an error; with 1 work is done in the thread that submits it.
-    """
+    by an error; with 1 work is done in the thread that submits it."""
     if threads == 1:
         yield Workers(None)
         return
@@ -76,8 +75,7 @@ def workers(threads: int) -> Iterator[Workers]:
 
 def wait_for_result(future: Future[T]) -> T:
     """Result of a future, or the exception of its work, waited for in short intervals, so that Ctrl-C is handled on
-    Windows.
-    """
+    Windows."""
     while True:
         try:
             return future.result(timeout=0.5)

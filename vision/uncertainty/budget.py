@@ -53,8 +53,7 @@ class ErrorBudget:
 
     def typical(self, relative: bool = False) -> dict[str, dict[str, float]]:
         """Root mean square over the frames, rad, by body, then by term and ``total``; of angles relative to the parent
-        if ``relative``. Bodies without such an angle are left out.
-        """
+        if ``relative``. Bodies without such an angle are left out."""
         terms = {**(self.relative if relative else self.absolute), "total": self.total(relative)}
         return {
             body: {name: rms(values[:, i]) for name, values in terms.items()}

@@ -256,8 +256,7 @@ def compute_budget(
     map_items: ItemMap = serial_map,
 ) -> ErrorBudget:
     """Budget of every tracked frame; ``u_time_s``: standard uncertainty of the frame times; ``rows_per_s``: rows that a
-    rolling shutter reads per second, infinity for a global one, None where not declared: no term for both.
-    """
+    rolling shutter reads per second, infinity for a global one, None where not declared: no term for both."""
     angle_rad, u_noise_rad = tracked.angle_rad, tracked.u_noise_rad
     typical = np.array([rms(u_noise_rad[:, i]) for i in range(u_noise_rad.shape[1])])
     own = {
@@ -352,8 +351,7 @@ def _row_interpolation(ready: PreparedFilm) -> NDArray[np.float64]:
 
 def _newest_speed(speed: NDArray[np.float64], tracked: TrackedAngles, delay_frames: float) -> NDArray[np.float64]:
     """Largest speed (n, m) among each row and those before it that a filter of a delay of ``delay_frames`` still holds;
-    NaN where that of the row is.
-    """
+    NaN where that of the row is."""
     if not delay_frames or len(speed) < 2:
         return speed
     row_s = float(np.median(np.diff(tracked.time_s)))

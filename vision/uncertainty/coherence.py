@@ -27,8 +27,7 @@ SIGNIFICANT_SCORE, ALONE = 4.0, 7.0  # standard deviations, of a mean over rows 
 def variance_factor(ratio: NDArray[np.float64], blocks: NDArray[np.float64]) -> NDArray[np.float64]:
     """Factor of the variance of (turn, x, y), (n, m, 3), at least one, by ``ratio`` and ``blocks`` of
     `vision.fitting.assessment.Ratios`, (n, m, 3, 3; block size, direction) each, of rows around each and its own; both
-    are NaN where lost.
-    """
+    are NaN where lost."""
     over = ratio / WHITE[:, None]
     known = np.isfinite(over)
     total = _window_sum(np.where(known, over, 0.0))

@@ -62,8 +62,7 @@ def locate(law: Law) -> str:
 
 def call_method(law: Law, method: str, *arguments: Any) -> Any:
     """Return what a method of a law returns; any error in it becomes an `InputError` of one line that names law and
-    method.
-    """
+    method."""
     try:
         return getattr(law, method)(*arguments)
     except InputError as error:
@@ -148,8 +147,7 @@ def _is_finite(x: Any) -> bool:
 
 def trace_law(law: Law) -> Traced:
     """What the methods of a law return for a felt whose depth, rate and numbers are symbols, and that felt;
-    `InputError` where something is not of the form it must have.
-    """
+    `InputError` where something is not of the form it must have."""
     usual = {name: n.value for name, n in law.numbers.items()}
     given = call_method(law, "pack_numbers", "contact01", usual, TRIED_ON)
     try:
@@ -296,8 +294,7 @@ class _Press:
 
     def evaluate(self, state: _State) -> tuple[float, tuple[float, ...], tuple[bool, ...]]:
         """Force (N; 0 where open), rates of the internal variables (per s) and which conditions hold, touching and
-        pressing first, at a state.
-        """
+        pressing first, at a state."""
         felt = self.traced.felt
         given = {**self._fixed, felt.depth: state.depth, felt.rate: state.rate}
         value = self._evaluate(given | dict(zip(felt.memory, state.memory, strict=True)))
@@ -314,8 +311,7 @@ class _Press:
 
     def step(self, before: _State, depth: float, rate: float, dt: float) -> _State:
         """State at another depth (m) and rate (m/s), a time ``dt`` (s) later, its internal variables advanced by the
-        implicit Euler method.
-        """
+        implicit Euler method."""
         if self.law.anew is not None and not self.evaluate(_State(depth, rate, before.memory))[2][1]:
             return _State(depth, rate, (self.law.anew,) * len(before.memory))
         memory = list(before.memory)
@@ -339,8 +335,7 @@ class _Press:
 
 def find_jump(law: Law, traced: Traced) -> str:
     """Press a felt that follows the law at several speeds; return words on where its force or rates jump first, empty
-    where they do not; `InputError` where they are not finite or the felt pulls.
-    """
+    where they do not; `InputError` where they are not finite or the felt pulls."""
     press = _Press(law, traced)
     found = ""
     resting = [

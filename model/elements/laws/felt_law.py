@@ -93,8 +93,7 @@ class Law:
 
     def refuse_softening(self, contact: str, curve: tuple[float, float, float]) -> None:
         """Raise `InputError` for a loading ``curve`` (a, b, c of a x^3 + b x^2 + c x) with a negative slope, on which a
-        hereditary law would generate energy.
-        """
+        hereditary law would generate energy."""
         a, b, c = curve
         if b < 0.0 and b * b > 3.0 * a * c * (1.0 + 1e-9):
             raise InputError(

@@ -44,8 +44,7 @@ class Hysteresis(Law):
         self, contact: str, values: Mapping[str, float], curve: tuple[float, float, float]
     ) -> tuple[int, Sequence[float]]:
         """Count of internal variables, and (beta, eta) of each in a row, from ``values`` by name; without those whose
-        beta is 0. `InputError` for none, a sum of beta above 1, or a softening ``curve`` (a, b, c).
-        """
+        beta is 0. `InputError` for none, a sum of beta above 1, or a softening ``curve`` (a, b, c)."""
         self.refuse_softening(contact, curve)
         rows = [(values[f"beta{k}"], values[f"eta{k}"]) for k in MEMORIES if values[f"beta{k}"] > 0.0]
         shares = sum(beta for beta, _ in rows)

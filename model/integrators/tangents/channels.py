@@ -244,8 +244,7 @@ def multiply(a, b, out):
 @inlined_uncounted
 def prepare_modes(h, channels):
     """Fill ``start``, ``forced`` and ``force`` of ``channels.modes`` for a step ``h``, s, from the modes' numbers and
-    from ``hard`` and ``lossy`` at its nodes, filled before.
-    """
+    from ``hard`` and ``lossy`` at its nodes, filled before."""
     modes, matrix, inverse, by_force = channels.modes, channels.small[0], channels.small[1], channels.small[2]
     for m in range(STAGES):
         for j in range(STAGES):
@@ -280,8 +279,7 @@ def prepare_modes(h, channels):
 @uncounted_loop(ANSWERS)
 def prepare_channels(h, channels):
     """Fill ``operator`` and ``free`` (and the string's modes) of ``channels``, the felts and the string that have
-    memory, for a step ``h``, s, from ``fade`` at its nodes, filled before.
-    """
+    memory, for a step ``h``, s, from ``fade`` at its nodes, filled before."""
     modes, matrix, inverse = channels.modes, channels.small[0], channels.small[1]
     felts = channels.many.shape[0] - modes.awake.shape[0]
     for c in range(felts):
@@ -307,8 +305,7 @@ def prepare_channels(h, channels):
 def add_channel_coupling(h, n, a, channels):
     """Subtract from the system matrix ``a`` (S n, S n) of a step ``h`` what joints do to each other through felt
     memories and the string: push times `operator` (filled before) times turn and speed; the string only while it
-    sounds.
-    """
+    sounds."""
     answer = channels.small[0]
     for c in range(channels.many.shape[0]):
         if c == channels.many.shape[0] - channels.modes.awake.shape[0] and channels.modes.awake[0] == 0:
@@ -339,8 +336,7 @@ def add_channel_coupling(h, n, a, channels):
 @uncounted_loop(KNOW)
 def predict_free_channels(h, tangent, carried, channels):
     """Fill ``known`` and ``entered`` of ``channels`` for a step ``h``, s, as if joints went on from ``tangent`` (2, n,
-    P) unaccelerated; ``carried`` (k, P): derivatives of the prescribed coordinates.
-    """
+    P) unaccelerated; ``carried`` (k, P): derivatives of the prescribed coordinates."""
     n, blocks = tangent.shape[1], tangent.shape[2] // LANES
     modes, count = channels.modes, channels.many.shape[0]
     felts = count - modes.awake.shape[0]
@@ -415,8 +411,7 @@ def add_known_forces(n, row_of, rhs, channels):
 @uncounted_loop(FIND)
 def solve_channels(h, slopes, channels):
     """Fill ``value`` and complete ``entered`` of ``channels`` for a step ``h``, s, by ``slopes`` (S n, P), the
-    accelerations' derivatives by the parameters at the nodes.
-    """
+    accelerations' derivatives by the parameters at the nodes."""
     n, blocks, count = slopes.shape[0] // STAGES, slopes.shape[1] // LANES, channels.many.shape[0]
     felts = count - channels.modes.awake.shape[0]
     nu = rows(slopes, LANES)

@@ -142,8 +142,7 @@ def reuse_end_node(space):
 @inlined_uncounted
 def load_string_tangents(row, motion, linear):
     """Put a string's modes to rest where ``row`` (time; time free, s, or negative; step) has a negative second number;
-    else wake them and advance their tangents, in place, over the time in which they were free.
-    """
+    else wake them and advance their tangents, in place, over the time in which they were free."""
     modes, loads = linear.space.channels.modes, linear.loads
     modes.awake[0] = 0 if row[1] < 0.0 else 1
     if row[1] >= 0.0:
@@ -166,8 +165,7 @@ def clear_released_memories(channels):
 @uncounted_loop(FOLLOW)
 def integrate_tangents(motion, drive, landings, linear, wanted, tangent, reached, linearise):
     """Integrate ``tangent`` (2, n, P), derivatives of angles and speeds by the parameters, in place along the whole
-    motion and fill the outputs of ``wanted``; return status, time reached, s, steps and rejected steps.
-    """
+    motion and fill the outputs of ``wanted``; return status, time reached, s, steps and rejected steps."""
     space, kinks = linear.space, landings.kink
     channels, woken = space.channels, 0
     t = motion.step[0, 0]

@@ -67,8 +67,7 @@ LINEARISE_NODE = types.void(_i, _f, LINEAR)
 @uncounted_loop(LINEARISE_NODE)
 def linearise_node(m, u, linear):
     """Linearise at the state in ``space.point`` under the input ``u`` and fill row ``m`` of M, K, D, the loads
-    (derivatives by the parameters) and the channels.
-    """
+    (derivatives by the parameters) and the channels."""
     scene, kernels, sources, loads, space, _ = linear
     p, parent, _ = scene
     w, channels = space.point, space.channels

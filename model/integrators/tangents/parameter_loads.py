@@ -62,8 +62,7 @@ PARAMETER_LOADS = types.void(_numbers, _numbers, _f, SOURCES, LOADS, _table, _ta
 def parameter_loads(w, p, u, sources, loads, load, entering):
     """Fill ``load`` (n, P) with d(f - M a)/dp, ``entering`` (C, P) with those of memory rates, then the string's force,
     at state and accelerations in ``w``; ``p``: the scene's numbers, ``u``: its input, ``sources``: which numbers each
-    parameter changes.
-    """
+    parameter changes."""
     n = load.shape[0]
     load[:, :] = 0.0
     entering[:, :] = 0.0

@@ -141,8 +141,7 @@ AT_FRACTION = types.void(_f, _f, _cube, SPACE, _table, _table)
 @uncounted_loop(SOLVE_STEP)
 def solve_step(h, tangent, space):
     """Fill ``space.slopes`` with the accelerations' derivatives by the parameters at the nodes of a step of ``h``, s,
-    from ``tangent`` (2, n, P); False where the matrix is singular.
-    """
+    from ``tangent`` (2, n, P); False where the matrix is singular."""
     n = tangent.shape[1]
     blocks = tangent.shape[2] // LANES
     a, order = space.matrix, space.order
@@ -188,8 +187,7 @@ def solve_step(h, tangent, space):
 def estimate_error(h, tangent, wanted, space):
     """Return the largest error of a step ``h``, s, in any column of ``tangent`` over its tolerance, by a method of
     lower order, 1e300 where that cannot be solved; overwrites the factors in ``space``, whose ``slopes`` are those of
-    the step.
-    """
+    the step."""
     n = tangent.shape[1]
     blocks = tangent.shape[2] // LANES
     a, order = space.matrix, space.order

@@ -101,8 +101,7 @@ def evaluate_regime(t, k, k_in, motion, observer):
 @step_loop(FIND_KINKS)
 def find_kinks(motion, observer, kinks):
     """Fill ``kinks`` (m, 2), in order of time, with the last time, s, before and the first after each change of regime
-    along the motion; return how many are filled, m at most.
-    """
+    along the motion; return how many are filled, m at most."""
     found = 0
     steps = motion.step
     now, k_in = evaluate_regime(steps[0, 0], 0, 0, motion, observer)

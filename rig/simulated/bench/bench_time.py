@@ -91,8 +91,7 @@ class BenchTime:
 
     def begin(self, trial: int, rate_hz: float, *, by_operator: bool = False, by_pianist: bool = False) -> None:
         """Begin trial ``trial``, whose number draws the scatter: plant at rest, edge 0, sample edges at ``rate_hz``.
-        ``by_operator``, ``by_pianist``: the virtual operator, the virtual pianist acts, where the bench has one.
-        """
+        ``by_operator``, ``by_pianist``: the virtual operator, the virtual pianist acts, where the bench has one."""
         self.edge, self._by_operator = 0, by_operator and self.operator_acts
         self._pianist = VirtualPianist(self.sensors.seed, trial) if by_pianist and self.pianist_plays else None
         self.plant.sample_rate_hz = rate_hz
@@ -115,8 +114,7 @@ class BenchTime:
     def step(self, command_v: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Let n edges pass under the motor's ``command_v`` (n,), V, each held to the next edge; return at each edge the
         load cell's output (n,), mV/V, and X4 counts since the trial began (n, 4) of key, whippen, hammer and the key's
-        second head.
-        """
+        second head."""
         if self._force is None or self._encoders is None:
             raise RuntimeError("the bench has no trial yet")
         n = command_v.size
@@ -157,8 +155,7 @@ class BenchTime:
     def _count_a_edges(self, quarter: NDArray[np.int64]) -> None:
         # A rises where the position passes a multiple of 4 upwards, or 2 more than one downwards
         """Set how many rising edges each encoder's A signal has had by each row of ``quarter`` (n, 4), X4 counts of
-        key, whippen, hammer, the key's second head (left out); the last row becomes the newest position.
-        """
+        key, whippen, hammer, the key's second head (left out); the last row becomes the newest position."""
         line = np.concatenate((self.quarter, quarter))[:, :3]
         step = np.diff(line, axis=0)
         up = line[1:] // 4 - line[:-1] // 4

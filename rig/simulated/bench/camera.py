@@ -143,8 +143,7 @@ GREY = (120.0, 135.0, 150.0)  # mean of each part, so that they can be told apar
 
 def film_scene(settings: CameraSettings, seed: int) -> Scene:
     """Scene to be drawn: whippen, repetition lever and jack, from back to front, textured as ``settings`` say, before a
-    background; ``seed`` draws the textures. Poses are given when it is drawn.
-    """
+    background; ``seed`` draws the textures. Poses are given when it is drawn."""
     grain = {"whippen": 0.0, "jack": np.pi / 2.0, "repetition": -0.05}  # along the longest side of each part
     bodies = []
     for number, name in enumerate(_DRAW_ORDER):
@@ -200,8 +199,7 @@ def film_bounds(
     scene: Scene, geometry: ActionGeometry, settings: CameraSettings, noise_grey: float
 ) -> NDArray[np.float64]:
     """Cramer-Rao bound (3,), rad, on the standard deviation of the absolute angles of whippen, jack and repetition
-    lever in one still frame at rest; ``noise_grey``: standard deviation of a pixel, grey of 8 bit.
-    """
+    lever in one still frame at rest; ``noise_grey``: standard deviation of a pixel, grey of 8 bit."""
     rest = np.asarray(geometry.rest_angle_rad, dtype=float)[None, :]
     picture = scene.light(poses(geometry, settings, rest))
     masks = build_masks(film_bodies(geometry, settings), settings.height, settings.width)
@@ -233,8 +231,7 @@ _OUTLINES_M: dict[str, NDArray[np.float64]] = {
 
 def poses(geometry: ActionGeometry, settings: CameraSettings, angle_rad: NDArray[np.float64]) -> NDArray[np.float64]:
     """Poses (k, 3, 3) of whippen, repetition lever, jack, in the order drawn: absolute angle, rad, x and y of the
-    pivot, px, from angles (k, 3), rad: whippen from ground, jack from whippen, repetition lever from whippen.
-    """
+    pivot, px, from angles (k, 3), rad: whippen from ground, jack from whippen, repetition lever from whippen."""
     whippen = angle_rad[:, 0]
     cosine, sine = np.cos(whippen), np.sin(whippen)
     pivot = np.asarray(geometry.whippen_pivot_m)
@@ -404,8 +401,7 @@ class _Exposures:
 
     def frames(self) -> Iterator[NDArray[Any]]:
         """Yield the frames (height, width) in order, as exposed with noise and flicker, and report (frames done, frames
-        in all) to ``progress`` after each.
-        """
+        in all) to ``progress`` after each."""
         settings = self.settings
         sensor = _FastSensor(settings.noise_grey, settings.bit_depth, 1000 * self.seed + 98)
         # mean of the ripple over the exposure
@@ -417,8 +413,7 @@ class _Exposures:
 
     def _lights(self) -> Iterator[NDArray[np.float32]]:
         """Yield the noise-free picture (height, width), grey, of each frame in order, drawn ahead on two threads; one
-        serves again while no body has moved.
-        """
+        serves again while no body has moved."""
         with ThreadPoolExecutor(2) as pool:
             drawn: deque[Future[NDArray[np.float32]]] = deque()
             shown = np.full((1, 3), np.inf)
@@ -435,8 +430,7 @@ class _Exposures:
 
     def _angles_during(self, i: int) -> NDArray[np.float64]:
         """Angles (k, 3), rad, at the k instants by which exposure ``i`` is drawn: whippen from ground, jack and
-        repetition lever from the whippen; adds k to `n_instants` and sets row ``i`` of `mean` where k is above 1.
-        """
+        repetition lever from the whippen; adds k to `n_instants` and sets row ``i`` of `mean` where k is above 1."""
         count = int(self._instants[i])
         self.n_instants += count
         if count == 1:

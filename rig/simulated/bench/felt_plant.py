@@ -69,8 +69,7 @@ class FeltTruth:
 
 def felt_law(action: model.Action, contact: str) -> FeltLaw:
     """Felt law of a ``contact`` of the specimen (``contact01`` to ``contact13``) pressed alone, or of the steel
-    ``block``; refuse another name, and a contact whose force law is not the usual one of eqs 2.4 and 2.5.
-    """
+    ``block``; refuse another name, and a contact whose force law is not the usual one of eqs 2.4 and 2.5."""
     if contact == BLOCK:
         return FeltLaw(0.0, 0.0, BLOCK_N_PER_M, 0.0)
     if f"{contact}.normal.a" not in action.quantities:
@@ -112,8 +111,7 @@ class FeltPlant:
 
     def start_trial(self, trial: int) -> None:
         """Put the arm at rest on the felt, under its preload, draw the motor's scatter from the seed and the trial's
-        number, and forget the record of the trial before.
-        """
+        number, and forget the record of the trial before."""
         random = np.random.default_rng([self._seed, trial])
         self._per_volt = self._n_per_volt * (1.0 + self._scatter * float(np.clip(random.standard_normal(), -3.0, 3.0)))
         preload = self._preload
@@ -125,8 +123,7 @@ class FeltPlant:
 
     def advance(self, command_v: Array) -> PlantBlock:
         """Hold each motor voltage of ``command_v`` (n,) for one sample period; return the state at the n edges at which
-        they begin, before they have acted.
-        """
+        they begin, before they have acted."""
         period = 1.0 / self.sample_rate_hz
         steps = max(int(math.ceil(period / STEP_S - 1e-9)), 1)
         rows = np.empty((len(command_v), 3))
@@ -162,8 +159,7 @@ class FeltPlant:
 
     def _balance(self, before: float, h: float) -> float:
         """Compression of the felt, m, at which it and the load cell in series press with the same force at the end of a
-        step of ``h`` s, the arm's way being known; ``before``: compression of the cell at the step's beginning, m.
-        """
+        step of ``h`` s, the arm's way being known; ``before``: compression of the cell at the step's beginning, m."""
         low, high = min(0.0, self._moved), max(self._moved, 0.0)
         if self._excess(high, before, h)[0] <= 0.0:
             return high  # apart, or just touching
@@ -188,8 +184,7 @@ class FeltPlant:
 
 def make_felt_plant(bench: ActionPlant, contact: str, config: RigConfig) -> FeltPlant:
     """Plant of the bench's motor arm on the felt of ``contact`` of its specimen, or on the steel ``block``, in place of
-    the key; refuse a rig file without ``[felt]``, which names the encoder on the motor's shaft.
-    """
+    the key; refuse a rig file without ``[felt]``, which names the encoder on the motor's shaft."""
     if config.felt is None:
         raise RigInputError(f"rig {config.name}: has no table [felt], which says which encoder is on the motor's shaft")
     arm = {name: bench.action[f"motor_arm.{name}"] for name in ARM}

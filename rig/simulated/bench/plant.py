@@ -56,8 +56,7 @@ class PlantTruth(ArrayRecord):
 
     def angles_at(self, time_s: ArrayLike) -> NDArray[np.float64]:
         """Coordinates (k, c), rad, a length in m, with the columns `coordinates`, at times (k,), s, by cubic Hermite
-        interpolation of angles and speeds; times outside the trial get the values at its ends.
-        """
+        interpolation of angles and speeds; times outside the trial get the values at its ends."""
         t = np.clip(as_numbers(time_s, "times of the trial", 1), self.time_s[0], self.time_s[-1])
         i = np.clip(np.searchsorted(self.time_s, t, side="right") - 1, 0, len(self.time_s) - 2)
         h = (self.time_s[i + 1] - self.time_s[i])[:, None]
@@ -98,8 +97,7 @@ class ActionPlant:
 
     def draw_specimen(self, trial: int) -> tuple[model.Action, float]:
         """Return the specimen of trial number ``trial`` and its torque per volt, N m/V, with the scatter that seed and
-        number draw; the plant itself stays as it is.
-        """
+        number draw; the plant itself stays as it is."""
         random = np.random.default_rng([self.seed, trial])
         gain = self.torque_per_volt_nm
         changed = {}
@@ -113,8 +111,7 @@ class ActionPlant:
 
     def start_trial(self, trial: int) -> None:
         """Put action and arm at rest for trial number ``trial``, draw its scatter from the seed and that number, and
-        forget the truth of the trial before.
-        """
+        forget the truth of the trial before."""
         self._specimen, self._gain = self.draw_specimen(trial)
         scene = model.build_scene(self._specimen, self.choice)
         self._names = scene.bodies
@@ -132,8 +129,7 @@ class ActionPlant:
 
     def advance(self, command_v: ArrayLike) -> PlantBlock:
         """Hold each motor voltage of ``command_v`` (n,) for one sample period; return the state at the n edges at which
-        they begin, before they have acted.
-        """
+        they begin, before they have acted."""
         volts = as_numbers(command_v, "command", 1)
         count = len(volts)
         edges = np.arange(self._edge, self._edge + count + 1) / self.sample_rate_hz
@@ -165,8 +161,7 @@ class ActionPlant:
 
     def truth(self) -> PlantTruth:
         """True motion and force at every edge since the trial started, with its specimen; RigInputError where the trial
-        was longer than the 60 s that are kept, or has not moved on yet.
-        """
+        was longer than the 60 s that are kept, or has not moved on yet."""
         if not self._record:
             raise RigInputError(
                 f"the virtual bench keeps {KEPT_S:g} s of a trial's truth, e.g. for its film; this was longer"

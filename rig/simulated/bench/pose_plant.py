@@ -31,8 +31,7 @@ class PosePlant:
 
     def advance(self, command_v: NDArray[np.float64]) -> PlantBlock:
         """Return the state at the next n edges, n being the number of volts, which have no effect: the body at a
-        reference angle or on the way to the next, the others at rest, no force.
-        """
+        reference angle or on the way to the next, the others at rest, no force."""
         n = len(command_v)
         time_s = np.arange(self._edge, self._edge + n, dtype=np.float64) / self.sample_rate_hz
         self._edge += n
@@ -46,8 +45,7 @@ class PosePlant:
 
 def make_pose_plant(bench: ActionPlant, text: str, where: str) -> PosePlant:
     """Plant that holds one encoded body at the angles from its rest, rad, that ``text`` lists as ``BODY:A,B,…``, each
-    for 1.2 s, the others at rest; refuse another text, naming the address ``where``.
-    """
+    for 1.2 s, the others at rest; refuse another text, naming the address ``where``."""
     body, _, listed = text.partition(":")
     try:
         angles = [float(one) for one in listed.split(",")]

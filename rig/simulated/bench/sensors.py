@@ -32,8 +32,7 @@ class DelayLine:
 
     def push(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Take the next n samples of a signal and return it (n,) as it was `delay_samples` earlier, interpolated
-        linearly; before its first sample it stood at that value.
-        """
+        linearly; before its first sample it stood at that value."""
         if values.size == 0 or self.delay_samples == 0.0:
             return values
         length = int(np.ceil(self.delay_samples)) + 1
@@ -140,8 +139,7 @@ class ForceSignal:
 
     def millivolts_per_volt(self, force_n: NDArray[np.float64], time_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Output of the load cell (n,), mV/V, under a force (n,), N, at times (n,), s since the trial began: with gain
-        error, offset, mains hum and fresh noise, limited to the amplifier's range.
-        """
+        error, offset, mains hum and fresh noise, limited to the amplifier's range."""
         sensor = self.sensor
         reading_n = (1 + sensor.gain_error) * force_n + self.offset_n
         for order, (amplitude, phase) in enumerate(zip(sensor.hum_n, self.hum_phase_rad, strict=True), 1):
@@ -183,8 +181,7 @@ class EncoderSignals:
         self, angle_rad: NDArray[np.float64], key_lift_m: NDArray[np.float64] | None = None
     ) -> NDArray[np.int64]:
         """X4 counts (n,) since the first edge of the trial of a second head opposite the key's, at absolute angles (n,
-        3), rad, of key, whippen, hammer; a lift of the key (n,), m, acts on it with the opposite sign.
-        """
+        3), rad, of key, whippen, hammer; a lift of the key (n,), m, acts on it with the opposite sign."""
         key, radius_m = self.sensors[0], self.sensors[0].scale_radius_m
         lift = 0.0 if key_lift_m is None or radius_m is None else -np.asarray(key_lift_m) / radius_m
         turned = angle_rad[:, 0] + lift
@@ -205,8 +202,7 @@ class EncoderSignals:
     ) -> NDArray[np.int64]:
         """X4 counts (n, 3) since the first edge of the trial of key, whippen and hammer at absolute angles (n, 3), rad,
         with each scale's sign and errors; ``key_lift_m`` (n,): rise of the key's pivot, which moves its scale past the
-        head.
-        """
+        head."""
         radius_m = self.sensors[0].scale_radius_m
         if key_lift_m is not None and radius_m is not None:
             angle_rad = angle_rad.copy()

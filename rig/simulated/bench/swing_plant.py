@@ -57,8 +57,7 @@ class SwingPlant:
 
     def advance(self, command_v: NDArray[np.float64]) -> PlantBlock:
         """Return the state at the next n edges, n being the number of volts, which have no effect: the body is held up
-        for 0.6 s of the trial, then swings until friction holds it; no force.
-        """
+        for 0.6 s of the trial, then swings until friction holds it; no force."""
         n, h = len(command_v), 1.0 / self.sample_rate_hz
         angles = np.empty(n)
         for k in range(n):
@@ -76,8 +75,7 @@ class SwingPlant:
 
     def _step(self, h: float) -> None:
         """Step angle, rad, and speed, rad/s, by ``h`` s: half of the weight's torque, all of the friction's against the
-        speed so far, half of the weight's; a body that friction can hold stops.
-        """
+        speed so far, half of the weight's; a body that friction can hold stops."""
         before = self._speed - 0.5 * h * self.weight_nm / self._inertia * math.sin(self._angle)
         pad = self._pad
         holds = self.friction_nm + (0.0 if pad is None else pad.load_n * pad.radius_m * pad.a)
@@ -103,8 +101,7 @@ def make_swing_plant(bench: ActionPlant, body: str, pad: str = "") -> SwingPlant
 
 def _parse_pad(action: model.Action, text: str) -> Pad:
     """Rubbing pad (load, N, radius, m, and the contact's friction) from text such as ``contact04:0.2:0.005``; refuse
-    another form, an unknown contact, and a load or radius that is not above 0.
-    """
+    another form, an unknown contact, and a load or radius that is not above 0."""
     try:
         contact, load, radius = text.split(":")
         load_n, radius_m = float(load), float(radius)

@@ -37,8 +37,7 @@ class VirtualPianist:
 
     def press_n(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Force of the pianist at the arm's tip (n,), N, positive downwards, at rising times (n,), s since the trial
-        began; calls must follow in time, as past strokes are forgotten.
-        """
+        began; calls must follow in time, as past strokes are forgotten."""
         while not self._strokes or self._strokes[-1][0][0] <= time_s[-1]:
             self._strokes.append(self._draw_stroke())
         while self._strokes[0][0][-1] < time_s[0]:

@@ -45,8 +45,7 @@ class Fault:
 
 def parse_faults(text: str) -> tuple[Fault, ...]:
     """Read the faults to plant from text: ``KIND@TRIAL/SECONDS`` or ``KIND@CALL#NUMBER``, ``KIND:BODY@…`` for those of
-    an encoder, several with commas; refuse another form, kind or body.
-    """
+    an encoder, several with commas; refuse another form, kind or body."""
     faults = []
     for part in filter(None, text.split(",")):
         match = _FORM.fullmatch(part)

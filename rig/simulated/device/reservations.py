@@ -17,8 +17,7 @@ class Reservations:
 
     def needed_resources(self, task: SimulatedTask) -> list[str]:
         """Return the names of the hardware that a task takes for itself, reserving nothing; refuse a task with a
-        terminal that must be set and is not, or whose clock or trigger comes from a device no cable joins.
-        """
+        terminal that must be set and is not, or whose clock or trigger comes from a device no cable joins."""
         owner = self._inventory.owner_of(task.channels[0].physical.name) if task.channels else self._inventory
         source = task.clock.source if task.clock is not None else ""
         for route in filter(None, (source, task.triggers.start, task.triggers.arm_start)):
@@ -53,8 +52,7 @@ class Reservations:
 
     def reserve(self, task: SimulatedTask) -> None:
         """Reserve all the hardware that a task needs; where another task holds a part of it reserve nothing and raise
-        the driver's status.
-        """
+        the driver's status."""
         needed = self.needed_resources(task)
         for resource in needed:
             holder = self._reserved.get(resource)

@@ -74,8 +74,7 @@ class FaultPlan:
 
     def drop_exposures(self, trial: int, time_s: NDArray[np.float64], count: NDArray[np.int64]) -> NDArray[np.int64]:
         """Number of exposures (n,) by each time (n,), s, of trial number ``trial``, less what planted faults drop: from
-        a fault's time on ``count`` (n,) stands still for five exposures and stays five lower.
-        """
+        a fault's time on ``count`` (n,) stands still for five exposures and stays five lower."""
         for fault in self.faults:
             if fault.kind in CAMERA and trial == fault.trial:
                 at = self._held.get(fault)
@@ -170,8 +169,7 @@ class DeviceState:
 
     def source_terminal(self, terminal: str) -> str:
         """Return the terminal whose signal a terminal carries, over a wire between devices or an export; the terminal
-        itself where neither ends on it.
-        """
+        itself where neither ends on it."""
         for _ in range(4):
             on_wire = self.wiring.wires.get(terminal, terminal)
             origin = self.exports.get(on_wire, on_wire)

@@ -55,8 +55,7 @@ class InputBuffer:
 
     def take(self, n: int) -> NDArray[np.float64]:
         """Remove and return the oldest n unread samples, shape (n, columns), one column per channel; raise the driver's
-        status where unread ones were overwritten.
-        """
+        status where unread ones were overwritten."""
         if self.overwritten:
             raise DaqStatusError(Code.SAMPLES_NO_LONGER_AVAILABLE, samples_read=0)
         stored = np.concatenate(self._blocks) if self._blocks else np.empty((0, self._columns))
@@ -157,8 +156,7 @@ class SimulatedTask:
 
     def add_channel(self, kind: TaskType, channel: Channel) -> None:
         """Add a channel, which makes the task one of type ``kind``; refuse it in a running task, beside channels of
-        another type, a second counter input, and a name or physical channel that the task has already.
-        """
+        another type, a second counter input, and a name or physical channel that the task has already."""
         self.refuse_while_running()
         refuse_any(
             (self.type not in (None, kind), Code.MULTI_CHAN_TYPES_IN_TASK, f"Task: {self.name}"),

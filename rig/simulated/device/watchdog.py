@@ -26,8 +26,7 @@ WITHOUT_HARDWARE = re.compile(
 
 def refuse_bad_timer(owner: Inventory, name: str, timeout_s: float) -> None:
     """Refuse the watchdog timer task ``name`` on a device without a timer, or with a timeout, s, below 1 ms or above
-    the longest of its product.
-    """
+    the longest of its product."""
     refuse_any(
         (not owner.product.watchdog_reach, Code.WATCHDOG_TIMER_NOT_SUPPORTED, f"Task: {name}"),
         (
@@ -48,8 +47,7 @@ def set_expiration_volts(
     device: DeviceState, timer: WatchdogTimer, channel: str, volts: float, output_type: int
 ) -> None:
     """Set the volts to which an analog output goes when the watchdog expires; refuse an output that the product's
-    watchdog does not reach or of another device, volts out of range, and an output type other than voltage.
-    """
+    watchdog does not reach or of another device, volts out of range, and an output type other than voltage."""
     product = device.inventory.owner_of(timer.device).product
     if "voltage_out" not in product.watchdog_reach:
         raise DaqStatusError(Code.WATCHDOG_TIMER_NOT_SUPPORTED, f"Physical Channel: {channel} is analog")
@@ -92,8 +90,7 @@ def start_watchdog(device: DeviceState, task: SimulatedTask) -> None:
 
 def control_watchdog(device: DeviceState, timer: WatchdogTimer, action: int) -> None:
     """Reset the timer (``action`` 0), or clear its expiration and stop it (1); refuse another action, and to reset a
-    timer that has expired.
-    """
+    timer that has expired."""
     if action == CLEAR_EXPIRATION:
         timer.expired, timer.running = False, False
     elif action != RESET_TIMER:
@@ -106,8 +103,7 @@ def control_watchdog(device: DeviceState, timer: WatchdogTimer, action: int) -> 
 
 def check_watchdogs(device: DeviceState) -> None:
     """Let timers that have run out on the bench's clock expire: outputs go to their expiration states. A chassis ends
-    every running task and is locked until it is reset; on other products the tasks of those outputs end.
-    """
+    every running task and is locked until it is reset; on other products the tasks of those outputs end."""
     for timer in device.watchdogs.values():
         if not timer.running or timer.expired or device.bench.clock.elapsed_s - timer.reset_at_s <= timer.timeout_s:
             continue

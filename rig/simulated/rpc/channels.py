@@ -54,8 +54,7 @@ def _set_terminal(
 
 def add_encoder(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """Add the counter input channel of a quadrature encoder that the ``request`` of NI's CreateCIAngEncoderChan
-    describes; refuse values the driver refuses. Nothing is wired to its Z index, so that this never comes.
-    """
+    describes; refuse values the driver refuses. Nothing is wired to its Z index, so that this never comes."""
     decoding = enum(request, "decoding_type")
     require_one_of(decoding, (daqmx.X1, daqmx.X2, daqmx.X4), "Decoding type")
     require_one_of(enum(request, "units"), (daqmx.DEGREES, daqmx.RADIANS, daqmx.TICKS), "Units")
@@ -71,8 +70,7 @@ def add_encoder(device: DeviceState, task: SimulatedTask, request: Any) -> None:
 
 def add_edge_count(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """Add the counter input channel that the ``request`` of NI's CreateCICountEdgesChan describes: rising edges on a
-    terminal, counted up or down; falling edges are refused as not simulated.
-    """
+    terminal, counted up or down; falling edges are refused as not simulated."""
     direction = enum(request, "count_direction")
     refuse_falling_edge(request, "edge")
     require_one_of(direction, (COUNT_UP, COUNT_DOWN), "Count direction")
@@ -84,8 +82,7 @@ def add_edge_count(device: DeviceState, task: SimulatedTask, request: Any) -> No
 def add_pulse_train(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """Add the counter output channel that the ``request`` of NI's CreateCOPulseChanFreq describes; frequency and first
     delay are coerced to whole ticks of the timebase. Refuse values out of range, and a high idle state as not
-    simulated.
-    """
+    simulated."""
     require_one_of(enum(request, "units"), (daqmx.HERTZ,), "Units")
     require_one_of(enum(request, "idle_state"), (daqmx.LOW, daqmx.HIGH), "Idle state")
     if enum(request, "idle_state") == daqmx.HIGH:
@@ -106,8 +103,7 @@ def add_pulse_train(device: DeviceState, task: SimulatedTask, request: Any) -> N
 
 def add_force_bridge(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """Add the analog input channels that the ``request`` of NI's CreateAIForceBridgeTwoPointLinChan describes: force on
-    the straight line through two points; refuse units, excitation and limits that the product does not have.
-    """
+    the straight line through two points; refuse units, excitation and limits that the product does not have."""
     units, physical = enum(request, "units"), enum(request, "physical_units")
     electrical = enum(request, "electrical_units")
     require_one_of(units, tuple(NEWTON_IN), "Units")
@@ -136,8 +132,7 @@ def add_force_bridge(device: DeviceState, task: SimulatedTask, request: Any) -> 
 
 def add_voltage_input(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """Add the analog input channels that the ``request`` of NI's CreateAIVoltageChan describes; refuse limits beyond
-    every input range, other units than volts, and a differential input without a partner.
-    """
+    every input range, other units than volts, and a differential input without a partner."""
     _refuse_limits(request)
     require_one_of(enum(request, "units"), (daqmx.VOLTS,), "Units")
     _refuse_custom_scale(request)
@@ -156,8 +151,7 @@ def add_voltage_input(device: DeviceState, task: SimulatedTask, request: Any) ->
 
 def add_voltage_output(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """Add the analog output channels that the ``request`` of NI's CreateAOVoltageChan describes; refuse limits beyond
-    the product's range and other units than volts.
-    """
+    the product's range and other units than volts."""
     _refuse_limits(request)
     require_one_of(enum(request, "units"), (daqmx.VOLTS,), "Units")
     _refuse_custom_scale(request)

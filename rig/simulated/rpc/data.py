@@ -26,8 +26,7 @@ def _refuse_other_type(task: SimulatedTask, type_: str) -> None:
 def make_reader(type_: str) -> TaskHandler:
     """Return the handler of NI's read calls for tasks of type ``AI`` or ``CI``: it answers with the values, how many
     came per channel, and a status, not zero where the timeout cut them short; it refuses another type and too small a
-    buffer.
-    """
+    buffer."""
 
     def read(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
         _refuse_other_type(task, type_)
@@ -79,8 +78,7 @@ def largest_line_count(task: SimulatedTask) -> int:
 
 def write_lines(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
     """Answer NI's WriteDigitalLines to a DO task and return the number of samples written: each sample has for every
-    channel as many levels as the largest channel has lines, those beyond the channel's own being ignored.
-    """
+    channel as many levels as the largest channel has lines, those beyond the channel's own being ignored."""
     _refuse_other_type(task, "DO")
     states = np.array([bool(value) for value in request.write_array], dtype=np.float64)
     n, most, channels = int(request.num_samps_per_chan), largest_line_count(task), len(task.channels)

@@ -22,8 +22,7 @@ Answer = Callable[[Inventory, str], Any]
 
 def device_property(answer: Answer) -> Property:
     """Read-only property of a device: ``answer`` gives it from the inventory of the card or chassis and the name that
-    the client asked by, which may be a module's; an unknown name is refused.
-    """
+    the client asked by, which may be a module's; an unknown name is refused."""
 
     def get(device: DeviceState, request: Any) -> Any:
         name = request.device_name
@@ -38,8 +37,7 @@ def device_property(answer: Answer) -> Property:
 
 def channels_getter(*kinds: Kind) -> Answer:
     """Getter of the names, with commas between, of the channels of these kinds that a device has; asked by a module's
-    name it gives that module's only.
-    """
+    name it gives that module's only."""
 
     def get(device: Inventory, name: str) -> str:
         names = [one for one in device.names(*kinds) if device.owner_of(one) is device]

@@ -126,8 +126,7 @@ class Metadatum(NamedTuple):
 
 def rpc_status(error: Exception) -> tuple[grpc.StatusCode, str, tuple[Metadatum, ...]]:
     """Return the gRPC status, text and trailing metadata (NI's error code, samples read) by which a client sees a
-    refusal of the driver or server, or a server that is gone; any other exception is raised again.
-    """
+    refusal of the driver or server, or a server that is gone; any other exception is raised again."""
     if isinstance(error, DaqStatusError):
         numbers = {"ni-error": error.code, "ni-samps-per-chan-read": error.samples_read}
         metadata = tuple(Metadatum(key, str(number)) for key, number in numbers.items() if number is not None)
@@ -144,8 +143,7 @@ INITIALIZE_NEW, ATTACH_TO_EXISTING = 1, 2  # initialization behaviors; 0 attache
 
 def open_session(device: DeviceState, request: Any, create: Callable[[], SimulatedTask]) -> Fields:
     """Attach a client to the task that its request names, or make one by ``create``, as the request's initialization
-    behavior says; return the answer's fields: the task's name, whether it is new. Refuse as NI's server does.
-    """
+    behavior says; return the answer's fields: the task's name, whether it is new. Refuse as NI's server does."""
     name, behavior = request.session_name, request.initialization_behavior
     if behavior == INITIALIZE_NEW and name in device.tasks:
         raise SessionRefused("ALREADY_EXISTS", f"Cannot initialize '{name}' when a session already exists.")

@@ -29,8 +29,7 @@ def task_property(get: Callable[[DeviceState, SimulatedTask], Any]) -> Property:
 
 def channel_property(type_: str, get: Callable[[DeviceState, SimulatedTask, Channel], Any]) -> Property:
     """Read-only property of a channel: ``get`` gives it for the first channel that the request names, in tasks of type
-    ``type_`` ("" for every type); in others it is None, which the caller refuses.
-    """
+    ``type_`` ("" for every type); in others it is None, which the caller refuses."""
 
     def answer(device: DeviceState, request: Any) -> Any:
         task = find_task(device, request.task.name)
@@ -61,8 +60,7 @@ def list_channel_names(device: DeviceState, task: SimulatedTask) -> str:
 
 def sample_count(field: str) -> Property:
     """Read-only property of a task: the samples per channel ``read``, ``acquired`` or ``available`` in its input
-    buffer, 0 without one. Asking for the last two lets time pass on a virtual clock where none are available.
-    """
+    buffer, 0 without one. Asking for the last two lets time pass on a virtual clock where none are available."""
 
     def get(device: DeviceState, task: SimulatedTask) -> int:
         if field != "read":
@@ -95,8 +93,7 @@ Check = Callable[[DeviceState, Channel, Any], None]
 
 def task_setting(category: str, kind: type, check: Callable[[DeviceState, Any], None]) -> Property:
     """Property of a task that a client sets, and gets as it was set, None before; ``category`` is NI's, such as
-    ``Read``, ``kind`` the type of the value, which ``check`` may refuse. A running task refuses to be set.
-    """
+    ``Read``, ``kind`` the type of the value, which ``check`` may refuse. A running task refuses to be set."""
 
     def get(device: DeviceState, request: Any) -> Any:
         return find_task(device, request.task.name).setting(category, "", enum(request, "attribute"), None)
@@ -114,8 +111,7 @@ def task_setting(category: str, kind: type, check: Callable[[DeviceState, Any], 
 
 def channel_setting(type_: str, kind: type, check: Check) -> Property:
     """Property of channels of a task of type ``type_`` that a client sets, and gets as it was set, None before;
-    ``kind`` is the type of the value, which ``check`` may refuse for a channel. A running task refuses to be set.
-    """
+    ``kind`` is the type of the value, which ``check`` may refuse for a channel. A running task refuses to be set."""
 
     def get(device: DeviceState, request: Any) -> Any:
         task = find_task(device, request.task.name)

@@ -94,8 +94,7 @@ class Service:
 
     def answer(self, method: str, request: bytes, is_waiting: Callable[[], bool] | None = None) -> bytes:
         """Answer one call as it comes over a network: ``method`` is its gRPC path, request and response are serialised
-        messages; refusals are raised as gRPC errors. The reset of the server is answered too: it clears every task.
-        """
+        messages; refusals are raised as gRPC errors. The reset of the server is answered too: it clears every task."""
         call = method.rsplit("/", 1)[-1]
         with _as_rpc_errors():
             if method == RESET_SERVER:
@@ -124,8 +123,7 @@ class Service:
     def _answer_property(self, call: str, action: str, category: str, request: Any) -> Fields | None:
         """Get or set, by ``action``, the property whose number the request gives, of NI's ``category`` such as
         ``Read``; return the answer's fields, None after a set. Refuse one that is not simulated, or that the task does
-        not have.
-        """
+        not have."""
         number = enum(request, "attribute")
         answer = PROPERTIES.get((category, number))
         if answer is None or (action == "Set" and answer.put is None):

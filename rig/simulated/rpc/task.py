@@ -18,8 +18,7 @@ SAMPLE_CLOCK = 12487  # the signal of :func:`export_clock`
 
 def control_task(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """Answer NI's TaskControl: start, stop, abort, commit, reserve or unreserve a task, by the request's action;
-    verifying is refused as not simulated.
-    """
+    verifying is refused as not simulated."""
     action = enum(request, "action")
     if action == START:
         start_task(device, task)
@@ -54,8 +53,7 @@ def is_task_done(device: DeviceState, task: SimulatedTask, request: Any) -> Fiel
 
 def set_sample_clock(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """Give a task the sample clock that the ``request`` of NI's CfgSampClkTiming describes, finite or continuous: its
-    own, or the rising edges on a terminal. Its rate is coerced; falling edges are refused as not simulated.
-    """
+    own, or the rising edges on a terminal. Its rate is coerced; falling edges are refused as not simulated."""
     mode = enum(request, "sample_mode")
     if mode not in (daqmx.FINITE, daqmx.CONTINUOUS):
         raise NotAnswered(f"sample mode {mode}")
@@ -66,8 +64,7 @@ def set_sample_clock(device: DeviceState, task: SimulatedTask, request: Any) -> 
 
 def set_implicit_timing(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """Set how many pulses a counter output task puts out, as the ``request`` of NI's CfgImplicitTiming says; continuous
-    ones have no end. Refuse other types of task, and a running one.
-    """
+    ones have no end. Refuse other types of task, and a running one."""
     samples, mode = int(request.samps_per_chan), enum(request, "sample_mode")
     if task.type != "CO":
         raise Unsupported(f"Task: {task.name}: implicit timing")
@@ -87,8 +84,7 @@ def set_start_trigger(device: DeviceState, task: SimulatedTask, request: Any) ->
 
 def export_clock(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """Put the sample clock of an analog task out on the terminal that the ``request`` of NI's ExportSignal names;
-    refuse other signals, and a terminal that carries another signal already.
-    """
+    refuse other signals, and a terminal that carries another signal already."""
     if enum(request, "signal_id") != SAMPLE_CLOCK or task.type not in ("AI", "AO"):
         raise NotAnswered(f"export of signal {enum(request, 'signal_id')} of a {task.type} task")
     target = device.inventory.terminal(request.output_terminal, output=True)

@@ -117,8 +117,7 @@ def explain_difference(tested: ModelUnderTest, sound: Sequence[MeasuredTrial], e
 
 def explain_observed(tested: ModelUnderTest, trials: Sequence[ObservedTrial], effects: bool = True) -> Explained:
     """Search for causes as `explain_difference` does, in all of ``trials`` as they are compared: of one kind, at the
-    same phases, each driven by its force. The result is read from the model's store, or computed and kept there.
-    """
+    same phases, each driven by its force. The result is read from the model's store, or computed and kept there."""
     stated = {path: q.u for path, q in model.quantities_of(tested.action).items()}
     effects = effects and tested.own_model  # a stand-in knows no scenes
     inputs = tested.identity, trials, stated, dict(tested.action.identification.get(TABLE, {})), effects
@@ -144,8 +143,7 @@ def _explain(tested: ModelUnderTest, trials: Sequence[ObservedTrial], effects: b
 
 def make_answer(found: Found, numbers: Sequence[int]) -> Explained:
     """Sentence on what a search ``found`` in the trials ``numbers``, its table rows and findings (these two only where
-    one to `MOST_NAMED` sets of causes explain the differences). Empty where the model cannot run.
-    """
+    one to `MOST_NAMED` sets of causes explain the differences). Empty where the model cannot run."""
     search = found.search
     if search is None:
         return Explained()
@@ -188,8 +186,7 @@ _SUBJECTS = {True: "about the session, not the model: ", False: "about the model
 
 def _comparison_words(search: Search, trials: int) -> str:
     """Text on the kinds of causes that a search compared, on the trials that may have them (only all together where
-    ``trials``, their number, is below four), and on what the answer assumes.
-    """
+    ``trials``, their number, is below four), and on what the answer assumes."""
     named = [search.source(i) for i in search.named]
     kinds = dict.fromkeys(re.sub(r"^\w+ encoder (\w+)$", r"\1 of the encoders", s.kind) for s in named if not s.added)
     lacking = len({s.name for s in named if s.added})
@@ -203,8 +200,7 @@ def _comparison_words(search: Search, trials: int) -> str:
 
 def _make_rows(search: Search, number: int, fit: Fit, best: Fit) -> list[CompatibleChange]:
     """One row for each cause of ``fit``: its size with u, the share of the squared difference that the fit leaves, and
-    its log odds to the fit ``best``; ``number``: of the set, from 1.
-    """
+    its log odds to the fit ``best``; ``number``: of the set, from 1."""
     out = []
     scatter = np.array([search.source(i).scatter for i in fit.members]) / math.sqrt(search.noise.trials)
     u = np.hypot(np.sqrt(np.diag(search.covariance(fit))), scatter)
@@ -233,8 +229,7 @@ def _group_rows(rows: Sequence[CompatibleChange]) -> list[list[CompatibleChange]
 
 def _make_findings(sets: Sequence[Sequence[CompatibleChange]], where: str) -> tuple[SessionFinding, ...]:
     """Findings on causes that only some trials have: one for each such cause of the only set, else a single one that
-    names those of all sets; ``where``: the trials, as text.
-    """
+    names those of all sets; ``where``: the trials, as text."""
     told = "explains what {} differ by among themselves, and no other cause that was compared does nearly as well"
     if len(sets) == 1:
         rows = [row for row in sets[0] if row.profile != ALL]
@@ -247,8 +242,7 @@ def _make_findings(sets: Sequence[Sequence[CompatibleChange]], where: str) -> tu
 
 def _make_finding(rows: Sequence[CompatibleChange], text: str) -> SessionFinding:
     """Finding with this ``text``: the kind and channel of the rows' common error (else *outlying residual* or *changed
-    condition*, no channel), their common first trial (NaN for several or a drift), and the first row's size.
-    """
+    condition*, no channel), their common first trial (NaN for several or a drift), and the first row's size."""
     kinds = {FINDINGS.get(row.cause, "") for row in rows}
     profiles, first = {row.profile for row in rows}, {row.first for row in rows}
     named = len(kinds) == 1 and kinds != {""}

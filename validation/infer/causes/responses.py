@@ -173,8 +173,7 @@ class Responses:
     def force_columns(self, at: Point, t: int, here: Array) -> Array:
         """Derivatives (m, 3, 1 + SEGMENTS) of trial ``t``'s angles (key, whippen, hammer) at a point, rad per standard
         deviation of its force's offset and of the noise at each knot but the first; 0 where a run fails. ``here``:
-        differences (trials, 3 m).
-        """
+        differences (trials, 3 m)."""
         trial, place = self.trials[t], self._place(at, t)
         places = [replace(place, offset_n=BUMP_N), *(replace(place, knot=k) for k in range(1, SEGMENTS + 1))]
         steps = np.array([BUMP_N, *SEGMENTS * [BUMP_N]])
@@ -208,8 +207,7 @@ class Responses:
 
     def _place(self, point: Point, t: int) -> _Place:
         """Amounts of the sources, index -> amount, that trial ``t`` (index) has at a point, which gives amounts of
-        candidates; those that it lacks are left out.
-        """
+        candidates; those that it lacks are left out."""
         amounts: dict[int, float] = {}
         for j, z in point.amounts:
             c = self.candidates[j]
@@ -226,8 +224,7 @@ class Responses:
 
     def _read_all(self, asked: Sequence[tuple[_Place, int]]) -> list[Array | None]:
         """Encoder readings (3 m,), rad since rest, for each (place, trial index), with all errors of the place; equal
-        requests run once, and runs are kept. None where the model cannot run.
-        """
+        requests run once, and runs are kept. None where the model cannot run."""
         runs = [
             (replace(place, amounts=tuple(a for a in place.amounts if a[0] not in self._read)), t) for place, t in asked
         ]
@@ -237,8 +234,7 @@ class Responses:
 
     def _read_encoders(self, turned: Array | None, place: _Place) -> Array | None:
         """Encoder readings (3 m,), rad since rest, of the model's angles ``turned``, with the scale and zero errors of
-        a place; delays are in ``turned`` already. None where ``turned`` is.
-        """
+        a place; delays are in ``turned`` already. None where ``turned`` is."""
         wrong = [(self._read[j], z) for j, z in place.amounts if j in self._read]
         if turned is None or not wrong:
             return turned
@@ -252,8 +248,7 @@ class Responses:
 
     def _reading_times(self, place: _Place, trial: ObservedTrial) -> Array:
         """Model times (3, m), s, whose angles each encoder reads at the trial's phases: earlier by its delay, rescaled
-        for an error of the clock's rate, never before the force's record begins.
-        """
+        for an error of the clock's rate, never before the force's record begins."""
         when = np.tile(trial.time_s, (len(ENCODERS), 1))
         rate = 1.0
         for j, z in place.amounts:
@@ -267,8 +262,7 @@ class Responses:
 
     def _run_all(self, asked: Sequence[tuple[_Place, int]]) -> list[Array | None]:
         """Encoder angles since rest (3 m,), rad, at each encoder's reading times, for each (place, trial index), by new
-        runs; the key's include the lift of its pivot. None where the model cannot run.
-        """
+        runs; the key's include the lift of its pivot. None where the model cannot run."""
         runs = [self._run(place, self.trials[t]) for place, t in asked]
 
         def turn(i: int, solution: model.Solution) -> Array:
@@ -285,8 +279,7 @@ class Responses:
 
     def _run(self, place: _Place, trial: ObservedTrial) -> Run | None:
         """What to simulate for a trial at a place (not simulated here): action, rest, coarse force with its errors,
-        output times. None where the action cannot rest or take an effect.
-        """
+        output times. None where the action cannot rest or take an effect."""
         changed: dict[str, float] = {}
         added: list[tuple[Source, float]] = []
         error = {FORCE_GAIN: 1.0, FORCE_LEVEL: 0.0, FORCE_DELAY: 0.0, CLOCK: 1.0}
@@ -317,8 +310,7 @@ class Responses:
 
     def _coarse_force(self, trial: ObservedTrial, delay_s: float, knot: int) -> tuple[Array, Array]:
         """Coarse force table (time, s; force, N) of a trial, corrected for a reading ``delay_s`` late and raised by
-        `BUMP_N` at noise knot ``knot`` (none below 0); cached.
-        """
+        `BUMP_N` at noise knot ``knot`` (none below 0); cached."""
         key = trial.number, delay_s, knot
         if key not in self._forces:
             force = np.interp(trial.force_time_s + delay_s, trial.force_time_s, trial.force_n)
@@ -333,8 +325,7 @@ class Responses:
     ) -> tuple[model.Action, model.RestState] | None:
         """Action with values ``changed`` (path -> SI) and effects ``added`` (with amounts), and its rest under
         ``preload_n``; the search starts from the unchanged rest where that is ``declared_n``, N. None where it cannot
-        rest or take an effect.
-        """
+        rest or take an effect."""
         try:
             action = self.tested.action.with_values(changed) if changed else self.tested.action
             for source, z in added:

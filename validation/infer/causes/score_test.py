@@ -85,8 +85,7 @@ class BalancedNoise:
 
     def draw(self, k: int, count: int, rng: np.random.Generator) -> Array:
         """Draw ``count`` sessions of the null hypothesis, in which each trial deviates by the share `DEVIATIONS[k]` of
-        the response: mean and contrasts (count, trials, n) of the residuals, rad.
-        """
+        the response: mean and contrasts (count, trials, n) of the residuals, rad."""
         n = len(self._shared)
         each = rng.standard_normal((count, self.trials, n)) @ self._own[k].T
         each += self.runs[rng.integers(len(self.runs), size=(count, self.trials))]
@@ -96,8 +95,7 @@ class BalancedNoise:
 
     def whiten(self, k: int, turned: Array) -> Array:
         """Whitened copy of ``turned`` (trials, n, …), mean and contrasts over trials of residuals or columns, rad: in
-        standard deviations of the noise in which trials deviate by `DEVIATIONS[k]`.
-        """
+        standard deviations of the noise in which trials deviate by `DEVIATIONS[k]`."""
         if k not in self._inverse:
             roots = self.mean[k], self.between[k]
             self._inverse[k] = [solve_triangular(root, np.eye(len(root)), lower=True) for root in roots]
@@ -185,8 +183,7 @@ class ScoreTest:
 
     def products(self, k: int, white: Array) -> Array:
         """Inner products (draws, P) of each candidate's whitened column with residuals ``white`` (draws, trials, n),
-        which are mean and contrasts over trials whitened with `DEVIATIONS[k]`.
-        """
+        which are mean and contrasts over trials whitened with `DEVIATIONS[k]`."""
         mean = white[:, 0] @ self._mean[k]
         out = self.weights[0] * mean[:, self.source]
         if self.noise.trials > 1:
@@ -197,8 +194,7 @@ class ScoreTest:
     def gains(self, turned: Array, held: Sequence[int] = (), z: Array | None = None) -> tuple[Array, int]:
         """Score statistic (P,), twice the gain in log posterior, of each candidate beside those ``held`` (indices) at
         amounts ``z``, and the index in `DEVIATIONS` that is likeliest with the best; ``turned`` (trials, n): mean and
-        contrasts of residuals.
-        """
+        contrasts of residuals."""
         z = np.zeros(len(held)) if z is None else z
         best, size, found = -np.inf, 0, np.zeros(self.source.size)
         likelihoods = self.noise.log_likelihoods(turned)
@@ -212,8 +208,7 @@ class ScoreTest:
 
     def threshold(self, turned: Array, seed: int = 0) -> Threshold:
         """Thresholds of the score statistic of one cause and of a pair, by Monte Carlo: the search repeated in `DRAWS`
-        sessions of the null hypothesis fitted to ``turned`` (trials, n), mean and contrasts of residuals.
-        """
+        sessions of the null hypothesis fitted to ``turned`` (trials, n), mean and contrasts of residuals."""
         noise, rng = self.noise, np.random.default_rng(seed)
         posterior = noise.log_likelihoods(turned)
         posterior = np.exp(posterior - posterior.max())
@@ -250,8 +245,7 @@ class ScoreTest:
 
 def pair_gains(gram: Array, b: Array) -> Array:
     """Largest gain (draws,), twice the log posterior, of two causes, one of them among the `PAIRED` best: ``gram`` (P,
-    P) are inner products of the candidates' whitened columns, ``b`` (draws, P) those with the residuals.
-    """
+    P) are inner products of the candidates' whitened columns, ``b`` (draws, P) those with the residuals."""
     own = 1.0 + np.diag(gram)
     gain = b**2 / own
     first = np.argsort(-gain, axis=1)[:, :PAIRED]
@@ -268,8 +262,7 @@ def _chunks(count: int) -> list[int]:
 
 def _condition_on(gram: Array, b: Array, held: Sequence[int], z: Array) -> tuple[Array, Array, float]:
     """Copies of ``gram`` (P, P) and products ``b`` (P,) without what the candidates ``held`` (indices) at amounts ``z``
-    explain, and twice the log posterior that an update of z gains; unchanged, and 0, where none is held.
-    """
+    explain, and twice the log posterior that an update of z gains; unchanged, and 0, where none is held."""
     if not held:
         return gram, b, 0.0
     inner = gram[np.ix_(held, held)] + np.eye(len(held))

@@ -118,16 +118,14 @@ class Search:
     def find_threshold(self, count: int, seed: int) -> Threshold:
         """Thresholds of one cause and of a pair under the null hypothesis, after ``count`` more strokes are drawn and
         run: for ``seed`` 1 they replace, for a higher one they join `BalancedNoise.runs`, from which sessions are
-        drawn.
-        """
+        drawn."""
         more, _ = self._draw(count, self.columns, seed)
         self.noise.runs = np.concatenate([self.noise.runs, more]) if seed > 1 else more
         return self.test.threshold(self.turned(self.at.each))
 
     def _conditions(self) -> list[tuple[int, float]]:
         """Trials to linearise, (index, share of all trials that it represents): those with least and most of the causes
-        of the fit; the first alone where all trials have them alike.
-        """
+        of the fit; the first alone where all trials have them alike."""
         weights = [self.responses.candidates[i].weights for i in self.at.members]
         weights = [w for w in weights if np.ptp(w)]
         if not weights:
@@ -138,8 +136,7 @@ class Search:
 
     def _group_alike(self, shown: Sequence[int]) -> dict[int, dict[int, float]]:
         """Detectable candidates (index) of those ``shown``, each -> indices of those indistinguishable from it, with
-        the amount that equals amount 1 of it; derivatives are central differences of runs of the first trial.
-        """
+        the amount that equals amount 1 of it; derivatives are central differences of runs of the first trial."""
         wanted = sorted({self.responses.candidates[i].source for i in shown})
         columns = np.zeros_like(self.columns)
         asked = [(self.at.point, 0, j) for j in wanted]
@@ -151,8 +148,7 @@ class Search:
 
     def with_effects(self) -> Search:
         """New search around the same fit with effects that the model lacks among its causes; hereditary laws only of
-        the `FELTS` felts whose damping changes the curves most.
-        """
+        the `FELTS` felts whose damping changes the curves most."""
         listed = self.responses.listed
         size = np.sum(self.columns**2, axis=0)
         damping = {s.name.removesuffix(DAMPING): size[j] for j, s in enumerate(listed) if s.name.endswith(DAMPING)}
@@ -176,8 +172,7 @@ class Search:
 
     def start_fit(self, members: tuple[int, ...], at: Fit | None = None) -> Fit:
         """Starting fit of the candidates ``members`` (indices), not run: amounts as in the fit ``at`` (the search's own
-        by default), 0 of new ones; the effect of its other causes is removed linearly.
-        """
+        by default), 0 of new ones; the effect of its other causes is removed linearly."""
         base = self.at if at is None else at
         z = np.array([base.z[base.members.index(i)] if i in base.members else 0.0 for i in members])
         sources = [self.responses.candidates[i].source for i in members]
@@ -307,8 +302,7 @@ class Search:
 
     def exchange_causes(self, fits: Sequence[Fit]) -> tuple[Search, list[Fit]]:
         """Linearise anew at the first, best fit, start fits with one of its causes exchanged, and refit all by runs:
-        the search there, and its at most `PAIRED` best fits, refitted by runs of every trial, the best first.
-        """
+        the search there, and its at most `PAIRED` best fits, refitted by runs of every trial, the best first."""
         best = fits[0]
         around = Search(self.responses, best, self.effects, self)
         known = {frozenset(f.members) for f in fits}
@@ -367,8 +361,7 @@ class Search:
 
     def _run_exactly(self, fits: Sequence[Fit]) -> list[Fit]:
         """Copies of the fits with residuals and log posterior by runs of every trial at their amounts; one that cannot
-        be run has the log posterior -inf.
-        """
+        be run has the log posterior -inf."""
         out = []
         for fit, each in zip(fits, self.responses.exact_differences([f.point for f in fits]), strict=True):
             if each is None:
@@ -379,8 +372,7 @@ class Search:
 
     def pairs(self, singles: Sequence[Fit]) -> list[Fit]:
         """Starting fits of two causes, not refitted: each of the `SECOND` best of ``singles`` (fits of one cause, the
-        best first) with the candidates that gain most beside it, and with the other best ones.
-        """
+        best first) with the candidates that gain most beside it, and with the other best ones."""
         started: dict[frozenset[int], Fit] = {}
         for one in singles[:SECOND]:
             for i in [
@@ -399,8 +391,7 @@ class Search:
     def gains(self, fit: Fit | None = None, held: Sequence[int] = ()) -> tuple[Array, int]:
         """Score statistic (P,) of the candidates `named` beside the causes ``held`` (candidate indices) of a fit, its
         others removed linearly, and the index in `DEVIATIONS` of the likeliest deviation; without a fit at the search's
-        own point.
-        """
+        own point."""
         if fit is None:
             return self.test.gains(self.turned(self.at.each))
         gone = [k for k, i in enumerate(fit.members) if i not in held]
@@ -418,8 +409,7 @@ class Search:
 
     def first_round(self) -> list[Fit]:
         """Fits of one cause each after one Gauss–Newton step, the `REFITTED` best, best first: every source in all
-        trials, those that gain most as only some trials may have them, and every added effect.
-        """
+        trials, those that gain most as only some trials may have them, and every added effect."""
         gains, _ = self.gains()
         best: dict[tuple[int, bool], int] = {}
         for n in np.argsort(-gains, kind="stable"):
@@ -434,8 +424,7 @@ class Search:
 
     def refit_alike(self, fits: Sequence[Fit]) -> list[Fit]:
         """The fits, and refits by runs of every trial with one cause exchanged for an indistinguishable one, together
-        sorted by log posterior, the best first.
-        """
+        sorted by log posterior, the best first."""
         started = []
         for fit in fits:
             for i in fit.members:
@@ -447,8 +436,7 @@ class Search:
 
     def start_effects(self, fits: Sequence[Fit]) -> list[Fit]:
         """The fits, those with an added effect of amount 0 run with it at each of `AMOUNTS` and replaced by the
-        likeliest (its derivative at 0 says little). The order changes; a fit that cannot be run so is dropped.
-        """
+        likeliest (its derivative at 0 says little). The order changes; a fit that cannot be run so is dropped."""
         tried: list[tuple[int, Fit]] = []
         for n, fit in enumerate(fits):
             absent = [self.source(i).added and z == 0.0 for i, z in zip(fit.members, fit.z, strict=True)]

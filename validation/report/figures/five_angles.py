@@ -43,8 +43,7 @@ def five_angles(view: SessionView) -> list[tuple[str, str, bool]]:
 
 def angles_svg(results: Sequence[ValidationResult]) -> str:
     """Text of an SVG file with the five angles of a session, measured and predicted, in degrees, and below model −
-    trial; ``results``: of one session, one for each model.
-    """
+    trial; ``results``: of one session, one for each model."""
     view = SessionView(tuple(results))
     chart = Chart(
         (WIDTH + 12) * len(BODIES), HEIGHT + 20, ROWS, len(BODIES), 30, 6, 41, 27, 20, 32, FONT
@@ -58,8 +57,7 @@ def angles_svg(results: Sequence[ValidationResult]) -> str:
 
 def band_words(view: SessionView) -> str:
     """Text with the largest half width, in degrees, of the 95 % interval of the mean difference of each angle; empty
-    where none was drawn.
-    """
+    where none was drawn."""
     parts = []
     for channel in BODIES:
         reach = spread_of(view.first, channel, "difference_u95")
@@ -85,8 +83,7 @@ def _picture(view: SessionView, channel: str) -> str:
 
 def _draw(top: Panel, low: Panel, view: SessionView, channel: str) -> None:
     """Draw into ``top`` the rotation of the body ``channel``, measured in all trials and predicted, and into ``low``
-    model − trial, in degrees with the thesis's signs; sets the panels' axes and titles.
-    """
+    model − trial, in degrees with the thesis's signs; sets the panels' axes and titles."""
     first = view.first
     base, color = first.base_s, BODY_COLORS[channel]
     measured = curves_of(first, channel, "measured")
@@ -124,8 +121,7 @@ def _draw(top: Panel, low: Panel, view: SessionView, channel: str) -> None:
 
 def _words(view: SessionView, channel: str) -> str:
     """Text alternative of the picture of the body ``channel``: its largest mean difference from the trials, in degrees,
-    with its time, for each model, and the limit of relevance.
-    """
+    with its time, for each model, and the limit of relevance."""
     said = []
     for name, result in zip(view.names, view.results, strict=True):
         difference = _mean(_difference(result, channel))

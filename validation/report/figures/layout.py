@@ -64,8 +64,7 @@ def curves_of(result: ValidationResult, channel: str, kind: str) -> Array:
 
 def differences_of(result: ValidationResult, channel: str) -> Array:
     """Model − trial of the body ``channel`` on the time base, (n_samples, n_trials), degrees with the thesis's sign,
-    taken at each trial's samples and interpolated; NaN where there is none.
-    """
+    taken at each trial's samples and interpolated; NaN where there is none."""
     names = f"{channel}_predicted_rad", f"{channel}_measured_rad"
     columns = [
         interpolate_to_base_times(
@@ -98,8 +97,7 @@ def model_pen(i: int) -> Pen:
 
 def draw_trials(panel: Panel, time: Array, curves: Array, color: str, columns: int = 160) -> None:
     """Draw ``curves`` (n, trials) at ``time`` (n,) into a panel: up to ten as lines, more as their median with shades
-    from 25 to 75 % and from 5 to 95 %; thinned to ``columns`` places.
-    """
+    from 25 to 75 % and from 5 to 95 %; thinned to ``columns`` places."""
     if curves.shape[1] <= MOST_LINES:
         for curve in curves.T:
             panel.line(time, curve, Pen(color, 0.9, opacity=0.75), columns=columns)
@@ -118,8 +116,7 @@ def shade_lifts(panel: Panel, marked: pd.DataFrame, trials: list[int]) -> None:
 
 def quantiles(time_s: Array, curves: Array) -> tuple[Array, Array]:
     """Times of at most 500 samples, denser where ``curves`` (n, trials) bend, and there the 5, 25, 50, 75 and 95 %
-    quantiles over the trials, (k, 5); NaN values do not count.
-    """
+    quantiles over the trials, (k, 5); NaN values do not count."""
     at = uneven_samples(time_s, curves[:, :: max(1, curves.shape[1] // 8)], SAMPLES)
     ordered = np.sort(curves[at], axis=1)  # NaN last
     known = np.isfinite(ordered).sum(axis=1)
@@ -143,8 +140,7 @@ def left_out_intervals(result: ValidationResult, channel: str) -> pd.DataFrame:
 
 def lift_text(lifts: pd.DataFrame) -> str:
     """Sentence on the number and total length of the intervals left out of the scores (rows with ``trial``,
-    ``start_s``, ``end_s``), for readers who cannot see the shading; empty without any.
-    """
+    ``start_s``, ``end_s``), for readers who cannot see the shading; empty without any."""
     if not len(lifts):
         return ""
     trials = ", ".join(str(t) for t in sorted(set(lifts["trial"])))

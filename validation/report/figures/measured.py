@@ -94,8 +94,7 @@ def _select_event(events: pd.DataFrame, name: str) -> tuple[Array, Array]:
 
 def _draw_chart(panel: Panel, trials: Array, values: Array) -> list[int]:
     """Draw one control chart of ``values`` (n,) over the trial numbers ``trials`` (n,) into a panel; returns the
-    numbers of the trials beyond its limits, empty below six trials.
-    """
+    numbers of the trials beyond its limits, empty below six trials."""
     mean, reach = _limits(values)
     panel.level(mean, Pen(FORCE, 0.9))
     beyond = np.zeros(values.size, dtype=bool)
@@ -112,8 +111,7 @@ def _draw_chart(panel: Panel, trials: Array, values: Array) -> list[int]:
 
 def force_from_motion(view: SessionView, i: int) -> ReportFigure:
     """Figure of the measured force, N, and of the force that the i-th model needs for the measured motion of the key,
-    with its uncertainty, and their difference; that model's result must have a motion trace.
-    """
+    with its uncertainty, and their difference; that model's result must have a motion trace."""
     result = view.results[i]
     trace, row = result.motion_trace, result.motion_driven.iloc[0]
     assert trace is not None
@@ -161,8 +159,7 @@ def _quantiles(curves: Array) -> str:
 
 def rotation_of_all_trials(view: SessionView, channel: str) -> ReportFigure:
     """Figure of the measured rotation of the encoder body ``channel`` in all trials, degrees, with the 95 % band of
-    their mean, and below s_r(t) (thesis 3.10–3.12).
-    """
+    their mean, and below s_r(t) (thesis 3.10–3.12)."""
     result, color = view.first, BODY_COLORS[channel]
     base, curves = result.base_s, curves_of(result, channel, "measured")
     chart = Chart(WIDTH, 245, rows=(3, 1))
@@ -188,8 +185,7 @@ def rotation_of_all_trials(view: SessionView, channel: str) -> ReportFigure:
 
 def all_figures(view: SessionView) -> dict[str, list[ReportFigure]]:
     """Figures of a session by section of the page: ``trials`` (shown trial against the models; thesis 4.1–4.15, 3.13)
-    and ``repeatability`` (all trials, control charts; 3.9–3.12).
-    """
+    and ``repeatability`` (all trials, control charts; 3.9–3.12)."""
     trials = compared_figures(view)
     trials += [force_from_motion(view, i) for i, r in enumerate(view.results) if r.motion_trace is not None]
     repeatability = [force_of_all_trials(view)] if view.has_force else []

@@ -76,8 +76,7 @@ def force_of_one_trial(view: SessionView) -> ReportFigure:
 
 def model_against_trial(view: SessionView, channel: str) -> ReportFigure:
     """Figure of the body ``channel`` in the shown trial with every model's prediction, degrees, and below, for each
-    model, model − trial of all trials (thesis 3.13, 4.2–4.15).
-    """
+    model, model − trial of all trials (thesis 3.13, 4.2–4.15)."""
     result = view.first
     trial = view.shown_trial(channel)
     f = window(result, traces_of(result, channel)[trial])
@@ -119,8 +118,7 @@ def model_against_trial(view: SessionView, channel: str) -> ReportFigure:
 
 def trial_words(view: SessionView, channel: str, trial: int) -> str:
     """Sentence with RMSE and largest difference, degrees, of the body ``channel`` in the trial numbered ``trial``, for
-    each model; says so where it was not compared.
-    """
+    each model; says so where it was not compared."""
     parts = []
     for name, other in zip(view.names, view.results, strict=True):
         own = other.scores[(other.scores["trial"] == trial) & (other.scores["channel"] == channel)]
@@ -155,8 +153,7 @@ def limit_of_trial(result: ValidationResult, channel: str, time: Array) -> Array
 def _residuals(panel: Panel, result: ValidationResult, channel: str, trial: int, number: int) -> float:
     """Draw model − trial of all trials of the body ``channel`` into a panel, the one numbered ``trial`` in black, with
     the 95 % band of their mean; returns its largest half width, degrees, 0 without band. ``number``: place of the
-    model.
-    """
+    model."""
     base = result.base_s
     differences = differences_of(result, channel)
     draw_trials(panel, base, differences, BODY_COLORS[channel])

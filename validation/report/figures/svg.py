@@ -125,8 +125,7 @@ class Panel:
 
     def y_limits(self) -> tuple[float, float]:
         """Lower and upper limit of the vertical axis: those set, else from all curves, bands and levels with a margin
-        of 5 %; (0, 1) without any, (0.1, 1) on a logarithmic axis.
-        """
+        of 5 %; (0, 1) without any, (0.1, 1) on a logarithmic axis."""
         if self.y is not None:
             return self.y
         ends = [s.y for s in (*self.shapes, *self.areas)] + [s.upper for s in self.areas if s.upper is not None]
@@ -216,8 +215,7 @@ class Chart:
 
     def _frames(self, legend_height: float) -> Iterator[tuple[Panel, tuple[float, float, float, float], bool]]:
         """Yield each panel, row after row, with left, right, top and bottom of its frame, points, and whether its time
-        axis is labelled; ``legend_height``: points kept free above.
-        """
+        axis is labelled; ``legend_height``: points kept free above."""
         top = self.top + legend_height
         inside = self.height - top - self.bottom - self.between * (len(self.rows) - 1)
         width = (self.width - self.left - self.right - self.beside * (self.columns - 1)) / self.columns
@@ -263,8 +261,7 @@ class _Frame:
 
     def at_y(self, y: Array) -> Array:
         """Vertical places in the chart, points, downwards, of values ``y`` in the panel's unit; infinite values lie at
-        the edges, NaN and, on a logarithmic axis, values of 0 or less are NaN.
-        """
+        the edges, NaN and, on a logarithmic axis, values of 0 or less are NaN."""
         low, high = self.y
         y = np.clip(y, low, high) if np.isinf(y).any() else y
         if self.is_log:
@@ -274,8 +271,7 @@ class _Frame:
 
     def draw(self, panel: Panel, is_lowest: bool) -> str:
         """SVG text of a whole panel in this frame: curves, frame, ticks, marks, title and labels; ``is_lowest``:
-        whether the time axis has numbers.
-        """
+        whether the time axis has numbers."""
         clip, width, height = f"{self.id}-clip", self.right - self.left, self.bottom - self.top
         curves = "".join(self._path(shape) for shape in (*panel.areas, *panel.shapes))
         box = f'x="{self.left:.2f}" y="{self.top:.2f}" width="{width:.2f}" height="{height:.2f}"'
@@ -307,8 +303,7 @@ class _Frame:
 
     def _path(self, shape: _Shape) -> str:
         """SVG path of a shape: a line, dots, or the area up to its upper edge, with gaps at NaN; empty text for a shape
-        with neither a point nor a name.
-        """
+        with neither a point nor a name."""
         x, y = self.at_x(shape.x), self.at_y(shape.y)
         if shape.upper is not None:
             d = "".join(
@@ -354,8 +349,7 @@ class _Frame:
 
     def _marks(self, panel: Panel) -> str:
         """SVG text of a vertical line at every mark of a panel inside its time axis, solid at positions of the thesis
-        and dotted at events; the former have their letters above where the panel says so. Empty without any.
-        """
+        and dotted at events; the former have their letters above where the panel says so. Empty without any."""
         text = ""
         for mark in panel.marks:
             if not self.x[0] <= mark.time_s <= self.x[1]:
@@ -371,8 +365,7 @@ class _Frame:
 
 def linear_ticks(low: float, high: float, most: int, *, has_integers: bool = False) -> list[tuple[float, str]]:
     """Round values from ``low`` to ``high``, in steps of 1, 2, 2.5 or 5 times a power of ten that make ``most``
-    intervals at most, each with its label; steps are whole numbers where ``has_integers``.
-    """
+    intervals at most, each with its label; steps are whole numbers where ``has_integers``."""
     rough = max((high - low) / most, 1e-300)
     power = 10.0 ** math.floor(math.log10(rough))
     step = next((m * power for m in STEPS if m * power >= rough * (1 - 1e-9)), 10 * power)
@@ -385,8 +378,7 @@ def linear_ticks(low: float, high: float, most: int, *, has_integers: bool = Fal
 
 def log_ticks(low: float, high: float) -> list[tuple[float, str]]:
     """Powers of ten from ``low`` to ``high``, both above 0, each with its label; with 2 and 5 times them where fewer
-    than two lie there.
-    """
+    than two lie there."""
     powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     for factors in ((1,), (1, 2, 5)):
         found = [f * 10.0**p for p in powers for f in factors if low <= f * 10.0**p <= high]
@@ -402,8 +394,7 @@ def escape(text: str) -> str:
 
 def set_math(label: str) -> str:
     r"""Label as SVG text, escaped; in formulas between dollar signs ``\theta``, subscripts of one letter and minus
-    signs are typeset.
-    """
+    signs are typeset."""
     parts = html.escape(label).split("$")
     for i in range(1, len(parts), 2):
         formula = parts[i].replace(r"\theta", "θ").replace("-", "−")
@@ -426,8 +417,7 @@ def _pairs(x: Array, y: Array) -> str:
 
 def _legend(entries: dict[str, str], width: float) -> tuple[str, float]:
     """SVG text of the legend above all panels, centred in ``width`` points, in as many lines as it needs, and its
-    height, points (0 without ``entries``); ``entries``: label → SVG of its sample.
-    """
+    height, points (0 without ``entries``); ``entries``: label → SVG of its sample."""
     lines: list[list[tuple[float, str, str]]] = [[]]
     filled = 0.0
     for label, handle in entries.items():
