@@ -17,7 +17,7 @@ from rig.errors import RigInputError
 
 def as_numbers(values: ArrayLike, where: str, ndim: int | None = None, dtype: DTypeLike = np.float64) -> NDArray[Any]:
     """``values`` as a contiguous array of ``dtype`` with ``ndim`` dimensions (None: any), itself where it is one, NaN
-    where masked; `RigInputError`, which begins with ``where``, for what is no real number, or not whole where ``dtype`` is."""
+    where masked; `RigInputError`, beginning with ``where``, for what is not real, or not whole if ``dtype`` is."""
     if type(values) is np.ndarray and values.dtype == dtype and values.flags.carray:
         found = out = values
     else:
