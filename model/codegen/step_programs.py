@@ -608,7 +608,8 @@ class StepPrograms:
         ]
 
     def _solve_stage(self, e: Elements, k: Expression) -> list[Statement]:
-        """Statements that solve for the stage of each state, from the accelerations there."""
+        """Statements that solve the linear system of stage ``k`` (its number) and write the stage of each state into
+        the workspace, from the variables that `stage` sets before it."""
         s = self._s
         gh, rate, ft = self._condition("gh"), self._condition("rate"), self._condition("ft")
         n, filled, masses = s.solved, self.inverse_pattern(), self._masses(e)

@@ -111,7 +111,8 @@ class Modes:
         return loop_over(f"energy {row} {sign}", self.count, one)
 
     def reach(self) -> list[Statement]:
-        """Statements that set `W.S_REACH` to a bound on the free string's displacement (m) towards the hammer."""
+        """Statements that set `W.S_REACH` to a bound, m, that the free string's displacement towards the hammer never
+        exceeds from now on: 1.1 times the sum of its modes' amplitudes, of the state at `W.Z`."""
         found = variable("reach")
 
         def one(i: Expression) -> list[Statement]:
@@ -294,7 +295,8 @@ class StringContact(Contact):
         ]  # fmt: skip
 
     def set_error_weights(self, worth: Expression) -> list[Statement]:
-        """Statements that set the modes' error weights; ``worth``: acceleration of a coordinate per m of the string."""
+        """Statements that set the modes' error weights (`W.Z_WEIGHT`) where the variable ``awake``, set before, is 1;
+        ``worth``: acceleration of a coordinate per m of the string."""
         m = self.modes
 
         def one(i: Expression) -> list[Statement]:

@@ -11,8 +11,8 @@ from model.files.figure_sheet import new_sheet
 
 
 def draw(presses: Sequence[Pressing], fits: Sequence[LawFit], title: str, path: str | Path) -> None:
-    """Write a figure of measured force over depth of every press, with what the law gives, a panel for each of
-    ``fits``, to ``path`` (.svg, .pdf or .png), in place of a file that is there.
+    """Write a figure to ``path`` (.svg, .pdf or .png), replacing a file: for each law fitted (``fits``) a panel with
+    measured force over depth of all ``presses`` and what the law gives for each.
 
     Parameters
     ----------

@@ -113,8 +113,8 @@ def _longest_stretch(times: Array, forces: Array, level: float) -> float:
 
 
 def _blow_seconds(times: Array, forces: Array) -> tuple[float, float]:
-    """Longest time, s, for which the force stays above a low share (`RISE`) of its peak, and the time, s, of its last
-    rise from that share to the high one."""
+    """Longest time, s, for which the force (n,), N, stays above a low share (`RISE`) of its peak, and how long, s, its
+    last rise before the peak takes from that share to the high one."""
     peak = int(np.argmax(forces))
     most, until = float(forces[peak]), slice(0, peak + 1)
     low = np.flatnonzero(forces[until] <= RISE[0] * most)

@@ -350,7 +350,7 @@ def write_rows(bits, width, members, space):
 
 @inlined_uncounted
 def store_accepted(within, width, members, space):
-    """Replace state and time by those at the end of the step, in the lanes of ``within``."""
+    """Replace state and time by those at the end of the step, in the lanes with a bit in ``within``."""
     memory = space.step
     for start, end, n in (
         (Q, Q1, members.angle.shape[1]),

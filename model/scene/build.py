@@ -184,8 +184,9 @@ def _parent_index(action: Action, bodies: list[str], body: str) -> int:
 
 
 def _body_numbers(action: Action, bodies: list[str], body: str) -> list[float]:
-    """Nine numbers of a coordinate's body: pivot x, y, centre of mass x, y (m), mass (kg), inertia (kg m^2), A, B1, B2
-    of joint friction; of a winding the inductance as inertia."""
+    """Nine numbers of a coordinate's ``body``: pivot x, y, centre of mass x, y, mass, inertia (of a winding:
+    inductance), A, B1, B2 of joint friction, SI. ``bodies``: all of the scene; a shank's part leaves the hammer, a
+    guide carries the key."""
     if body == KEY_LIFT:
         friction = action[f"{RAIL}.guide_friction.A"]
         return [action["key.pivot.x"], action["key.pivot.y"], 0.0, 0.0, 0.0, 0.0, friction, 0.0, 0.0]

@@ -117,8 +117,8 @@ SUBPIXELS = 4  # a side of a pixel's mean: edges are right to a sixteenth of the
 
 
 def write_blow_film(path: Path, bodies: Path, blow: model.Solution, frames: int = FRAMES) -> None:
-    """Render ``frames`` frames of a blow by the virtual camera, from its trigger on, into the film ``path`` (with its
-    header beside), and write the outlines of its bodies to ``bodies``."""
+    """Render the blow of the example force on the default action, ``frames`` frames from 0.045 s on, into ``path``
+    (.mraw, header .cihx beside it); write the bodies' outlines to ``bodies`` (TOML)."""
     column = [model.BODIES.index(name) for name in ("whippen", "jack", "repetition")]
     relative = blow.angle_rad[:, column]  # jack and lever from the whippen, as the camera wants them
 

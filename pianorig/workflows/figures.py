@@ -24,8 +24,8 @@ FEWEST_QUIET = 10  # samples of rest that a level is read from
 
 
 def draw_session(session: rig.Session, path: Path) -> None:
-    """Draw the raw force, N, and the angles since the first sample, degrees, over time, of all trials of a session that
-    can be read, a panel each, into the picture ``path``."""
+    """Draw into the picture ``path`` a panel for the raw force, N, and one for each encoder (degrees since the first
+    sample), over time, all readable trials of the session laid over one another."""
     trials = [trial.read() for trial in session.trials if not trial.problem]
     names = list(dict.fromkeys(encoder.name for data in trials for encoder in data.encoders))
     has_force = any(data.has_force for data in trials)

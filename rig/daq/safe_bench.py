@@ -306,7 +306,8 @@ class SafeBench:
 
     @contextmanager
     def _safe_on_failure(self) -> Iterator[None]:
-        """Make the bench safe when the block fails; its own fault is reported, and no task is used again."""
+        """Context: where the block raises, stop the bench, clear all its tasks, and let the block's error go on; what
+        fails in stopping is only logged. The next trial makes its tasks afresh."""
         try:
             yield
         except BaseException:

@@ -90,8 +90,8 @@ def press_settings(config: RigConfig, felt: FeltConfig, peak_n: float) -> RigCon
 
 
 def check_press(profile: Profile, config: RigConfig, deepest_rad: float, body: int) -> None:
-    """Refuse a press beyond a limit, by a dry run in which encoder number ``body`` turns in proportion to the force, by
-    ``deepest_rad`` at its largest, and the others stand still."""
+    """Refuse a press beyond a limit, by a dry run of ``profile``: the encoder at index ``body`` (from 0) turns in
+    proportion to the force, by ``deepest_rad`` at its largest; the others stand still."""
     rate = config.device.sample_rate_hz
     force = profile.sample(rate)
     angle = np.zeros((force.size, 3))

@@ -32,9 +32,8 @@ def make_ramp(peak_n: float) -> Profile:
 def make_constant_speed_press(
     ramp_way_m: Array, ramp_force_n: Array, speed_m_per_s: float, peak_n: float, slew_n_per_s: float
 ) -> Profile:
-    """Return the profile that presses at one speed up to ``peak_n``, N, and back, by compression since rest, m, and
-    force above rest, N, (k,), both rising, of a slow ramp on the same felt; refuse one that needs over 90 % of the slew
-    limit."""
+    """Profile that presses at one speed to ``peak_n``, N above rest, holds 80 ms and goes back, by the curve of a slow
+    ramp: compression, m, and force, N, since rest, (k,), rising; refused over 90 % of the slew limit."""
     way = float(np.interp(peak_n, ramp_force_n, ramp_way_m))
     phase = np.linspace(0.0, 1.0, POINTS)
     displacement_m = way * _ease_in_out(phase)

@@ -218,8 +218,8 @@ def _find_unusual_events(number: int, events: dict[int, dict[str, Event]]) -> li
 
 
 def _find_reasons(number: int, measured: Sequence[MeasuredTrial], scale: float) -> list[str]:
-    """Sentences on what sets trial ``number`` apart from those ``measured``: a common factor ``scale`` of its readings
-    over the others' (NaN where none fits), its peak force, N, or its onset; empty if nothing is unusual."""
+    """Sentences on what sets trial ``number``, one of ``measured``, apart from all: ``scale``, factor of its readings
+    over the others' (NaN: none fits), its peak force, N, its onset; empty if nothing is unusual."""
     reasons = []
     if np.isfinite(scale):
         reasons.append(f"its readings are {scale:.3f} times the usual ones all the way")

@@ -244,8 +244,8 @@ def shared_root(block: Block, sizes: Sizes, root: Array) -> Array:
 
 
 def common_parts(blocks: Sequence[Block], sizes: Sizes) -> RandomEffectColumns:
-    """Columns, of unit size, of the discrepancy that the trials ``blocks`` of one session share: rows are shifts of its
-    l laws, then the n rows of its first trial."""
+    """Columns (l + n, k), of unit size, of what the trials ``blocks`` of one session share, with the index of the
+    variance component of each; rows: l laws' shifts, then the n angle samples of the first trial."""
     lead, c = blocks[0], sizes.channels
     m, first = lead.time_s.size, len(FAMILIES) + sizes.own.size + lead.session * sizes.common.shape[1]
     columns, component = [], []

@@ -571,7 +571,8 @@ class ModelResponse:
         return [None if row is None else [known.curves[key] for known, key in row] for row in places]
 
     def _rests(self, cases: Sequence[Case]) -> list[tuple[_Known, model.RestState]] | None:
-        """Cached action and rest state of each case; None where one of them has no rest."""
+        """Cached action and rest state of each case, one for each of this response's trials in order; None where one of
+        them has no rest."""
         out = []
         try:
             for case, trial in zip(cases, self.trials, strict=True):

@@ -46,8 +46,8 @@ def jackknife_over_strokes(fitted: Fitted) -> Array:
 
 
 def _jackknife_parts(fitted: Fitted, parts: Sequence[Sequence[int]], fewest: int) -> Array:
-    """Standard uncertainty (p,) of z by the jackknife, from fits of the linear model to each of ``parts``, lists of
-    trial indices; NaN with fewer than ``fewest`` parts.
+    """Standard uncertainty (p,) of z by the jackknife, from linear fits to each of ``parts``, lists of the indices of
+    the trials kept; NaN with fewer than ``fewest`` parts.
 
     The sizes of the noise are kept.
     """

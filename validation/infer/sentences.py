@@ -63,8 +63,8 @@ def _describe_held_out(found: Identification) -> list[str]:
 
 
 def _describe_speed_error(by: Mapping[str, Mapping[str, EventScore]]) -> str:
-    """Sentence on the root mean square errors of the predicted hammer speed by each model, beside the trials' own
-    scatter; ``by``: model or scatter → event → `EventScore` of one held-out set."""
+    """Sentence on the RMS errors of predicted hammer speed by each model of `WHO`, beside the trials' own scatter, or
+    that it is not known; ``by``: name in `WHO` or `CEILING` → event → `EventScore`."""
     title, factor, unit = event_words(SPEED)
     parts = []
     for who, words in WHO:

@@ -56,10 +56,11 @@ class Skill:
 
 
 def compute_skill(model: Array, rivals: Mapping[str, Array]) -> Skill | None:
-    """Skill, 1 − error over error (geometric means), of a model's errors (n,) against the rival with the least on the
-    same strokes; ``rivals``: errors (n,) by name, NaN where a stroke has none. None where nothing can be compared.
+    """Skill, 1 - error over error (geometric means), of a model's errors (n,), not negative (as RMSE), against the
+    rival with the least; ``rivals``: such errors (n,) by name, NaN where a stroke has none. None where nothing
+    compares.
 
-    Strokes that one of them has not are left out, a rival that has none altogether; None where nothing is left.
+    Strokes that one of them has not are left out, a rival that has none altogether.
     """
     there = {name: np.asarray(of, dtype=float) for name, of in rivals.items() if np.isfinite(of).any()}
     known = np.isfinite(np.asarray(model, dtype=float)) & np.all([np.isfinite(of) for of in there.values()], axis=0)

@@ -17,8 +17,8 @@ SETS = {"before": "before", "identified": "identified", "null model": "null", "s
 
 
 def _score(column: str) -> Callable[[Row], str]:
-    """Formatter of a table cell: the root mean square error ``<column>_rms`` of a row in the unit shown, with the
-    number of trials that have the event where not all do; a dash where it is NaN."""
+    """Formatter of a cell for one set of values, ``column`` (before, identified, null, scatter): a row's
+    ``<column>_rms`` in the unit shown, with the trials that have the row's event where not all do; a dash where NaN."""
 
     def cell(row: Row) -> str:
         value, both = row[f"{column}_rms"], row[f"{column}_both"]

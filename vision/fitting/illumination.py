@@ -389,7 +389,8 @@ class IlluminationField:
         return np.asarray((coefficient - glow) / np.maximum(1.0 + shade, 1.0 - MOST_LIGHT), dtype=np.float32)
 
     def _interpolate(self, values: F64, offset: F64) -> F64:
-        """Values of the squares at offsets (2, n) from the body's middle, linear between the squares' middles."""
+        """Values (n,) at offsets (2, n), px, x then y, from the body's middle: linear between the middles of the
+        squares, whose ``values`` are (rows, columns)."""
         if not values.any():
             return np.zeros(offset.shape[1])
         place = (offset - self._origin[:, None]) / self._size[:, None] - 0.5
@@ -486,8 +487,8 @@ class LocalIllumination:
         changes: Changes,
         is_first_fit: bool,
     ) -> bool:
-        """Update ``light`` from the residuals (n,) of a fit; return whether it changed, so that another fit is needed.
-        A first change must show in two frames; ``changes`` are the smooth ones in use."""
+        """Update ``light`` from residuals (n,) of a fit, where ``visible`` (n,) is 1 at seen pixels, else 0; return
+        whether it changed (fit again). A first change must show in two frames; ``changes``: smooth ones in use."""
         hidden = fit.seen - fit.inlier > HIDDEN_SHARE
         suspected = hidden or any(one > COHERENT for one in fit.coherence.ratio[-1].tolist())
         if self.light is None and not (is_first_fit and suspected):

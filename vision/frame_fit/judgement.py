@@ -89,8 +89,8 @@ def has_odd_gain(standards: Standards, body: int, gain: float) -> bool:
 
 @inner_njit(_nrt=False)
 def has_other_illumination(standards: Standards, body: int, figures: Figures) -> bool:
-    """Whether a fit of odd gain is as good as the body's would be, were it only lit otherwise: where light falls, what
-    is wrong with the fit falls with it, but the noise stays."""
+    """Whether one fit of ``body`` (index into ``standards``: usual correlation, gain, noise of all bodies), whose gain
+    is odd, is as good as if only the light had changed; ``figures``: of this fit."""
     usual_zncc, usual_gain = standards.usual[body, 0], standards.usual[body, 1]
     changed = figures.gain / usual_gain
     if not (LEAST_LIGHT <= changed <= 1.0 / LEAST_LIGHT and figures.inlier >= SAME_INLIER):

@@ -95,8 +95,8 @@ def placed_parent(motion: Motion, body: int, ordinal: int) -> int:
 
 @cached_njit(nogil=True, _nrt=False)
 def expect_pose(motion: Motion, body: int, ordinal: int, is_moving: bool, pose: F64) -> None:
-    """Fill ``pose`` (3,) with a body's expected pose in the ``ordinal``-th tracked frame, through its parent's
-    placement there where that is known: predicted, or the newest known one unless ``is_moving``."""
+    """Fill ``pose`` (turn rad, shift x, y px) with a body's expected pose in the ``ordinal``-th tracked frame:
+    predicted if ``is_moving``, else the newest known; via its parent where that is placed."""
     parent = placed_parent(motion, body, ordinal)
     history = motion.relative if parent >= 0 and motion.relative.known[body] > 0 else motion.absolute
     if is_moving:

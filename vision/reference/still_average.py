@@ -93,8 +93,8 @@ def average_still_frames(
 
 
 def _estimate_background_noise(film: FrameSource, grey: NDArray[np.float64]) -> float:
-    """Noise, grey, of a film whose bodies, of grey values ``grey`` (n,), never rest, from what does not move in it;
-    infinite where frames do not differ.
+    """Noise, grey, of a film whose bodies never rest, from differences of its first frames at the pixels as bright as
+    the bodies' pixels ``grey`` (n,); moving ones left out; infinite where frames are equal.
 
     Neighbouring frames are compared where the picture is as bright as the bodies; what moves there is left out as
     outlying.

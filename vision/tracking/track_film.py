@@ -340,8 +340,8 @@ class _PassResult:
 def _run_both_passes(
     ready: PreparedFilm, frame: NDArray[np.int64], settings: TrackSettings, checkpoint: Checkpoint | None
 ) -> _PassResult:
-    """Track forward through ``frame`` (n,), backward through doubtful rows, then find lost rows with a later reference;
-    return poses, zero and counts, and write ``checkpoint`` on the way."""
+    """Track the film's frames ``frame`` (n,) (indices, rising) forward, backward through doubtful rows, then find lost
+    rows with a later reference; return the table of poses, zero and counts; write ``checkpoint`` on the way."""
     table = PoseTable.empty(frame, len(ready.bodies))
     # found as soon as it can be, so that outlines that do not fit the film are refused before the long work
     zeros = [estimate_zero(ready)] if settings.every > 1 else []

@@ -109,7 +109,8 @@ def checked_force(of: Law, felt: Felt) -> tuple[Expression, Expression]:
 
 
 def evaluate_law(method: Callable[[Felt], Any], felt: Felt) -> tuple[Expression, ...]:
-    """Values of a law's ``method`` at a felt's state, differentiated once by depth, rate and internal variables."""
+    """Values of ``method`` (of a law, given a felt) at the felt's state, each an expression whose derivatives by depth,
+    rate and internal variables are formed only once, when they are needed; the tuple holds values, no derivatives."""
 
     def evaluate(given: Arguments) -> tuple[Expression, ...]:
         return tuple(method(replace(felt, depth=given[0], rate=given[1], memory=given[2:])))
