@@ -85,6 +85,7 @@ def test_one_command_takes_values_scene_tolerance_and_several_models(tmp_path, c
     page = (tmp_path / "out" / "report.html").read_text()
     assert "Causes of a difference are not looked for" in page and "<script" in page
     assert "force-one" not in page and "hammer-model" in page
+    assert "hammer-all" not in page  # one trial says nothing of repeatability
 
 
 def test_an_action_whose_sensors_are_elsewhere_is_refused_in_one_line(tmp_path) -> None:

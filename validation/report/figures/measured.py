@@ -174,7 +174,7 @@ def rotation_of_all_trials(view: SessionView, channel: str) -> ReportFigure:
     if known:
         low.line(base, s_r, Pen(color))
     top.y_label, low.y_label, low.x_label, low.least = rotation_label(channel), "$s_r$ (°)", "time (s)", 0.0
-    text = f"sᵣ(t) is at most {np.nanmax(s_r):.3f}°." if known else "Repeatability is not known with one trial."
+    text = f"sᵣ(t) is at most {np.nanmax(s_r):.3f}°." if known else "sᵣ(t) is not known."
     caption = f"Rotation of the {TITLE[channel]} in all {len(result.traces)} trials; below: repeatability sᵣ(t)"
     caption += _quantiles(curves)
     if banded:
@@ -185,9 +185,11 @@ def rotation_of_all_trials(view: SessionView, channel: str) -> ReportFigure:
 
 def all_figures(view: SessionView) -> dict[str, list[ReportFigure]]:
     """Figures of a session by section of the page: ``trials`` (shown trial against the models; thesis 4.1–4.15, 3.13)
-    and ``repeatability`` (all trials, control charts; 3.9–3.12)."""
+    and ``repeatability`` (all trials, control charts; 3.9–3.12), which one trial has none of."""
     trials = compared_figures(view)
     trials += [force_from_motion(view, i) for i, r in enumerate(view.results) if r.motion_trace is not None]
+    if len(view.first.traces) < 2:
+        return {"trials": trials, "repeatability": []}
     repeatability = [force_of_all_trials(view)] if view.has_force else []
     repeatability += [rotation_of_all_trials(view, channel) for channel in view.measured]
     control = control_charts(view)
