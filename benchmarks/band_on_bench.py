@@ -21,7 +21,7 @@ from benchmarks.runner import Run, Table, interval
 from rig.configuration.rig_file import load_rig
 from rig.simulated.bench.plant import ActionPlant, load_plant
 from validation.conventions import ENCODER_CHANNELS, Array
-from validation.statistics.bands import FEWEST_FOR_BAND, repeatability_band
+from validation.statistics.repeatability_band import FEWEST_FOR_BAND, repeatability_band
 
 RATE_HZ = 5000.0
 LEAD_S = 0.02

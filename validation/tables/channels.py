@@ -18,8 +18,8 @@ from validation.numbers import DASH, between, degrees, number
 from validation.prediction.joint_draws import CHANNELS
 from validation.scores.curve_scores import compute_pair_rmse
 from validation.scores.traces import SessionTraces
-from validation.statistics.bands import FEWEST_FOR_BAND, repeatability_band
 from validation.statistics.repeatability import curve_repeatability, interpolate_to_base
+from validation.statistics.repeatability_band import FEWEST_FOR_BAND, repeatability_band
 from validation.statistics.skill import CALLED
 from validation.tables.comparison import Comparison
 from validation.tables.table import CHANNEL, Column, Page, Row, Table

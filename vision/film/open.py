@@ -27,8 +27,8 @@ READERS: dict[str, Callable[..., Film]] = {
     **dict.fromkeys(PICTURE_SUFFIXES, OnePicture),
     **dict.fromkeys(TIFF_SUFFIXES, TiffFilm),
 }
-"""By suffix; those found beside a trial, and attached to it, are `rig.session.folder.FILM_SUFFIXES`."""
-"""Reader of each suffix, called with the path, ``allow_truncated`` and ``channel``."""
+"""Reader of each suffix, called with the path, ``allow_truncated`` and ``channel``; the suffixes of films beside a
+trial are `rig.session.folder.FILM_SUFFIXES`."""
 
 
 def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False, channel: str | None = None) -> Film:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from validation.statistics.bands import critical_value, exceedance, repeatability_band, roughness_length
+from validation.statistics.repeatability_band import critical_value, exceedance, repeatability_band, roughness_length
 
 
 def smooth_curves(rng: np.random.Generator, shape: tuple[int, int], fwhm: float) -> np.ndarray:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from validation.statistics import bands
-from validation.statistics.bands import TIME_CONFIDENCE, estimate_time_scatter, extend_in_time
+from validation.statistics import repeatability_band as bands
+from validation.statistics.repeatability_band import TIME_CONFIDENCE, estimate_time_scatter, extend_in_time
 
 T = np.arange(600.0)[:, None]
 LATE = np.array([-3.0, -1.0, 0.0, 1.0, 3.0])
