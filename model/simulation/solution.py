@@ -69,7 +69,7 @@ class Contacts(tuple[str, ...]):
     _titles: Mapping[str, str]  # what a technician calls it -> the name in this tuple
 
     @classmethod
-    def from_names(
+    def build(
         cls,
         names: Iterable[str],
         action: Action | None,
@@ -184,7 +184,7 @@ class Solution(Moved, ArrayRecord):
     time_s: NDArray[np.float64]
     angle_rad: NDArray[np.float64]
     speed_rad_per_s: NDArray[np.float64]
-    contacts: Contacts = Contacts.from_names((), None, None, None)
+    contacts: Contacts = Contacts.build((), None, None, None)
     contact_normal_n: NDArray[np.float64] | None = None
     contact_friction_n: NDArray[np.float64] | None = None
     counters: dict[str, int | float] = field(default_factory=dict)
@@ -198,7 +198,7 @@ class Solution(Moved, ArrayRecord):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        named = Contacts.from_names(self.contacts, self.action, self.contact_normal_n, self.contact_friction_n)
+        named = Contacts.build(self.contacts, self.action, self.contact_normal_n, self.contact_friction_n)
         object.__setattr__(self, "contacts", named)
 
     @property

@@ -13,7 +13,7 @@ from typing import Any
 from pianorig.console.terminal import drawing_width
 
 
-def _to_plain(value: Any) -> Any:
+def _encode_for_json(value: Any) -> Any:
     """NumPy's numbers and arrays as Python's, anything else, paths above all, as text."""
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
@@ -35,9 +35,9 @@ def _make_json_ready(content: Any) -> Any:
 def json_text(content: Any) -> str:
     """JSON of plain values, NumPy's, and paths; a number that is none, or not finite, is null."""
     try:
-        return json.dumps(content, default=_to_plain, allow_nan=False)
+        return json.dumps(content, default=_encode_for_json, allow_nan=False)
     except ValueError:
-        return json.dumps(_make_json_ready(content), default=_to_plain)
+        return json.dumps(_make_json_ready(content), default=_encode_for_json)
 
 
 def print_json(item: Mapping[str, Any]) -> None:

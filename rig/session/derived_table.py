@@ -34,7 +34,7 @@ def write_table(path: Path, table: pd.DataFrame, attrs: Mapping[str, Any], paren
         path.parent.mkdir(parents=True, exist_ok=True)
     with write_sealed(path) as file:
         file.attrs["schema"] = SCHEMA
-        file.attrs["attributes_json"] = json.dumps(dict(attrs), default=_to_json_value)
+        file.attrs["attributes_json"] = json.dumps(dict(attrs), default=_encode_for_json)
         file.attrs["parents_json"] = json.dumps(dict(parents_sha256), sort_keys=True)
         group = file.create_group("table", track_order=True)
         group.attrs["columns_json"] = json.dumps(names)
@@ -45,7 +45,7 @@ def write_table(path: Path, table: pd.DataFrame, attrs: Mapping[str, Any], paren
         file.attrs[CONTENT] = content_sha256(file)
 
 
-def _to_json_value(value: object) -> Any:
+def _encode_for_json(value: object) -> Any:
     """Return a NumPy array or number as lists or a number, a path as text; RigInputError for any other type (a
     ``default`` of `json.dumps`)."""
     if isinstance(value, np.ndarray | np.generic):

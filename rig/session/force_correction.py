@@ -155,7 +155,7 @@ def fit_hum(time_s: Array, force_n: Array, mains_hz: float | None = None) -> Hum
     u_mean = before * np.sqrt(correlation_inflation(force) / n)
 
     def refused(reason: str, f: float, coefficient: Array | None, after: float, searched: bool) -> HumFit:
-        polar = _to_polar(np.zeros(2 * HARMONICS + 1) if coefficient is None else coefficient)
+        polar = _amplitudes_and_phases(np.zeros(2 * HARMONICS + 1) if coefficient is None else coefficient)
         return HumFit(offset, float(u_mean), f, searched, *polar, before, after, False, reason, np.zeros((0, 0)))
 
     declared = min(nominal) if mains_hz is None else mains_hz
@@ -177,7 +177,7 @@ def fit_hum(time_s: Array, force_n: Array, mains_hz: float | None = None) -> Hum
         return refused(reason, frequency, coefficient, after, searched)
 
     coefficient = _shift_origin(coefficient, frequency, float(middle))
-    polar = _to_polar(coefficient)
+    polar = _amplitudes_and_phases(coefficient)
     fit = HumFit(
         float(coefficient[0]), 0.0, frequency, searched, *polar, before, after, True, "", covariance=np.zeros((0, 0))
     )
@@ -223,7 +223,7 @@ def _shift_origin(coefficient: Array, frequency_hz: float, middle_s: float) -> A
     return out
 
 
-def _to_polar(coefficient: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def _amplitudes_and_phases(coefficient: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
     c, s = coefficient[1::2], coefficient[2::2]
     return tuple(float(v) for v in np.hypot(c, s)), tuple(float(v) for v in np.arctan2(-s, c))
 

@@ -290,7 +290,7 @@ def _write_camera(content: Content, group: h5py.Group, camera: CameraInfo) -> No
     index.dims[0].attach_scale(time)
 
 
-def _to_plain(value: Any) -> Any:
+def _unwrap_numpy(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return tuple(float(item) for item in value)
     return value.item() if isinstance(value, np.generic) else value
@@ -317,13 +317,13 @@ def _read_open_trial(path: Path, file: h5py.File, sha256: str) -> TrialData:
     if "force" in daq:
         force = daq["force"]
         stated = [field for field in ForceInfo.__dataclass_fields__ if field in force.attrs or field not in LATER]
-        info = ForceInfo(**{field: _to_plain(force.attrs[field]) for field in stated})
+        info = ForceInfo(**{field: _unwrap_numpy(force.attrs[field]) for field in stated})
     encoders = tuple(EncoderInfo(**entry) for entry in json.loads(daq["encoder_count"].attrs["encoders_json"]))
     channels = tuple(ChannelInfo.from_plain(entry) for entry in json.loads(daq.attrs.get("channels_json", "[]")))
     camera = None
     if "camera" in file:
         attributes = file["camera"].attrs
-        camera = CameraInfo(**{field: _to_plain(attributes[field]) for field in CameraInfo.__dataclass_fields__})
+        camera = CameraInfo(**{field: _unwrap_numpy(attributes[field]) for field in CameraInfo.__dataclass_fields__})
     return TrialData(
         number=int(file.attrs["trial"]),
         status=str(daq.attrs["status"]),

@@ -47,7 +47,7 @@ def results_json(side: SideBySide) -> str:
                 "advice": list(r.advice),
                 "verdict_lines": r.verdict_lines,
                 "warnings": r.warnings,
-                "provenance": _to_plain(r.provenance),
+                "provenance": _convert_for_json(r.provenance),
             }
             for r in side.results
         ],
@@ -64,7 +64,7 @@ def records(table: pd.DataFrame) -> list[dict[str, Any]]:
     """Rows of a table as plain values, null for what does not exist."""
     names = [str(name) for name in table.columns]
     return [
-        {name: _to_plain(value) for name, value in zip(names, row, strict=True)}
+        {name: _convert_for_json(value) for name, value in zip(names, row, strict=True)}
         for row in table.itertuples(index=False, name=None)
     ]
 
@@ -74,12 +74,12 @@ def table_csv(table: pd.DataFrame) -> str:
     return table.to_csv(index=False, lineterminator="\n")
 
 
-def _to_plain(value: Any) -> Any:
+def _convert_for_json(value: Any) -> Any:
     """Value that JSON can hold: numbers of NumPy as Python's, numbers that are not finite as None."""
     if isinstance(value, dict):
-        return {str(k): _to_plain(v) for k, v in value.items()}
+        return {str(k): _convert_for_json(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
-        return [_to_plain(v) for v in value]
+        return [_convert_for_json(v) for v in value]
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, float) and not math.isfinite(value):

@@ -114,7 +114,7 @@ def retrack_frames(
 def preview(
     path_or_source: str | os.PathLike[str] | FrameSource,
     bodies: BodiesLike,
-    count: int = 3,
+    count: int = 3,  # choice: after a third, two thirds, and the last
     frame_time_s: ArrayLike | None = None,
     **options: Unpack[FitOptions],
 ) -> TrackResult:

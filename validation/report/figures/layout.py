@@ -152,7 +152,7 @@ def lift_text(lifts: pd.DataFrame) -> str:
     )
 
 
-def as_figure(view: SessionView, chart: Chart, key: str, caption: str, description: str) -> ReportFigure:
+def make_figure(view: SessionView, chart: Chart, key: str, caption: str, description: str) -> ReportFigure:
     """The chart as a `ReportFigure`; all panels over time show the evaluation window."""
     name, whole = f"{view.prefix}{key}", (view.first.window.start_s, view.first.window.end_s)
     return ReportFigure(name, caption, chart.svg(name, caption, description, whole))

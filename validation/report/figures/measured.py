@@ -24,11 +24,11 @@ from validation.report.figures.layout import (
     QUANTILES,
     WIDTH,
     ReportFigure,
-    as_figure,
     curves_of,
     draw_trials,
     left_out_intervals,
     lift_text,
+    make_figure,
     model_pen,
     shade_lifts,
     spread_of,
@@ -77,7 +77,7 @@ def control_charts(view: SessionView) -> ReportFigure | None:
         "Control charts over the trial number. Line: mean; dashed: mean ± 2.66 times the mean difference of "
         f"neighbouring trials. {said}"
     )
-    return as_figure(view, chart, "control", caption, said)
+    return make_figure(view, chart, "control", caption, said)
 
 
 def _limits(values: Array) -> tuple[float, float]:
@@ -135,7 +135,7 @@ def force_from_motion(view: SessionView, i: int) -> ReportFigure:
     )
     text = f"Measured peak {row['peak_measured_n']:.1f} N, predicted {row['peak_predicted_n']:.1f} N."
     key = "force-motion" if i == 0 else f"force-motion-{i + 1}"
-    return as_figure(view, chart, key, caption, text)
+    return make_figure(view, chart, key, caption, text)
 
 
 def force_of_all_trials(view: SessionView) -> ReportFigure:
@@ -148,7 +148,7 @@ def force_of_all_trials(view: SessionView) -> ReportFigure:
     panel.x_label, panel.y_label = "time (s)", "force (N)"
     caption = f"Measured force of all {curves.shape[1]} trials, corrected for offset, hum and delay, never smoothed"
     text = f"{curves.shape[1]} curves of force over time; the largest force is {np.nanmax(curves):.1f} N."
-    made = as_figure(view, chart, "force-all", f"{caption}{_quantiles(curves)} As thesis 3.9.", text)
+    made = make_figure(view, chart, "force-all", f"{caption}{_quantiles(curves)} As thesis 3.9.", text)
     return replace(made, channel="force", shows="all")
 
 
@@ -179,7 +179,7 @@ def rotation_of_all_trials(view: SessionView, channel: str) -> ReportFigure:
     caption += _quantiles(curves)
     if banded:
         caption += f" Grey: simultaneous 95 % band of the mean, at most ±{number(float(np.nanmax(reach)), 2)}°."
-    made = as_figure(view, chart, f"{channel}-all", f"{caption}{lift_text(lifts)} As thesis {THESIS[channel]}.", text)
+    made = make_figure(view, chart, f"{channel}-all", f"{caption}{lift_text(lifts)} As thesis {THESIS[channel]}.", text)
     return replace(made, channel=channel, shows="all")
 
 

@@ -22,12 +22,12 @@ from validation.report.figures.layout import (
     WIDTH,
     ZERO,
     ReportFigure,
-    as_figure,
     curves_of,
     differences_of,
     draw_trials,
     left_out_intervals,
     lift_text,
+    make_figure,
     model_pen,
     shade_lifts,
     spread_of,
@@ -70,7 +70,7 @@ def force_of_one_trial(view: SessionView) -> ReportFigure:
     caption = "Force as recorded, and as it drives the model, corrected (offset, hum, delay)."
     top = int(np.nanargmax(force))
     text = f"The largest force is {force[top]:.1f} N at {at[top]:.4f} s."
-    made = as_figure(view, chart, "force-one", f"{caption} As thesis {THESIS['force']}.", text)
+    made = make_figure(view, chart, "force-one", f"{caption} As thesis {THESIS['force']}.", text)
     return replace(made, channel="force", shows="one", of_trial=f"Trial {trial}.")
 
 
@@ -112,7 +112,7 @@ def model_against_trial(view: SessionView, channel: str) -> ReportFigure:
     caption += f"; 95 % interval of the mean difference at most ±{number(reached, 2)}°." if reached else "."
     text = trial_words(view, channel, trial)
     caption = f"{caption}{lift_text(lifts)} As thesis {THESIS[channel]}."
-    made = as_figure(view, chart, f"{channel}-model", caption, text)
+    made = make_figure(view, chart, f"{channel}-model", caption, text)
     return replace(made, channel=channel, shows="one", of_trial=text)
 
 

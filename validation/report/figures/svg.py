@@ -18,6 +18,7 @@ import numpy as np
 from validation.conventions import Array
 from validation.curves.marks import Mark
 from validation.curves.style import BAND_COLUMNS, BLACK, COLUMNS, GREY, ORANGE, decimate
+from validation.events.crossings import find_runs
 
 FONT, LEGEND_FONT = 9.0, 8.0
 CHARACTER = 0.58  # mean width of a character, in its font's size: choice, wider than most sans-serif fonts
@@ -189,7 +190,7 @@ class Chart:
             frame = _Frame(f"{key}-axes_{i}", *box, x, y, panel.is_log, self.font, is_zoomed)
             body.append(frame.draw(panel, is_lowest))
             if is_zoomed:
-                zoomed.append(frame.as_data() | {"labelled": bool(panel.x_label)})
+                zoomed.append(frame.frame_data() | {"labelled": bool(panel.x_label)})
         text = "".join(body)
         if "url(#hatch)" in text:
             text = text.replace("url(#hatch)", f"url(#{key}-hatch)") + (
@@ -249,17 +250,17 @@ class _Frame:
     font: float
     is_zoomed: bool
 
-    def as_data(self) -> dict[str, object]:
+    def frame_data(self) -> dict[str, object]:
         """Frame and limits for the page's scripts."""
         frame = {name: round(getattr(self, name), 3) for name in ("left", "right", "top", "bottom")}
         return {"id": self.id, **frame, "x": [round(v, 6) for v in self.x], "y": [round(v, 6) for v in self.y]}
 
-    def at_x(self, x: Array) -> Array:
-        """Places of x, points; infinite values stand at the edges."""
+    def x_points(self, x: Array) -> Array:
+        """Horizontal places in the chart, points, of values ``x`` in the axis's unit; infinite ones at the edges."""
         share = (np.clip(x, *self.x) if np.isinf(x).any() else x) - self.x[0]
         return np.asarray(self.left + (self.right - self.left) * share / (self.x[1] - self.x[0]))
 
-    def at_y(self, y: Array) -> Array:
+    def y_points(self, y: Array) -> Array:
         """Vertical places in the chart, points, downwards, of values ``y`` in the panel's unit; infinite values lie at
         the edges, NaN and, on a logarithmic axis, values of 0 or less are NaN."""
         low, high = self.y
@@ -304,17 +305,17 @@ class _Frame:
     def _path(self, shape: _Shape) -> str:
         """SVG path of a shape: a line, dots, or the area up to its upper edge, with gaps at NaN; empty text for a shape
         with neither a point nor a name."""
-        x, y = self.at_x(shape.x), self.at_y(shape.y)
+        x, y = self.x_points(shape.x), self.y_points(shape.y)
         if shape.upper is not None:
             d = "".join(
                 f"M{_pairs(np.concatenate([x[run], x[run][::-1]]), np.concatenate([y[run], upper[run][::-1]]))}Z"
-                for upper in (self.at_y(shape.upper),)
-                for run in _known_runs(y + upper)
+                for upper in (self.y_points(shape.upper),)
+                for run in _finite_runs(y + upper)
             )
         elif shape.is_dotted:
             d = "".join(f"M{a:.2f} {b:.2f}h0" for a, b in zip(x, y, strict=True) if math.isfinite(b))
         else:
-            d = "".join(f"M{_pairs(x[run], y[run])}" for run in _known_runs(y))
+            d = "".join(f"M{_pairs(x[run], y[run])}" for run in _finite_runs(y))
         if not d and not shape.name:
             return ""
         named = f' id="{self.id.rpartition("-")[0]}-{shape.name}"' if shape.name else ""
@@ -326,7 +327,7 @@ class _Frame:
         most = min(panel.intervals, max(1, int((self.right - self.left) / (3 * self.font))))
         text = ""
         for value, label in linear_ticks(*self.x, most, has_integers=panel.has_integers):
-            x = float(self.at_x(np.array(value)))
+            x = float(self.x_points(np.array(value)))
             text += f'<path d="M{x:.2f} {self.bottom:.2f}V{self.top:.2f}" stroke="{GRID}" stroke-width="0.6"/>'
             text += f'<path d="M{x:.2f} {self.bottom:.2f}v3.5" stroke="{FRAME}" stroke-width="0.8"/>'
             if is_lowest:
@@ -341,7 +342,7 @@ class _Frame:
         most = min(panel.intervals, max(1, int((self.bottom - self.top) / (1.6 * self.font))))
         text = ""
         for value, label in log_ticks(*self.y) if self.is_log else linear_ticks(*self.y, most):
-            y = float(self.at_y(np.array(value)))
+            y = float(self.y_points(np.array(value)))
             text += f'<path d="M{self.left:.2f} {y:.2f}H{self.right:.2f}" stroke="{GRID}" stroke-width="0.6"/>'
             text += f'<path d="M{self.left:.2f} {y:.2f}h-3.5" stroke="{FRAME}" stroke-width="0.8"/>'
             text += f'<text x="{self.left - 5.5:.2f}" y="{y + 0.35 * self.font:.2f}" text-anchor="end">{label}</text>'
@@ -354,7 +355,7 @@ class _Frame:
         for mark in panel.marks:
             if not self.x[0] <= mark.time_s <= self.x[1]:
                 continue
-            x = float(self.at_x(np.array(mark.time_s)))
+            x = float(self.x_points(np.array(mark.time_s)))
             pen = Pen(BLACK, 0.8) if mark.position else Pen(FAINT, 0.6, (1.5, 2.5))
             text += f'<path d="M{x:.2f} {self.top:.2f}V{self.bottom:.2f}" fill="none" {pen.attributes}/>'
             if mark.position and panel.has_letters:
@@ -403,10 +404,8 @@ def set_math(label: str) -> str:
     return "".join(parts)
 
 
-def _known_runs(values: Array) -> Iterator[slice]:
-    """Runs of finite values."""
-    edges = np.flatnonzero(np.diff(np.isfinite(values).astype(np.int8), prepend=0, append=0))
-    yield from (slice(a, b) for a, b in edges.reshape(-1, 2).tolist())
+def _finite_runs(values: Array) -> list[slice]:
+    return [slice(first, end) for first, end in find_runs(np.isfinite(values)).tolist()]
 
 
 def _pairs(x: Array, y: Array) -> str:
