@@ -50,7 +50,6 @@ class BalancedNoise:
     known : (p, k) root of the declared covariance of its columns' amounts
     trials : how many
     curved : (draws, n) changes of the predicted curve at drawn amounts, less those of the linear model
-    runs : (draws, n) such changes at other draws, for sessions of the null hypothesis
     """
 
     def __init__(
@@ -61,9 +60,8 @@ class BalancedNoise:
         known: Array,
         trials: int,
         curved: Array,
-        runs: Array,
     ) -> None:
-        self.trials, self.runs = trials, runs
+        self.trials = trials
         sizes = [Sizes.null(families, own) for own in DEVIATIONS]
         found = [(share, _covariances(block, sizes, scatter, known)) for share, block in blocks]
         own, laws, shared = (np.sum([share * parts[k] for share, parts in found], axis=0) for k in range(3))
@@ -83,12 +81,13 @@ class BalancedNoise:
         ]
         self.log_prior = np.array([size.log_prior() for size in sizes]) - np.array(log_det)
 
-    def draw(self, k: int, count: int, rng: np.random.Generator) -> Array:
+    def draw(self, k: int, count: int, rng: np.random.Generator, runs: Array) -> Array:
         """Draw ``count`` sessions of the null hypothesis, in which each trial deviates by the share `DEVIATIONS[k]` of
-        the response: mean and contrasts (count, trials, n) of the residuals, rad."""
+        the response and scatters as one of ``runs`` (draws, n): mean and contrasts (count, trials, n) of the residuals,
+        all rad."""
         n = len(self._shared)
         each = rng.standard_normal((count, self.trials, n)) @ self._own[k].T
-        each += self.runs[rng.integers(len(self.runs), size=(count, self.trials))]
+        each += runs[rng.integers(len(runs), size=(count, self.trials))]
         out = np.einsum("jt,dtn->djn", helmert(self.trials), each)
         out[:, 0] += rng.standard_normal((count, n)) @ self._shared.T
         return np.asarray(out)
@@ -206,9 +205,10 @@ class ScoreTest:
                 best, size, found = likelihood + 0.5 * (at + gain.max()), k, gain
         return found, size
 
-    def threshold(self, turned: Array, seed: int = 0) -> Threshold:
+    def threshold(self, turned: Array, runs: Array, seed: int = 0) -> Threshold:
         """Thresholds of the score statistic of one cause and of a pair, by Monte Carlo: the search repeated in `DRAWS`
-        sessions of the null hypothesis fitted to ``turned`` (trials, n), mean and contrasts of residuals."""
+        sessions of the null hypothesis fitted to ``turned`` (trials, n), mean and contrasts of residuals, whose trials
+        scatter as ``runs`` (draws, n); rad."""
         noise, rng = self.noise, np.random.default_rng(seed)
         posterior = noise.log_likelihoods(turned)
         posterior = np.exp(posterior - posterior.max())
@@ -218,7 +218,7 @@ class ScoreTest:
         singles, pairs = [], []
         for k in np.unique(true):
             for count in _chunks(int(np.sum(true == k))):
-                one, two = self._search(noise.draw(int(k), count, rng), sizes, grams)
+                one, two = self._search(noise.draw(int(k), count, rng, runs), sizes, grams)
                 singles.append(one)
                 pairs.append(two)
         share = 1.0 - 0.5 * LEVEL

@@ -88,7 +88,7 @@ class Search:
             self.curved = before.curved
         known = known_root(responses.tested.action, listed)
         between = np.where(laws, 0.0, scatter)
-        self.noise = BalancedNoise(blocks, families, between, known, len(trials), self.curved, self.curved)
+        self.noise = BalancedNoise(blocks, families, between, known, len(trials), self.curved)
         self.columns, self._turn = columns, helmert(len(trials))
         shown = [i for i, c in enumerate(responses.candidates) if np.any(columns[:, c.source])]
         if before is None:
@@ -115,13 +115,14 @@ class Search:
         amounts[:, moved] = scatter[moved] * np.random.default_rng(seed).standard_normal((count, moved.size))
         return self.responses.curve_changes(amounts, self.at.each, self.at.point), amounts @ columns.T
 
-    def find_threshold(self, count: int, seed: int) -> Threshold:
-        """Thresholds of one cause and of a pair under the null hypothesis, after ``count`` more strokes are drawn and
-        run: for ``seed`` 1 they replace, for a higher one they join `BalancedNoise.runs`, from which sessions are
-        drawn."""
-        more, _ = self._draw(count, self.columns, seed)
-        self.noise.runs = np.concatenate([self.noise.runs, more]) if seed > 1 else more
-        return self.test.threshold(self.turned(self.at.each))
+    def draw_runs(self, count: int, seed: int) -> Array:
+        """Changes (count, n), rad, of the curves of trials whose laws and lengths scatter, as run."""
+        return self._draw(count, self.columns, seed)[0]
+
+    def find_threshold(self, runs: Array) -> Threshold:
+        """Thresholds of one cause and of a pair under the null hypothesis, of which trials scatter as ``runs``, drawn
+        by `draw_runs`."""
+        return self.test.threshold(self.turned(self.at.each), runs)
 
     def _conditions(self) -> list[tuple[int, float]]:
         """Trials to linearise, (index, share of all trials that it represents): those with least and most of the causes
@@ -477,9 +478,10 @@ def find_causes(responses: Responses, effects: bool = True) -> Found:
     if base is None or not np.all(np.ptp(responses.measured, axis=1)):
         return Found()
     search = Search(responses, Fit((), np.zeros(0), base, np.zeros((*base.shape, 0))))
-    threshold = search.find_threshold(RUNS, seed=1)
+    runs = search.draw_runs(RUNS, seed=1)
+    threshold = search.find_threshold(runs)
     if search.is_exceeded(threshold) and not search.is_exceeded(threshold, CLEAR):
-        threshold = search.find_threshold(MORE_RUNS, seed=2)
+        threshold = search.find_threshold(np.concatenate([runs, search.draw_runs(MORE_RUNS, seed=2)]))
     if not search.is_exceeded(threshold):
         return Found(search=search)
     if effects:

@@ -224,21 +224,28 @@ def test_contrasts_are_orthonormal_and_beside_the_mean() -> None:
     assert turn[1:] @ turn[1:].T == pytest.approx(np.eye(4)) and turn[1:].sum(axis=1) == pytest.approx(np.zeros(4))
 
 
+SCATTER = np.where(np.arange(SHAPES) == 1, 0.05, 0.0)
+
+
+def scattered_runs() -> np.ndarray:
+    """Changes of the curves by the scatter of law 1."""
+    return np.random.default_rng(1).standard_normal((200, SHAPES)) * SCATTER @ shapes().T
+
+
 @pytest.fixture(scope="module")
 def noise() -> BalancedNoise:
     """Noise of six trials of which law 1 scatters."""
     nil, columns = np.zeros((3 * M, 0)), shapes()
     size = np.full((3, M), 5e-3)
     block = Block(0, TIME, columns, nil, nil, nil, np.full(3 * M, NOISE_RAD**2), size, np.zeros(M))
-    scatter, families = np.where(np.arange(SHAPES) == 1, 0.05, 0.0), np.full(SHAPES, -1)
-    runs = np.random.default_rng(1).standard_normal((200, SHAPES)) * scatter @ columns.T
-    return BalancedNoise([(1.0, block)], families, scatter, 1e-3 * np.eye(SHAPES), 6, 0.0 * runs[:4], runs)
+    families = np.full(SHAPES, -1)
+    return BalancedNoise([(1.0, block)], families, SCATTER, 1e-3 * np.eye(SHAPES), 6, np.zeros((4, 3 * M)))
 
 
 def test_score_statistic_is_that_of_the_whole_covariance(noise: BalancedNoise) -> None:
     listed = candidates(LISTED, range(1, 7))
     test = ScoreTest(noise, shapes(), listed)
-    turned = noise.draw(2, 1, np.random.default_rng(3))[0]
+    turned = noise.draw(2, 1, np.random.default_rng(3), scattered_runs())[0]
     gains, k = test.gains(turned)
     roots = [noise.mean[k], *5 * [noise.between[k]]]
     for n in (0, 4, 30, len(listed) - 1):
@@ -263,8 +270,8 @@ def test_what_no_session_tells_apart_is_one_group_and_what_cannot_show_none(nois
 
 def test_threshold_is_exceeded_as_seldom_as_stated(noise: BalancedNoise) -> None:
     test = ScoreTest(noise, shapes(), candidates(LISTED, range(1, 7)))
-    rng = np.random.default_rng(4)
-    sessions = [noise.draw(int(k), 1, rng)[0] for k in rng.integers(0, 3, 300)]
-    threshold = test.threshold(sessions[0])
+    rng, runs = np.random.default_rng(4), scattered_runs()
+    sessions = [noise.draw(int(k), 1, rng, runs)[0] for k in rng.integers(0, 3, 300)]
+    threshold = test.threshold(sessions[0], runs)
     assert sum(test.gains(one)[0].max() > threshold.single for one in sessions) <= 7  # 1.5 expected at 0.5 %
     assert 10.0 < threshold.single < threshold.pair
