@@ -298,11 +298,17 @@ def lots(run: Run) -> Iterator[Key]:
 
 
 def deviations(row: dict[str, Any], p: Planted, size: float) -> Iterator[float]:
-    """How far the sizes named for a planted part are from what was planted, in their standard uncertainties."""
+    """How far the size named for a planted part is from what was planted, in its standard uncertainty, in each set; of
+    sets with the same causes, which say that either of two sizes fits, the nearer one."""
+    sets: dict[int, list[str]] = {}
+    for c in row["changes"]:
+        sets.setdefault(c["set"], []).append(c["cause"])
+    off: dict[tuple[str, ...], list[float]] = {}
     for c in row["changes"]:
         if (c["cause"], c["profile"]) == (p.cause, p.profile):
-            off = np.log(c["change"] / size) if c["unit"] == "1" else c["change"] - size
-            yield float(off / c["u"])
+            by = np.log(c["change"] / size) if c["unit"] == "1" else c["change"] - size
+            off.setdefault(tuple(sets[c["set"]]), []).append(float(by / c["u"]))
+    yield from (min(each, key=abs) for each in off.values())
 
 
 def main(run: Run) -> bool:

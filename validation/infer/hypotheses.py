@@ -115,6 +115,20 @@ class Source:
         """A value changed by ``z``."""
         return value * math.exp(self.wrong * z) if self.unit == "1" else value + self.wrong * z
 
+    def share(self, z: float, w: float) -> float:
+        """Amount that has the share ``w`` of the change by the amount ``z``: of a factor of 1.5 half is 1.25."""
+        return w * z if self._is_linear else math.log1p(w * math.expm1(self.wrong * z)) / self.wrong
+
+    def share_slope(self, z: float, w: float) -> float:
+        """Derivative of `share` by ``z``."""
+        factor = math.exp(self.wrong * z)
+        return w if self._is_linear else w * factor / (1.0 + w * (factor - 1.0))
+
+    @property
+    def _is_linear(self) -> bool:
+        """Whether what it changes goes in proportion with its amount."""
+        return self.added or self.unit != "1"
+
     @property
     def error(self) -> ChannelError | None:
         """The error of a channel that it is; None of the model."""

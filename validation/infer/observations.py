@@ -256,10 +256,13 @@ def nearest_samples(m: MeasuredTrial, span: Span, phases: Array) -> Array:
 
 
 def encoder_noise(m: MeasuredTrial) -> dict[str, Any]:
-    """Standard uncertainties (3,), rad, of one sample (its rounding, jitter), of the zero, and alike in all trials."""
+    """Standard uncertainties (3,), rad, of one sample (its rounding, jitter), of the zero, and alike in all trials.
+
+    The zero's rounding is in the last two: a body that comes to rest at the same place is rounded alike in all trials.
+    """
     zero = np.abs(np.asarray(m.resolution_rad, dtype=float)) * RECTANGULAR
     white = np.hypot(zero, m.change_rad[: m.quiet.stop].std(axis=0, ddof=1))
-    steady = np.sqrt(np.maximum(np.asarray(m.u_rad) ** 2 - white**2 - zero**2, 0.0))
+    steady = np.sqrt(np.maximum(np.asarray(m.u_rad) ** 2 - white**2, zero**2))
     return {"u_white_rad": white, "u_zero_rad": zero, "u_steady_rad": steady}
 
 

@@ -55,7 +55,11 @@ def test_a_key_drives_from_rest_however_few_phases_are_compared() -> None:
 
 
 def test_the_zero_of_an_encoder_is_rounded_once_in_a_trial_and_jitter_in_each_sample() -> None:
-    """Counted as noise of each sample, the zero left the mean of a channel over its phases five times too certain."""
+    """Counted as noise of each sample, the zero left the mean of a channel over its phases five times too certain.
+
+    Where a body rests alike it is rounded alike in all trials: counted as each trial's own alone, the mean of three
+    trials was a third too certain (zero errors of six sessions 1.7 u off).
+    """
     count, still, rng = np.array([1e-4, 3e-4, 2e-4]), 4000, np.random.default_rng(4)
     at, jitter = np.linspace(0.02, 0.3, 60)[:, None] * [1.0, -2.1, 3.7], np.array([0.0, 4e-4, 1e-4])
     rest = jitter * rng.standard_normal((still, 3))
@@ -63,7 +67,7 @@ def test_the_zero_of_an_encoder_is_rounded_once_in_a_trial_and_jitter_in_each_sa
     m = SimpleNamespace(resolution_rad=count, quiet=SimpleNamespace(stop=still), change_rad=rest, u_rad=u)
     noise = encoder_noise(m)  # type: ignore[arg-type]
     np.testing.assert_allclose(noise["u_white_rad"], np.hypot(count / np.sqrt(12), jitter), rtol=0.03)
-    np.testing.assert_allclose(noise["u_steady_rad"], 2e-5, rtol=1e-6)
+    np.testing.assert_allclose(noise["u_steady_rad"], np.hypot(count / np.sqrt(12), 2e-5), rtol=1e-6)
     many = 4000
     begins = rng.uniform(size=(many, 1, 3))
     read = count * (np.floor(at / count + begins) - np.floor(begins)) + jitter * rng.standard_normal((many, 60, 3))

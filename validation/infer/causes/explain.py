@@ -66,7 +66,7 @@ class CompatibleChange:
             size = f"× {self.change:.{places}f}"
             known = f"(standard uncertainty {100 * self.u:.2g} %)"
             if self.profile == TREND:
-                rate = 100 * (self.change ** (1 / (self.last - self.first)) - 1)
+                rate = 100 * (self.change - 1) / (self.last - self.first)
                 return f"{self.cause} drifts by {rate:+.2g} % per trial, {size}{drift} {known}".replace("-", "−")
             return f"{self.cause} {size}{when} {known}"
         factor, unit = {"m": (1e3, "mm"), "s": (1e3, "ms"), "rad": (math.degrees(1.0), "°")}.get(
@@ -162,10 +162,19 @@ def make_answer(found: Found, numbers: Sequence[int]) -> Explained:
     sets = _group_rows(rows)
     words = "; ".join(" with ".join(row.words for row in one) for one in sets[:MOST_NAMED])
     if len(sets) > MOST_NAMED:
-        return Explained(
-            f"{len(sets)} causes or pairs of causes explain {what} about equally well, so that none is named; the "
-            f"most probable are: {words}; {beyond}"
-        )
+        common = _find_common_cause(rows)
+        most = "the most probable are: "
+        if common is None:
+            return Explained(
+                f"{len(sets)} causes or pairs of causes explain {what} about equally well, so that none is named; "
+                f"{most}{words}; {beyond}"
+            )
+        beside = "; ".join(row.words for one in sets[:MOST_NAMED] for row in one if not _is_same(row, common))
+        other = f"one of {len(sets)} causes that the trials cannot tell apart"
+        told = f"this is a part of what explains {what}; the other part is {other}"
+        finding = _make_finding([common], f"{common.words}: {told}")
+        sentence = f"{common.words}: {told}; {most}{beside}; {beyond}"
+        return Explained(sentence, (common,), findings=() if common.profile == ALL else (finding,))
     some = {row.cause for row in rows if row.profile != ALL}
     if len(sets) == 1:
         kind = "this cause explains" if len(sets[0]) == 1 else "these two causes together explain"
@@ -225,6 +234,28 @@ def _group_rows(rows: Sequence[CompatibleChange]) -> list[list[CompatibleChange]
     for row in rows:
         listed.setdefault(row.set, []).append(row)
     return list(listed.values())
+
+
+def _is_same(row: CompatibleChange, other: CompatibleChange) -> bool:
+    """Whether two rows are of the same cause in the same trials."""
+    return (row.cause, row.profile, row.first) == (other.cause, other.profile, other.first)
+
+
+def _find_common_cause(rows: Sequence[CompatibleChange]) -> CompatibleChange | None:
+    """Row of the cause that all sets have, with the standard uncertainty of its size whichever set is right; None where
+    they have none in common."""
+    count = len({row.set for row in rows})
+    for row in rows:
+        same = [one for one in rows if _is_same(one, row)]
+        if len(same) == count:
+            share = np.exp([one.log_odds for one in same])
+            share /= share.sum()
+            size = np.array([math.log(one.change) if one.unit == "1" else one.change for one in same])
+            u = np.array([one.u for one in same])
+            spread = math.sqrt(float(share @ (u**2 + (size - share @ size) ** 2)))
+            mean = math.exp(share @ size) if row.unit == "1" else float(share @ size)
+            return replace(row, set=1, changes=1, change=mean, u=spread)
+    return None
 
 
 def _make_findings(sets: Sequence[Sequence[CompatibleChange]], where: str) -> tuple[SessionFinding, ...]:

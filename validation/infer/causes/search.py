@@ -17,6 +17,7 @@ from validation.conventions import Array
 from validation.infer.blocks import make_blocks
 from validation.infer.causes.responses import Point, Responses
 from validation.infer.causes.score_test import LEVEL, PAIRED, BalancedNoise, ScoreTest, Threshold, helmert, pair_gains
+from validation.infer.channels import FORCE_LEVEL
 from validation.infer.fit import BACKTRACK, CLOSE
 from validation.infer.hypotheses import ALL, LEAST_ADDED, SMALL_STEP, TREND, Source, known_root
 from validation.infer.noise import law_family
@@ -29,6 +30,8 @@ MORE_RUNS, CLEAR = 896, 10.0  # further draws for the threshold, but where it is
 ROUNDS = 12  # of Gauss–Newton, at most
 FELTS = 4  # whose hereditary laws are tried, those whose damping shows most: each compiles a scene of its own
 AMOUNTS = (0.5, 1.0, 2.0)  # of what their files state, at which effects are first run
+LARGE = (-2.0, -1.0, -0.5, 0.5, 1.0, 2.0)  # of `Source.wrong`, at which values of the model are first run
+LEVELS = (-4.0, -2.0, -1.0, 1.0, 2.0, 4.0)  # and the force's level, as its preload chooses the rest that is run from
 MISSED = 0.5 * LEVEL  # posterior probability of the causes and pairs beyond those named
 LEAST_STEP = 0.02  # amount: derivatives are differences over one standard uncertainty, which runs resolve from here on
 NEAR, CLIMBED = 50.0, 2  # of the log posterior: fits so near the best that they climb on; steps of each
@@ -185,8 +188,16 @@ class Search:
 
     def effect(self, fit: Fit, places: Sequence[int]) -> Array:
         """Change (trials, n), rad, of the predicted curves by the fit's causes of these indices, linear at the fit."""
-        weights = np.array([self.responses.candidates[fit.members[k]].weights for k in places]).T
-        return np.asarray(np.einsum("tk,tnk,k->tn", weights, fit.columns[:, :, places], fit.z[places]))
+        amounts = self.trial_amounts(fit)[:, places]
+        return np.asarray(np.einsum("tk,tnk->tn", amounts, fit.columns[:, :, places]))
+
+    def trial_amounts(self, fit: Fit, slope: bool = False) -> Array:
+        """Amount (trials, k) of each cause of a fit that each trial has, or its derivative by the fit's amount."""
+        out = []
+        for i, z in zip(fit.members, fit.z, strict=True):
+            share = self.source(i).share_slope if slope else self.source(i).share
+            out.append([share(float(z), w) for w in self.responses.candidates[i].weights])
+        return np.array(out).T
 
     def step(self, fit: Fit) -> Array:
         """Amounts (k,) that the linear model around a fit has as the most probable, within their bounds."""
@@ -198,8 +209,7 @@ class Search:
 
     def whitened(self, fit: Fit, k: int) -> tuple[Array, Array]:
         """Columns (trials n, causes) and residuals (trials n,) of a fit, whitened with `DEVIATIONS[k]`."""
-        weights = np.array([self.responses.candidates[i].weights for i in fit.members]).T
-        columns = np.einsum("jt,tk,tnk->jnk", self._turn, weights, fit.columns)
+        columns = np.einsum("jt,tk,tnk->jnk", self._turn, self.trial_amounts(fit, slope=True), fit.columns)
         residual = self.noise.whiten(k, self.turned(fit.each))
         return self.noise.whiten(k, columns).reshape(-1, fit.z.size), residual.ravel()
 
@@ -409,8 +419,9 @@ class Search:
         return float(pair_gains(gram, b)[0]) > times * threshold.pair
 
     def first_round(self) -> list[Fit]:
-        """Fits of one cause each after one Gauss–Newton step, the `REFITTED` best, best first: every source in all
-        trials, those that gain most as only some trials may have them, and every added effect."""
+        """Fits of one cause each, the `REFITTED` best, best first: after one Gauss–Newton step, or at the likeliest of
+        some amounts, where that is better. Every source in all trials, those that gain most as only some trials may
+        have them, and every added effect."""
         gains, _ = self.gains()
         best: dict[tuple[int, bool], int] = {}
         for n in np.argsort(-gains, kind="stable"):
@@ -420,20 +431,50 @@ class Search:
         shared = [i for (_, all_trials), i in best.items() if all_trials and i not in added]
         partial = [i for (_, all_trials), i in best.items() if not all_trials]
         started = [self.start_fit((i,)) for i in (*shared, *partial[: 2 * REFITTED])]
-        started += [self.start_fit((i,)) for i in added]
-        return self.refit(self.start_effects(started), rounds=1, kept=REFITTED)
+        stepped = self.refit(started, rounds=1)
+        moved = self._try_amounts([f for f in started if not self.source(f.members[0]).error], LARGE)
+        levels = [self.start_fit((i,)) for i in self.named if self.source(i).name == FORCE_LEVEL]
+        moved += self._try_amounts(levels, LEVELS)
+        effects = self.refit(self.start_effects([self.start_fit((i,)) for i in added]), rounds=1)
+        likeliest: dict[tuple[int, ...], Fit] = {}
+        for fit in sorted([*stepped, *moved, *effects], key=lambda f: -f.log_posterior):
+            likeliest.setdefault(fit.members, fit)
+        return list(likeliest.values())[:REFITTED]
+
+    def _try_amounts(self, fits: Sequence[Fit], amounts: Sequence[float]) -> list[Fit]:
+        """Fits of one cause run at each of the amounts; those that can be run."""
+        tried = [replace(fit, z=np.array([z])) for fit in fits for z in amounts]
+        found = zip(tried, self.responses.differences([f.point for f in tried]), strict=True)
+        return [replace(f, each=e, log_posterior=self.log_posterior(e, f.z)[0]) for f, e in found if e is not None]
 
     def refit_alike(self, fits: Sequence[Fit]) -> list[Fit]:
-        """The fits, and refits by runs of every trial with one cause exchanged for an indistinguishable one, together
-        sorted by log posterior, the best first."""
-        started = []
+        """The fits, and refits by runs of every trial with one cause exchanged for an indistinguishable one, or begun
+        at other amounts of an effect, together sorted by log posterior, the best first.
+
+        A felt with memory loses as much at two relaxation times, below and above the stroke's own.
+        """
+        started, again = [], []
         for fit in fits:
-            for i in fit.members:
+            for place, i in enumerate(fit.members):
                 for other, amount in self.alike.get(i, {}).items():
                     members = tuple(other if j == i else j for j in fit.members)
                     factor = np.where(np.array(fit.members) == i, amount, 1.0)
                     started.append(replace(fit, members=members, z=factor * fit.z, columns=fit.columns / factor))
-        return sorted([*fits, *self.refit_exactly(started)], key=lambda f: -f.log_posterior)
+                if self.source(i).added:
+                    again += [replace(fit, z=np.where(np.arange(fit.z.size) == place, a, fit.z)) for a in AMOUNTS]
+        ran = [f for f in self._run_exactly(again) if math.isfinite(f.log_posterior)]
+        started += [replace(f, columns=c) for f, c in zip(ran, self.columns_at(ran), strict=True)]
+        out: list[Fit] = []
+        for fit in sorted([*fits, *self.refit_exactly(started)], key=lambda f: -f.log_posterior):
+            if not any(self._is_same(fit, other) for other in out):
+                out.append(fit)
+        return out
+
+    def _is_same(self, fit: Fit, other: Fit) -> bool:
+        """Whether two fits have the same causes, of amounts within two standard uncertainties."""
+        if fit.members != other.members:
+            return False
+        return bool(np.all(np.abs(fit.z - other.z) < 2.0 * np.sqrt(np.diag(self.covariance(other)))))
 
     def start_effects(self, fits: Sequence[Fit]) -> list[Fit]:
         """The fits, those with an added effect of amount 0 run with it at each of `AMOUNTS` and replaced by the
