@@ -30,8 +30,8 @@ from validation.prediction.model_under_test import ModelUnderTest
 SPACING_S = 6e-4  # an action does not follow what happens within a millisecond
 
 
-def coarse_force(time_s: Array, force_n: Array) -> tuple[Array, Array]:
-    """Piecewise linear force (times (m,), s, and values (m,), N) on every k-th sample time, at most `SPACING_S` apart,
+def coarse_force(time_s: Array, force_n: Array, spacing_s: float = SPACING_S) -> tuple[Array, Array]:
+    """Piecewise linear force (times (m,), s, values (m,), N) on every k-th sample time, at most ``spacing_s`` apart,
     and the last, closest to the samples by least squares; the table itself where its samples are too far apart.
 
     Conventions: straight lines between points, s and N. A sampled force bends at each of its samples, and no step of an
@@ -44,13 +44,14 @@ def coarse_force(time_s: Array, force_n: Array) -> tuple[Array, Array]:
     ----------
     time_s : (n,), increasing
     force_n : (n,)
+    spacing_s : float, largest distance of its points
 
     Returns
     -------
     (times, forces)
         (m,) each; the table itself where its samples are too far apart to be thinned.
     """
-    every = int(SPACING_S / float(np.median(np.diff(time_s))) * (1 + 1e-9)) if time_s.size > 1 else 1
+    every = int(spacing_s / float(np.median(np.diff(time_s))) * (1 + 1e-9)) if time_s.size > 1 else 1
     if every < 2 or time_s.size < 2 * every:
         return time_s, force_n
     knots = np.append(time_s[:-1:every], time_s[-1])

@@ -34,5 +34,7 @@ def test_a_table_that_is_coarse_already_stays_as_it_is() -> None:
     t, force = np.array([0.0, 0.1, 0.15, 0.4]), np.array([0.0, 5.0, 3.0, 0.0])
     found = coarse_force(t, force)
     assert found[0] is t and found[1] is force
+    even = np.arange(40) * 2e-4
+    assert coarse_force(even, np.sin(even), 2e-4)[0] is even and coarse_force(even, np.sin(even))[0].size == 14
     one = np.array([0.5])
     assert coarse_force(one, one)[0] is one

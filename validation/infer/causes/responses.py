@@ -1,4 +1,4 @@
-"""What the model does where something is wrong in some trials: runs side by side.
+"""What the model does where something is wrong in some trials: runs side by side, under a force of few points.
 
 Conventions: differences are measured less predicted, channel after channel, (3 m,) rad, at phases that the trials
 share. Derivatives are differences of runs of one trial, which stands for the others: strokes of one kind.
@@ -24,9 +24,10 @@ from validation.infer.hypotheses import LEAST_ADDED, Source, candidates
 from validation.infer.observations import ENCODERS, ObservedTrial
 from validation.infer.response import SEGMENTS, noise_knots, slow_noise_n
 from validation.prediction.joint_draws import drawn_tolerance
-from validation.prediction.many_runs import Run, run_many
+from validation.prediction.many_runs import Run, coarse_force, run_many
 from validation.prediction.model_under_test import ModelUnderTest
 
+SPACING_S = 2e-4  # of the force's points: at 0.6 ms the memory of a felt came out 3 standard uncertainties off
 BUMP_N = 0.1  # for differences, of the whole force or at one knot
 
 
@@ -71,7 +72,7 @@ class Responses:
         self.measured = np.array([rows(t.change_rad) for t in self.trials])
         self._known: list[Array] = []
         self._turned: dict[tuple[_Place, int], Array | None] = {}
-        self._forces: dict[tuple[int, float, int], Array] = {}
+        self._forces: dict[tuple[int, float, int], tuple[Array, Array]] = {}
         self._rests: dict[Any, tuple[model.Action, model.RestState] | None] = {}
 
     @cached_property
@@ -278,7 +279,7 @@ class Responses:
         return run_many(self.tested, runs, turn)
 
     def _run(self, place: _Place, trial: ObservedTrial) -> Run | None:
-        """What to simulate for a trial at a place (not simulated here): action, rest, force with its errors,
+        """What to simulate for a trial at a place (not simulated here): action, rest, coarse force with its errors,
         output times. None where the action cannot rest or take an effect."""
         changed: dict[str, float] = {}
         added: list[tuple[Source, float]] = []
@@ -298,8 +299,8 @@ class Responses:
         if found is None:
             return None
         action, rest = found
-        read = self._read_force(trial, error[FORCE_DELAY], place.knot)
-        table = trial.force_time_s, (read - trial.preload_n) / gain + trial.preload_n - level
+        when, read = self._coarse_force(trial, error[FORCE_DELAY], place.knot)
+        table = when, (read - trial.preload_n) / gain + trial.preload_n - level
         start, rate = trial.force_time_s[0], error[CLOCK]
         if rate != 1.0:
             table = start + (table[0] - start) / rate, table[1]
@@ -308,8 +309,8 @@ class Responses:
             output = np.append(start, output)  # where the key's pivot was at rest
         return Run(action, rest, *table, output, drawn_tolerance(self.tested))
 
-    def _read_force(self, trial: ObservedTrial, delay_s: float, knot: int) -> Array:
-        """Force (n,), N, of a trial at the times of its record, corrected for a reading ``delay_s`` late and raised by
+    def _coarse_force(self, trial: ObservedTrial, delay_s: float, knot: int) -> tuple[Array, Array]:
+        """Coarse force table (time, s; force, N) of a trial, corrected for a reading ``delay_s`` late and raised by
         `BUMP_N` at noise knot ``knot`` (none below 0); cached."""
         key = trial.number, delay_s, knot
         if key not in self._forces:
@@ -317,7 +318,7 @@ class Responses:
             if knot >= 0:
                 knots = noise_knots(trial)
                 force = force + np.interp(trial.force_time_s, knots, BUMP_N * (np.arange(knots.size) == knot))
-            self._forces[key] = force
+            self._forces[key] = coarse_force(trial.force_time_s, force, SPACING_S)
         return self._forces[key]
 
     def _find_rest(

@@ -10,6 +10,8 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import model
 from tests.validation.infer import toy
@@ -73,11 +75,11 @@ class Curved:
     def amounts(self, point: Point, t: int) -> Array:
         out = np.zeros(SHAPES)
         for j, z in point.amounts:
-            out[self.candidates[j].source] += z * self.candidates[j].weights[t]
+            c = self.candidates[j]
+            out[c.source] += self.listed[c.source].share(z, c.weights[t])
         return out
 
-    @staticmethod
-    def curve(amounts: Array) -> Array:
+    def curve(self, amounts: Array) -> Array:
         total = shapes() @ amounts
         return np.asarray(total + 3.0 * total**2)
 
@@ -104,7 +106,9 @@ class Curved:
         return np.array([self.curve(a + z) - self.curve(a) for a, z in zip(there, amounts, strict=True)])
 
 
-def explain(amounts: Mapping[int, Sequence[float]], trials: int, seed: int = 1, other_rad: float = 0.0) -> Explained:
+def explain(
+    amounts: Mapping[int, Sequence[float]], trials: int, seed: int = 1, other_rad: float = 0.0, made: type = Curved
+) -> Explained:
     """The answer for trials with these amounts of each source; ``other_rad`` is what no cause makes, in all of them."""
     rng = np.random.default_rng(seed)
     each = np.zeros((trials, SHAPES))
@@ -112,8 +116,10 @@ def explain(amounts: Mapping[int, Sequence[float]], trials: int, seed: int = 1, 
         each[:, j] = of_trials
     other = other_rad * np.sin(40 * np.tile(TIME, 3)) * np.repeat([1.0, -2.0, 0.5], M)
     noise = NOISE_RAD * rng.standard_normal((trials, 3 * M))
-    responses = Curved(np.array([Curved.curve(z) for z in each]) + other + noise)
-    return make_answer(find_causes(cast(Responses, responses), effects=False), range(1, trials + 1))
+    nothing = made(np.zeros((trials, 3 * M)))
+    responses = made(np.array([nothing.curve(z) for z in each]) + other + noise)
+    found = find_causes(responses, effects=any(source.added for source in responses.listed))
+    return make_answer(found, range(1, trials + 1))
 
 
 def sets(found: Explained) -> set[frozenset[tuple[str, str, int]]]:
@@ -153,7 +159,7 @@ def test_causes_that_act_alike_are_both_named() -> None:
     [(ONE, (0, 0, 0, 1, 0, 0), 4), (STEP, (0, 0, 0, 1, 1, 1), 4), (TREND, (0, 0.2, 0.4, 0.6, 0.8, 1), 1)],
 )
 def test_what_some_trials_have_is_told_with_the_trials(profile: str, share: Sequence[float], first: int) -> None:
-    found = explain({0: [1.5 * s for s in share]}, 6)
+    found = explain({0: [GAIN.share(1.5, s) for s in share]}, 6)
     assert sets(found) == {frozenset({(FORCE_GAIN, profile, first)})}
     (finding,) = found.findings
     assert finding.kind == "force gain" and finding.channel == "force" and found.changes[0].words in finding.text
@@ -172,7 +178,7 @@ def test_causes_are_compared_by_runs_of_every_trial() -> None:
     each = np.zeros((3, SHAPES))
     each[:, 3] = 1.2
     noise = NOISE_RAD * np.random.default_rng(1).standard_normal((3, 3 * M))
-    responses = Extrapolated(np.array([Curved.curve(z) for z in each]) + noise)
+    responses = Extrapolated(np.array([Curved(noise).curve(z) for z in each]) + noise)
     found = make_answer(find_causes(cast(Responses, responses), effects=False), range(1, 4))
     assert sets(found) == {frozenset({("law 3", ALL, 1)})}
 
@@ -190,6 +196,83 @@ def test_two_causes_of_other_trials_are_named_together() -> None:
     found = explain({0: [0, 0, 0, 1.2, 1.2, 1.2], 5: [-0.9] * 6}, 6)
     assert sets(found) == {frozenset({(FORCE_GAIN, STEP, 4), ("law 5", ALL, 1)})}
     assert "these two causes together" in found.sentence and len(found.findings) == 1
+
+
+class Alike(Curved):
+    """Responses of which the last four laws act alike, but for a factor."""
+
+    def curve(self, amounts: Array) -> Array:
+        return super().curve(np.append(amounts[:-4], [amounts[-4:] @ [1.0, 0.9, 0.8, 0.7], *np.zeros(3)]))
+
+    def columns(self, asked: Any, here: Any, longest: Any = (), central: bool = False) -> list[Array]:
+        factor = np.append(np.ones(SHAPES - 4), [1.0, 0.9, 0.8, 0.7])
+        found = super().columns([(p, t, min(j, SHAPES - 4)) for p, t, j in asked], here)
+        return [factor[j] * column for (_, _, j), column in zip(asked, found, strict=True)]
+
+
+def test_what_all_of_many_pairs_have_is_named_and_the_rest_is_not() -> None:
+    found = explain({0: [0, 0, 0, 1.2, 1.2, 1.2], SHAPES - 4: [-0.9] * 6}, 6, made=Alike)
+    assert sets(found) == {frozenset({(FORCE_GAIN, STEP, 4)})}
+    (row,), (finding,) = found.changes, found.findings
+    assert abs(np.log(row.change) - 0.05 * 1.2) < 3 * row.u and row.changes == 1
+    assert row.words in finding.text and "the other part is one of 4 causes" in found.sentence
+    assert sum(f"law {j} ×" in found.sentence for j in range(SHAPES - 4, SHAPES)) == 3
+
+
+def test_of_many_causes_that_act_alike_none_is_named() -> None:
+    found = explain({SHAPES - 4: [-0.9] * 6}, 6, made=Alike)
+    assert not found.changes and not found.findings and "4 causes or pairs of causes" in found.sentence
+
+
+@dataclass
+class Peaked(Curved):
+    """Responses with an effect that does most at amount 1, as much at 1/z as at z: a felt's loss over its memory."""
+
+    listed: tuple[Source, ...] = (
+        *LISTED[:4],
+        Source(
+            "added felt", "s", (), 1.0, 0.0,
+            step=1.0, effects=("felt",), scaled=(("contact12.stulov.tau", 5e-5, 1.0),),
+        ),
+        *LISTED[5:],
+    )  # fmt: skip
+
+    def curve(self, amounts: Array) -> Array:
+        bent = amounts.copy()
+        bent[4] = 2.0 * amounts[4] / (1.0 + amounts[4] ** 2)
+        return super().curve(bent)
+
+    def columns(self, asked: Any, here: Any, longest: Any = (), central: bool = False) -> list[Array]:
+        out = []
+        for point, t, j in asked:
+            at, step = self.amounts(point, t), 1e-4 * np.eye(SHAPES)[j]
+            out.append((self.curve(at + step) - self.curve(at)) / 1e-4)
+        return out
+
+
+def test_two_amounts_of_one_effect_that_do_the_same_are_both_told() -> None:
+    found = explain({4: [1.6] * 3}, 3, made=Peaked)
+    assert sets(found) == {frozenset({("added felt", ALL, 1)})}
+    below, above = sorted(found.changes, key=lambda row: row.change)
+    assert below.change == pytest.approx(5e-5 / 1.6, abs=3 * below.u)
+    assert above.change == pytest.approx(5e-5 * 1.6, abs=3 * above.u) and "cannot tell them apart" in found.sentence
+
+
+@given(st.floats(-3.0, 3.0), st.floats(0.0, 1.0))
+def test_a_share_of_a_change_is_that_share_of_what_is_added(z: float, w: float) -> None:
+    for source in (GAIN, replace(GAIN, unit="m")):
+        whole, part = (source.at(2.0, amount) - 2.0 for amount in (z, source.share(z, w)))
+        assert part == pytest.approx(w * whole, abs=1e-12)
+        slope = (source.share(z + 1e-5, w) - source.share(z - 1e-5, w)) / 2e-5
+        assert source.share_slope(z, w) == pytest.approx(slope, abs=1e-8)
+
+
+def test_a_drift_is_told_by_what_it_adds_in_each_trial() -> None:
+    shares = [GAIN.share(4.0, k / 5) for k in range(6)]
+    found = explain({0: shares}, 6)
+    (row,) = found.changes
+    assert row.profile == TREND and abs(np.log(row.change) - 0.2) < 3 * row.u
+    assert f"drifts by +{100 * (row.change - 1) / 5:.2g} % per trial" in row.words
 
 
 def test_what_no_cause_makes_is_called_none_with_what_was_compared() -> None:
