@@ -26,7 +26,7 @@ from validation.infer.observations import ENCODERS
 REFITTED = 12  # causes of each size that are refitted, the best of the linear model first
 SECOND = 2  # best single causes beside which a second one is looked for
 RUNS = 128  # draws of the scatter between trials that are run: for the curvature around each fit, and the threshold
-MORE_RUNS, CLEAR = 896, 10.0  # further draws for the threshold, but where it is exceeded so many times
+MORE_RUNS, CLEAR = 896, 10.0  # further draws for a threshold, but where it is exceeded so many times
 ROUNDS = 12  # of Gauss–Newton, at most
 FELTS = 4  # whose hereditary laws are tried, those whose damping shows most: each compiles a scene of its own
 AMOUNTS = (0.5, 1.0, 2.0)  # of what their files state, at which effects are first run
@@ -383,7 +383,8 @@ class Search:
 
     def pairs(self, singles: Sequence[Fit]) -> list[Fit]:
         """Starting fits of two causes, not refitted: each of the `SECOND` best of ``singles`` (fits of one cause, the
-        best first) with the candidates that gain most beside it, and with the other best ones."""
+        best first) with the candidates that gain most beside it, and with the other best ones; the best also with
+        values of the model at some amounts, the `REFITTED` likeliest of them."""
         started: dict[frozenset[int], Fit] = {}
         for one in singles[:SECOND]:
             for i in [
@@ -392,7 +393,10 @@ class Search:
             ]:
                 if i not in one.members:
                     started.setdefault(frozenset((*one.members, i)), self.start_fit((*one.members, i), one))
-        return self.start_effects(list(started.values()))
+        best = singles[0]
+        beside = [i for i in self._list_shared(added=False) if not self.source(i).error and i not in best.members]
+        moved = self._try_amounts([self.start_fit((*best.members, i), best) for i in beside], LARGE)
+        return [*self.start_effects(list(started.values())), *_choose_likeliest(moved)]
 
     def rank_candidates(self, fit: Fit, held: Sequence[int]) -> list[int]:
         """Candidates (indexes) by their gain beside the ``held`` ones of a fit, the largest first."""
@@ -422,28 +426,28 @@ class Search:
         """Fits of one cause each, the `REFITTED` best, best first: after one Gauss–Newton step, or at the likeliest of
         some amounts, where that is better. Every source in all trials, those that gain most as only some trials may
         have them, and every added effect."""
-        gains, _ = self.gains()
-        best: dict[tuple[int, bool], int] = {}
-        for n in np.argsort(-gains, kind="stable"):
-            candidate = self.responses.candidates[self.named[int(n)]]
-            best.setdefault((candidate.source, candidate.profile == ALL), self.named[int(n)])
-        added = [i for i in self.named if self.source(i).added]
-        shared = [i for (_, all_trials), i in best.items() if all_trials and i not in added]
-        partial = [i for (_, all_trials), i in best.items() if not all_trials]
-        started = [self.start_fit((i,)) for i in (*shared, *partial[: 2 * REFITTED])]
+        partial: dict[int, int] = {}
+        for i in self.rank_candidates(self.at, self.at.members):
+            candidate = self.responses.candidates[i]
+            if candidate.profile != ALL:
+                partial.setdefault(candidate.source, i)
+        shared, added = self._list_shared(added=False), self._list_shared(added=True)
+        started = [self.start_fit((i,)) for i in (*shared, *list(partial.values())[: 2 * REFITTED])]
         stepped = self.refit(started, rounds=1)
         moved = self._try_amounts([f for f in started if not self.source(f.members[0]).error], LARGE)
         levels = [self.start_fit((i,)) for i in self.named if self.source(i).name == FORCE_LEVEL]
         moved += self._try_amounts(levels, LEVELS)
         effects = self.refit(self.start_effects([self.start_fit((i,)) for i in added]), rounds=1)
-        likeliest: dict[tuple[int, ...], Fit] = {}
-        for fit in sorted([*stepped, *moved, *effects], key=lambda f: -f.log_posterior):
-            likeliest.setdefault(fit.members, fit)
-        return list(likeliest.values())[:REFITTED]
+        return _choose_likeliest([*stepped, *moved, *effects])
+
+    def _list_shared(self, added: bool) -> list[int]:
+        """Candidates `named` (indices) that all trials have: effects that the model lacks, or all others."""
+        shared = [i for i in self.named if self.responses.candidates[i].profile == ALL]
+        return [i for i in shared if self.source(i).added == added]
 
     def _try_amounts(self, fits: Sequence[Fit], amounts: Sequence[float]) -> list[Fit]:
-        """Fits of one cause run at each of the amounts; those that can be run."""
-        tried = [replace(fit, z=np.array([z])) for fit in fits for z in amounts]
+        """Fits run with the last of their causes at each of the amounts; those that can be run."""
+        tried = [replace(fit, z=np.append(fit.z[:-1], z)) for fit in fits for z in amounts]
         found = zip(tried, self.responses.differences([f.point for f in tried]), strict=True)
         return [replace(f, each=e, log_posterior=self.log_posterior(e, f.z)[0]) for f, e in found if e is not None]
 
@@ -494,6 +498,14 @@ class Search:
         return list(out.values())
 
 
+def _choose_likeliest(fits: Sequence[Fit]) -> list[Fit]:
+    """The `REFITTED` fits of other causes with the largest log posterior, the best first."""
+    likeliest: dict[tuple[int, ...], Fit] = {}
+    for fit in sorted(fits, key=lambda f: -f.log_posterior):
+        likeliest.setdefault(fit.members, fit)
+    return list(likeliest.values())[:REFITTED]
+
+
 @dataclass(frozen=True)
 class Found:
     """What a search found."""
@@ -541,5 +553,7 @@ def find_causes(responses: Responses, effects: bool = True) -> Found:
             if alone and 2.0 * (fits[0].log_posterior - alone[0].log_posterior) <= threshold.single:
                 around, fits = around.exchange_causes(alone)  # beside what the pair has right, the other is not needed
             left = around.rest(fits[0], threshold)
+        if 1.0 < left < CLEAR:
+            left = around.rest(fits[0], around.find_threshold(around.draw_runs(RUNS + MORE_RUNS, seed=3)))
     fits = around.refit_alike(around.credible_set(fits))
     return Found(tuple(around.credible_set(fits)), True, around, fits[0].log_posterior - null, left)
