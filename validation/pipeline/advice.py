@@ -77,7 +77,10 @@ def advise_on_causes(explained: Explained) -> list[str]:
         ]
     (only,) = sets.values()
     named = " and ".join(causes)
+    listed = sum(change.set == only[0].set for change in explained.changes)
     explains = f"alone of the causes compared explain{'s' if len(causes) == 1 else ''} the difference"
+    if listed < only[0].changes:
+        explains = f"{'is' if len(causes) == 1 else 'are'} a part of what makes the difference"
     if all(change.of_session for change in only):
         return [f"Calibrate the bench: {' with '.join(causes)} {explains}; loosen nothing in the action."]
     return [f"Measure {named}, which {explains}."]

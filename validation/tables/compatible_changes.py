@@ -19,7 +19,8 @@ def _change(row: Row) -> str:
 COLUMNS = (
     Column("set", "", "Number of the set, smaller sets first, then by evidence; each set by itself explains the "
            "difference", int, head="set"),
-    Column("changes", "", "How many changes the set has", int),
+    Column("changes", "", "How many changes the set has; fewer are listed where the trials do not tell what the others "
+           "are", int),
     Column("cause", "", "What is changed: a parameter path, a felt, or an error of the session: gain, level or delay "
            "of the force, the clock's rate, an encoder's scale, delay or zero (a gain of 0.9 reads 0.9 of what "
            "acted)", str),
@@ -47,14 +48,16 @@ def rows(comparison: Comparison) -> Sequence[Mapping[str, Any]]:
 
 NOTES = (
     "Each set by itself explains the difference until the key is let go; sets that the trials do not tell apart stand "
-    "below each other. Difference left: share of the difference, squared in standard uncertainties, that "
-    "remains with the set; left by noise: what noise and declared uncertainties leave at most, in 99 of 100 sessions.",
+    "below each other. What more than three sets have in common stands alone: it is a part of them. Difference left: "
+    "share of the difference, squared in standard uncertainties, that remains with the set; left by noise: what noise "
+    "and declared uncertainties leave at most, in 99 of 100 sessions.",
 )
 TABLE = Table(
     "compatible_changes",
     "change of each cause, or pair of causes, of session or model that explains what model and trials differ by until "
-    "the key is let go: at most three, the most probable first, which trials do not tell apart. Empty where nothing "
-    "need have changed, where no cause that was compared explains it, where more do, or where nothing was looked for",
+    "the key is let go: at most three, the most probable first, which trials do not tell apart, or what more than "
+    "three have in common. Empty where nothing need have changed, where no cause that was compared explains it, where "
+    "more do that have nothing in common, or where nothing was looked for",
     COLUMNS,
     rows,
     (Page("causes", "Sets of changes that explain the difference", NOTES),),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pandas as pd
 
@@ -64,6 +65,8 @@ def test_causes_are_measured_alone_or_told_apart() -> None:
     assert "part 1 or part 2 or part 3 or 2 more" in said and "cannot tell" in said
     (said,) = advice.advise_on_causes(Explained("x", (change(1, "force gain"),)))
     assert said.startswith("Calibrate the bench") and "loosen nothing" in said
+    (said,) = advice.advise_on_causes(Explained("x", (replace(change(1, "hammer.mass"), changes=2),)))
+    assert said == "Measure hammer.mass, which is a part of what makes the difference."
     drift = CompatibleChange(1, 1, "force gain", 1.05, 0.01, "1", 0.0, 0.1, "trend", 1, 6)
     assert not advice.advise_on_causes(Explained("x", (drift,)))  # a finding says it
 

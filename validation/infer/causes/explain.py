@@ -41,7 +41,7 @@ class CompatibleChange:
     """One change of a set that explains the trials."""
 
     set: int  # number of the set: a cause or a pair, the most probable first
-    changes: int  # how many changes the set has
+    changes: int  # how many changes the set has: more than are listed where the others are not told apart
     cause: str  # parameter, felt, or error of a channel of the session
     change: float  # factor, or what is added in ``unit``; of a trend that of the last trial
     u: float  # its standard uncertainty; relative where ``unit`` is 1
@@ -254,7 +254,7 @@ def _find_common_cause(rows: Sequence[CompatibleChange]) -> CompatibleChange | N
             u = np.array([one.u for one in same])
             spread = math.sqrt(float(share @ (u**2 + (size - share @ size) ** 2)))
             mean = math.exp(share @ size) if row.unit == "1" else float(share @ size)
-            return replace(row, set=1, changes=1, change=mean, u=spread)
+            return replace(row, set=1, change=mean, u=spread)
     return None
 
 

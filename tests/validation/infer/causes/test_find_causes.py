@@ -214,7 +214,7 @@ def test_what_all_of_many_pairs_have_is_named_and_the_rest_is_not() -> None:
     found = explain({0: [0, 0, 0, 1.2, 1.2, 1.2], SHAPES - 4: [-0.9] * 6}, 6, made=Alike)
     assert sets(found) == {frozenset({(FORCE_GAIN, STEP, 4)})}
     (row,), (finding,) = found.changes, found.findings
-    assert abs(np.log(row.change) - 0.05 * 1.2) < 3 * row.u and row.changes == 1
+    assert abs(np.log(row.change) - 0.05 * 1.2) < 3 * row.u and row.changes == 2
     assert row.words in finding.text and "the other part is one of 4 causes" in found.sentence
     assert sum(f"law {j} ×" in found.sentence for j in range(SHAPES - 4, SHAPES)) == 3
 
