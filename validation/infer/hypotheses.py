@@ -30,7 +30,7 @@ from validation.infer.channels import (
 from validation.infer.noise import NULL_SCATTER
 from validation.infer.observations import ObservedTrial
 from validation.infer.unknowns import LAW_U, NORMAL, THRESHOLDS, lead_of, single_names
-from validation.prediction.posterior import posterior_of, principal_axes
+from validation.prediction.posterior import Posterior, posterior_of, principal_axes
 from validation.statistics.repeatability import FEWEST_TO_STAND_OUT
 
 MASS_WRONG, LENGTH_WRONG_M, DRIVE_WRONG_M = 0.1, 1e-3, 5e-3  # the arm is set on the key by hand
@@ -198,7 +198,8 @@ def sources(action: model.Action, trial: ObservedTrial) -> tuple[Source, ...]:
                 Source(name, "m", paths, wrong, known, step=SMALL_STEP, scatter=scatter / wrong, profiles=moves)
             )
         elif lead.u > 0.0 and not name.endswith(NORMAL):
-            found.append(Source(name, lead.unit, paths, lead.u, 1.0, named=False))
+            wrong = relative if lead.unit == "1" else lead.u
+            found.append(Source(name, lead.unit, paths, wrong, 1.0, named=False))
     return (*found, *list_addable_effects(action))
 
 
@@ -270,9 +271,18 @@ def known_root(action: model.Action, listed: Sequence[Source]) -> Array:
     place = {c.name: i for i, c in enumerate(listed)}
     both = [(place[name], j) for j, name in enumerate(before.names) if name in place]
     mine, theirs = [i for i, _ in both], [j for _, j in both]
-    unit = np.array([before.u[j] / listed[i].wrong for i, j in both])
+    unit = np.array([_relative_u(before, j, listed[i], action) / listed[i].wrong for i, j in both])
     together = before.covariance[np.ix_(theirs, theirs)] * np.outer(unit, unit)
     values, vectors = principal_axes(together)
     root[mine] = 0.0
     root[np.ix_(mine, mine)] = vectors * np.sqrt(np.maximum(values, 0.0))
     return root
+
+
+def _relative_u(before: Posterior, j: int, source: Source, action: model.Action) -> float:
+    """Prior standard uncertainty of the j-th parameter of an identification in the unit of a source: relative where its
+    unit is 1, else SI."""
+    value = abs(action[source.paths[0]])
+    if before.factor[j] == (source.unit == "1"):
+        return before.u[j]
+    return before.u[j] / value if source.unit == "1" else before.u[j] * value

@@ -211,8 +211,7 @@ def _make_rows(search: Search, number: int, fit: Fit, best: Fit) -> list[Compati
     """One row for each cause of ``fit``: its size with u, the share of the squared difference that the fit leaves, and
     its log odds to the fit ``best``; ``number``: of the set, from 1."""
     out = []
-    scatter = np.array([search.source(i).scatter for i in fit.members]) / math.sqrt(search.noise.trials)
-    u = np.hypot(np.sqrt(np.diag(search.covariance(fit))), scatter)
+    u = np.sqrt(np.diag(search.covariance(fit)))
     shared = all(search.responses.candidates[i].profile == ALL for i in fit.members)
     base = search.responses.base
     assert base is not None
@@ -223,7 +222,7 @@ def _make_rows(search: Search, number: int, fit: Fit, best: Fit) -> list[Compati
     for i, z, u_z in zip(fit.members, fit.z, u, strict=True):
         c, s = search.responses.candidates[i], search.source(i)
         changed, u_size = s.size(float(z), float(u_z))
-        odds = fit.log_posterior - best.log_posterior
+        odds = search.evidence(fit) - search.evidence(best)
         change = CompatibleChange(number, len(fit.members), s.name, changed, u_size, s.unit, odds, left, by_noise)
         out.append(replace(change, profile=c.profile, first=c.first, last=c.last))
     return out

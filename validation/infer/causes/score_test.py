@@ -183,27 +183,31 @@ class ScoreTest:
     def products(self, k: int, white: Array) -> Array:
         """Inner products (draws, P) of each candidate's whitened column with residuals ``white`` (draws, trials, n),
         which are mean and contrasts over trials whitened with `DEVIATIONS[k]`."""
-        mean = white[:, 0] @ self._mean[k]
-        out = self.weights[0] * mean[:, self.source]
-        if self.noise.trials > 1:
-            between = white[:, 1:] @ self._between[k]
-            out = out + np.einsum("jc,djc->dc", self.weights[1:], between[:, :, self.source])
-        return np.asarray(out)
+        mean, between = white[:, 0] @ self._mean[k], white[:, 1:] @ self._between[k]
+        apart = np.einsum("jc,djc->dc", self.weights[1:], between[:, :, self.source])
+        return np.asarray(self.weights[0] * mean[:, self.source] + apart)
 
     def gains(self, turned: Array, held: Sequence[int] = (), z: Array | None = None) -> tuple[Array, int]:
         """Score statistic (P,), twice the gain in log posterior, of each candidate beside those ``held`` (indices) at
-        amounts ``z``, and the index in `DEVIATIONS` that is likeliest with the best; ``turned`` (trials, n): mean and
-        contrasts of residuals."""
+        amounts ``z``, 0 of these, and the index in `DEVIATIONS` that is likeliest with the best; ``turned`` (trials,
+        n): mean and contrasts of residuals. The deviation is the likeliest with the candidate, and without."""
         z = np.zeros(len(held)) if z is None else z
-        best, size, found = -np.inf, 0, np.zeros(self.source.size)
-        likelihoods = self.noise.log_likelihoods(turned)
-        for k, likelihood in enumerate(likelihoods):
+        without, beside = [], []
+        for k, likelihood in enumerate(self.noise.log_likelihoods(turned)):
             gram, b = self.gram(k), self.products(k, self.noise.whiten(k, turned)[None])[0]
             gram, b, at = _condition_on(gram, b, held, z)
             gain = b**2 / (1.0 + np.maximum(np.diag(gram), 0.0))
-            if likelihood + 0.5 * (at + gain.max()) > best:
-                best, size, found = likelihood + 0.5 * (at + gain.max()), k, gain
-        return found, size
+            gain[list(held)] = 0.0  # a second copy of a cause would halve the penalty of its prior
+            without.append(likelihood + 0.5 * at)
+            beside.append(without[-1] + 0.5 * gain)
+        found = 2.0 * (np.max(beside, axis=0) - max(without))
+        return found, int(np.argmax(np.max(beside, axis=1)))
+
+    def statistics(self, turned: Array) -> tuple[float, float]:
+        """The largest score statistics, as `threshold` has them in drawn sessions, of one cause and of a pair."""
+        every = range(len(DEVIATIONS))
+        one, two = self._search(turned[None], every, {k: self.gram(k) for k in every})
+        return float(one[0]), float(two[0])
 
     def threshold(self, turned: Array, runs: Array, seed: int = 0) -> Threshold:
         """Thresholds of the score statistic of one cause and of a pair, by Monte Carlo: the search repeated in `DRAWS`

@@ -16,7 +16,7 @@ import numpy as np
 from validation.conventions import Array
 from validation.infer.blocks import make_blocks
 from validation.infer.causes.responses import Point, Responses
-from validation.infer.causes.score_test import LEVEL, PAIRED, BalancedNoise, ScoreTest, Threshold, helmert, pair_gains
+from validation.infer.causes.score_test import LEVEL, PAIRED, BalancedNoise, ScoreTest, Threshold, helmert
 from validation.infer.channels import FORCE_LEVEL
 from validation.infer.fit import BACKTRACK, CLOSE
 from validation.infer.hypotheses import ALL, LEAST_ADDED, SMALL_STEP, TREND, Source, known_root
@@ -83,24 +83,23 @@ class Search:
             (block,) = make_blocks([trials[t]], [shaped], [responses.force_columns(at.point, t, at.each)], laws)
             blocks.append((share, block))
             tangents.append(columns)
-        columns = tangents[0]
-        if before is None or at.point != before.at.point:  # what estimates the curvature draws no sessions: there,
-            runs, linear = self._draw(RUNS, columns)  # noise looks smaller than it is
+        self.columns, self._tangents, self._turn = tangents[0], tangents, helmert(len(trials))
+        if before is None or at.point != before.at.point:
+            runs, linear = self._draw(RUNS)
             self.curved = runs - linear
         else:
             self.curved = before.curved
         known = known_root(responses.tested.action, listed)
         between = np.where(laws, 0.0, scatter)
         self.noise = BalancedNoise(blocks, families, between, known, len(trials), self.curved)
-        self.columns, self._turn = columns, helmert(len(trials))
-        shown = [i for i, c in enumerate(responses.candidates) if np.any(columns[:, c.source])]
+        shown = [i for i, c in enumerate(responses.candidates) if np.any(self.columns[:, c.source])]
         if before is None:
             self.alike = self._group_alike(shown)
         else:
             new = {i: dict[int, float]() for i in shown if self.source(i).added}
             self.alike = {i: {} for i in self.at.members} | new | before.alike
         self.named = sorted(self.alike)
-        self.test = ScoreTest(self.noise, columns, [responses.candidates[i] for i in self.named])
+        self.test = ScoreTest(self.noise, self.columns, [responses.candidates[i] for i in self.named])
 
     def difference_steps(self) -> Array:
         """Standard uncertainty (p,) of each source's amount if all else is known: its longest step for a derivative.
@@ -110,17 +109,26 @@ class Search:
         added = np.array([s.added for s in self.responses.listed])
         return np.where(added, np.inf, np.clip(self.test.known_u(0), LEAST_STEP, SMALL_STEP))
 
-    def _draw(self, count: int, columns: Array, seed: int = 0) -> tuple[Array, Array]:
-        """Changes (count, n) of the curves of trials whose laws and lengths scatter: as run, and linear."""
+    def _draw(self, count: int, seed: int = 0) -> tuple[Array, Array]:
+        """Changes (count, n) of the curves of trials whose laws and lengths scatter, each of the next trial in turn: as
+        run, and by the tangent of the condition that is the nearer to that trial's."""
         scatter = np.array([s.scatter for s in self.responses.listed])
         moved = np.flatnonzero(scatter)  # which effects are listed does not change the draws
         amounts = np.zeros((count, scatter.size))
         amounts[:, moved] = scatter[moved] * np.random.default_rng(seed).standard_normal((count, moved.size))
-        return self.responses.curve_changes(amounts, self.at.each, self.at.point), amounts @ columns.T
+        nearest = [self._nearest_condition(k % self._turn.shape[0]) for k in range(count)]
+        linear = np.array([self._tangents[c] @ z for c, z in zip(nearest, amounts, strict=True)])
+        return self.responses.curve_changes(amounts, self.at.each, self.at.point), linear
+
+    def _nearest_condition(self, t: int) -> int:
+        """Which of the `_conditions` is the nearest to that of trial ``t`` (index)."""
+        weights = np.array([self.responses.candidates[i].weights for i in self.at.members]).reshape(-1, len(self._turn))
+        away = [float(np.sum((weights[:, t] - weights[:, at]) ** 2)) for at, _ in self._conditions()]
+        return int(np.argmin(away))
 
     def draw_runs(self, count: int, seed: int) -> Array:
         """Changes (count, n), rad, of the curves of trials whose laws and lengths scatter, as run."""
-        return self._draw(count, self.columns, seed)[0]
+        return self._draw(count, seed)[0]
 
     def find_threshold(self, runs: Array) -> Threshold:
         """Thresholds of one cause and of a pair under the null hypothesis, of which trials scatter as ``runs``, drawn
@@ -142,6 +150,8 @@ class Search:
         """Detectable candidates (index) of those ``shown``, each -> indices of those indistinguishable from it, with
         the amount that equals amount 1 of it; derivatives are central differences of runs of the first trial."""
         wanted = sorted({self.responses.candidates[i].source for i in shown})
+        if not wanted:
+            return {}
         columns = np.zeros_like(self.columns)
         asked = [(self.at.point, 0, j) for j in wanted]
         columns[:, wanted] = np.column_stack(self.responses.columns(asked, len(wanted) * [self.at.each], central=True))
@@ -223,20 +233,9 @@ class Search:
         white, _ = self.whitened(fit, self.log_posterior(fit.each, fit.z)[1])
         return np.asarray(np.linalg.inv(np.eye(fit.z.size) + white.T @ white))
 
-    def refit(
-        self, started: Sequence[Fit], rounds: int = ROUNDS, exact: bool = False, kept: int | None = None
-    ) -> list[Fit]:
+    def refit(self, started: Sequence[Fit], rounds: int = ROUNDS, exact: bool = False) -> list[Fit]:
         """Refit each of ``started`` by at most ``rounds`` Gauss–Newton steps of runs (of every trial if ``exact``): the
-        fits that ran, sorted by log posterior, the ``kept`` best (default all), without those whose added effect
-        vanished.
-
-        Parameters
-        ----------
-        started : fits to start from
-        rounds : at most
-        exact : whether every trial is run
-        kept : how many fits come back; by default all
-        """
+        fits that ran, sorted by log posterior, without those whose added effect vanished."""
         differences = self.responses.exact_differences if exact else self.responses.differences
         fits = list(started)
         share = {i: 1.0 for i in range(len(fits))}
@@ -256,18 +255,20 @@ class Search:
                 fits[i] = replace(fits[i], z=z, each=each, log_posterior=there)
                 accepted.append(i)
                 share[i] = 1.0
-            accepted = sorted(accepted, key=lambda i: -fits[i].log_posterior)[:kept]
             for i, columns in zip(accepted, self.columns_at([fits[i] for i in accepted]), strict=True):
                 fits[i] = replace(fits[i], columns=columns)
             if not share:
                 break
         ran = [f for f in fits if math.isfinite(f.log_posterior)]
-        shown = [
+        return sorted(self._list_present(ran), key=lambda f: -f.log_posterior)
+
+    def _list_present(self, fits: Sequence[Fit]) -> list[Fit]:
+        """The fits without those whose added effect vanished."""
+        return [
             f
-            for f in ran
+            for f in fits
             if all(z > LEAST_ADDED or not self.source(i).added for i, z in zip(f.members, f.z, strict=True))
         ]
-        return sorted(shown, key=lambda f: -f.log_posterior)[:kept]
 
     def columns_at(self, fits: Sequence[Fit]) -> list[Array]:
         """Derivatives (trials, n, k) of each fit's predicted curves by its k causes, rad per unit amount, by runs: of a
@@ -300,12 +301,15 @@ class Search:
         gains, _ = self.gains(fit, fit.members)
         return float(gains.max()) / threshold.single
 
-    def credible_set(self, fits: Sequence[Fit]) -> list[Fit]:
-        """The fewest fits that together have the posterior probability 1 - `MISSED`, the most probable first.
+    def evidence(self, fit: Fit) -> float:
+        """Natural logarithm of a fit's evidence, but for a constant that all fits of as many causes share: amounts are
+        integrated out by Laplace's approximation."""
+        return fit.log_posterior + 0.5 * float(np.linalg.slogdet(self.covariance(fit))[1])
 
-        Amounts are integrated out by Laplace's approximation; all fits have as many causes, equally probable before.
-        """
-        evidence = np.array([f.log_posterior + 0.5 * np.linalg.slogdet(self.covariance(f))[1] for f in fits])
+    def credible_set(self, fits: Sequence[Fit]) -> list[Fit]:
+        """The fewest fits that together have the posterior probability 1 - `MISSED`, the most probable first; all have
+        as many causes, equally probable before."""
+        evidence = np.array([self.evidence(f) for f in fits])
         order = np.argsort(-evidence, kind="stable")
         share = np.exp(evidence[order] - evidence.max())
         before = (np.cumsum(share) - share) / share.sum()
@@ -324,13 +328,13 @@ class Search:
                 if j not in kept and frozenset((*kept, j)) not in known:
                     started.append(around.start_fit((*kept, j)))
         again = [replace(f, log_posterior=around.log_posterior(f.each, f.z)[0]) for f in fits[:PAIRED]]
-        every = around.refit([*again, *around.start_effects(started)], rounds=ROUNDS // 2)
+        every = around.refit([*again, *around.start_effects(started)], rounds=ROUNDS // 2) or list(fits)
         for _ in range(MOVED):
             best = every[0]
             u = np.sqrt(np.diag(around.covariance(best)))
             if best.members != around.at.members or np.any(np.abs(best.z - around.at.z) > u):
                 around = Search(self.responses, best, self.effects, self)
-            every = around.refit_exactly(every[:PAIRED])
+            every = around.refit_exactly(every[:PAIRED]) or every
             if every[0].members == around.at.members:
                 break
         return around, every
@@ -339,7 +343,8 @@ class Search:
         """The fits with every trial run, refitted with this search's noise, the best first."""
         fits = self.refit([f for f in self._run_exactly(fits) if math.isfinite(f.log_posterior)], exact=True)
         near = [f for f in fits if f.log_posterior > fits[0].log_posterior - NEAR]
-        return sorted([*self.climb(near), *fits[len(near) :]], key=lambda f: -f.log_posterior)
+        found = self._list_present([*self.climb(near), *fits[len(near) :]])
+        return sorted(found, key=lambda f: -f.log_posterior)
 
     def climb(self, fits: Sequence[Fit]) -> list[Fit]:
         """Fits, in the same order, moved to larger log posterior by runs of every trial: up to `CLIMBED` times a
@@ -352,7 +357,10 @@ class Search:
         for _ in range(CLIMBED):
             steps = [np.diag(np.sqrt(np.diag(self.covariance(f)))) for f in out]
             beside = [
-                replace(f, z=f.z + sign * h) for f, s in zip(out, steps, strict=True) for h in s for sign in (-1, 1)
+                replace(f, z=np.clip(f.z + sign * h, *self.bounds(f.members)))
+                for f, s in zip(out, steps, strict=True)
+                for h in s
+                for sign in (-1, 1)
             ]
             found = iter(self._run_exactly(beside))
             tried: list[list[Fit]] = []
@@ -360,7 +368,9 @@ class Search:
                 pairs = [(next(found), next(found)) for _ in step]
                 rise = np.array([[b.log_posterior, a.log_posterior] for b, a in pairs]) - fit.log_posterior
                 bend = -np.sum(rise, axis=1)
-                move = np.where(bend > 0.0, 0.5 * (rise[:, 1] - rise[:, 0]) / np.where(bend > 0.0, bend, 1.0), 0.0)
+                known = np.isfinite(bend) & (bend > 0.0)
+                rise = np.where(known[:, None], rise, 0.0)
+                move = 0.5 * (rise[:, 1] - rise[:, 0]) / np.where(known, bend, 1.0)
                 at = np.clip(fit.z + np.clip(move, -2.0, 2.0) * np.diag(step), *self.bounds(fit.members))
                 tried.append([fit, replace(fit, z=at), *(f for pair in pairs for f in pair)])
             tops = self._run_exactly([group[1] for group in tried])
@@ -416,11 +426,8 @@ class Search:
 
     def is_exceeded(self, threshold: Threshold, times: float = 1.0) -> bool:
         """Whether one cause or a pair gains more than its threshold, so many times."""
-        gains, k = self.gains()
-        if gains.max() > times * threshold.single:
-            return True
-        gram, b = self.test.gram(k), self.test.products(k, self.noise.whiten(k, self.turned(self.at.each))[None])
-        return float(pair_gains(gram, b)[0]) > times * threshold.pair
+        single, pair = self.test.statistics(self.turned(self.at.each))
+        return single > times * threshold.single or pair > times * threshold.pair
 
     def first_round(self) -> list[Fit]:
         """Fits of one cause each, the `REFITTED` best, best first: after one Gauss–Newton step, or at the likeliest of
@@ -513,7 +520,6 @@ class Found:
     fits: tuple[Fit, ...] = ()  # causes, or pairs of them, that the trials cannot tell apart, the best first
     exceeds: bool = False  # whether the difference exceeds its null distribution
     search: Search | None = None  # around the best; None where the model cannot run
-    gain: float = 0.0  # log posterior of the best over none
     left: float = 0.0  # score statistic of one more cause beside the best, over its threshold
 
 
@@ -531,6 +537,8 @@ def find_causes(responses: Responses, effects: bool = True) -> Found:
     if base is None or not np.all(np.ptp(responses.measured, axis=1)):
         return Found()
     search = Search(responses, Fit((), np.zeros(0), base, np.zeros((*base.shape, 0))))
+    if not search.named:  # the model stands still
+        return Found()
     runs = search.draw_runs(RUNS, seed=1)
     threshold = search.find_threshold(runs)
     if search.is_exceeded(threshold) and not search.is_exceeded(threshold, CLEAR):
@@ -539,7 +547,6 @@ def find_causes(responses: Responses, effects: bool = True) -> Found:
         return Found(search=search)
     if effects:
         search = search.with_effects()
-    null = search.log_posterior(base, np.zeros(0))[0]
     singles = search.refit(search.first_round())
     if not singles:
         return Found(exceeds=True, search=search)
@@ -555,5 +562,7 @@ def find_causes(responses: Responses, effects: bool = True) -> Found:
             left = around.rest(fits[0], threshold)
         if 1.0 < left < CLEAR:
             left = around.rest(fits[0], around.find_threshold(around.draw_runs(RUNS + MORE_RUNS, seed=3)))
-    fits = around.refit_alike(around.credible_set(fits))
-    return Found(tuple(around.credible_set(fits)), True, around, fits[0].log_posterior - null, left)
+    fits = around.credible_set(fits)
+    if left <= 1.0:
+        fits = around.credible_set(around.refit_alike(fits))
+    return Found(tuple(fits), True, around, left)

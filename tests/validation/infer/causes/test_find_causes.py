@@ -146,6 +146,13 @@ def test_one_cause_is_named_alone_with_its_size(seed: int, trials: int) -> None:
     assert "no other that was compared does nearly as well" in found.sentence and "law 3 ×" in found.sentence
 
 
+def test_a_cause_of_eight_prior_standard_uncertainties_is_no_reason_for_another() -> None:
+    """Beside itself a cause would gain half of its prior's penalty."""
+    found = explain({0: [8.0] * 3}, 3)
+    assert sets(found) == {frozenset({(FORCE_GAIN, ALL, 1)})}
+    assert abs(np.log(found.changes[0].change) - 0.05 * 8.0) < 3 * found.changes[0].u
+
+
 def test_causes_that_act_alike_are_both_named() -> None:
     found = explain({SHAPES - 2: [0.9] * 3}, 3)
     assert sets(found) == {frozenset({(f"law {j}", ALL, 1)}) for j in (SHAPES - 2, SHAPES - 1)}
@@ -338,6 +345,19 @@ def test_score_statistic_is_that_of_the_whole_covariance(noise: BalancedNoise) -
         g = sum(a @ c @ a for a, c in zip(x, inverse, strict=True))
         b = sum(a @ c @ r for a, c, r in zip(x, inverse, turned, strict=True))
         assert gains[n] == pytest.approx(b**2 / (1.0 + g), rel=1e-6)
+
+
+def test_a_session_is_tested_as_the_drawn_ones_are(noise: BalancedNoise) -> None:
+    """Its deviation is profiled with and without a cause: the best of all less the best of none."""
+    test = ScoreTest(noise, shapes(), candidates(LISTED, range(1, 7)))
+    turned = noise.draw(3, 1, np.random.default_rng(5), scattered_runs())[0]
+    turned[0] += 0.5 * shapes()[:, 2]
+    gains, k = test.gains(turned)
+    single, pair = test.statistics(turned)
+    assert single == pytest.approx(gains.max(), rel=1e-9) and single < pair
+    null, one = noise.log_likelihoods(turned), [test.gram(k), test.products(k, noise.whiten(k, turned)[None])[0]]
+    by_hand = null[k] + 0.5 * np.max(one[1] ** 2 / (1.0 + np.diag(one[0]))) - null.max()
+    assert single == pytest.approx(2.0 * by_hand, rel=1e-9)
 
 
 def test_what_no_session_tells_apart_is_one_group_and_what_cannot_show_none(noise: BalancedNoise) -> None:
