@@ -148,7 +148,7 @@ class Candidate:
     # ``all`` trials, ``one``, a ``trend`` that grows evenly from the first trial on, a ``step`` at one trial
     profile: str
     weights: tuple[float, ...]  # (trials,) share of the amount that each trial has
-    # first, last: numbers of the first and last trial that has it
+    # first, last: numbers of the first and last trial that has it; of a trend, those between which it grows
     first: int
     last: int
 
@@ -160,11 +160,11 @@ class Candidate:
 
 def sources(action: model.Action, trial: ObservedTrial) -> tuple[Source, ...]:
     """All possible causes in a session like ``trial``, whose declared u of the force are taken: errors of its channels,
-    values of the action, effects that the action lacks, in this order. Amounts are in units of `Source.wrong`.
+    values of the action, effects that the action lacks, in this order.
 
-    Conventions: amounts are in units of `Source.wrong`: a factor exp(wrong z), or wrong z added in SI. What is known
+    Conventions: an amount z is a factor exp(wrong z), or wrong z added in SI. What is known
     of a value (its stated u, or the joint uncertainty of an identified action) is taken out of every comparison;
-    ``wrong`` is how far off a value may be that is not what it is said to be: 30 % of a law, as in `unknowns.priors`,
+    ``wrong`` is how far off a value may be that is not what it is said to be: 30 % of a law (`unknowns.LAW_U`),
     10 % of a mass, a millimetre of a length, 5 mm of where the force acts. A channel may be wrong in all trials, in
     one, drift or jump; laws drift or jump; where a contact is or the force acts jumps; the clock's rate, masses, pivots
     and centres of mass are what they are. What is declared of an encoder is in the noise model.

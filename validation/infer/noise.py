@@ -86,7 +86,8 @@ class Sizes:
 
     @staticmethod
     def null(families: NDArray[np.intp], own: float) -> Sizes:
-        """Variance components without model discrepancy, for encoders; each trial deviates by the share ``own``."""
+        """Variance components with the discrepancy `ROUGH_FLOOR`, for encoders; each trial deviates by the share
+        ``own``."""
         seen = np.isin(range(len(CHANNEL_NAMES)), ENCODERS).astype(float)[None]
         return Sizes._fill(families, seen, NULL_SCATTER, own, ROUGH_FLOOR)
 

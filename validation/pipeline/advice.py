@@ -70,20 +70,22 @@ def advise_on_causes(explained: Explained) -> list[str]:
     if not sets:
         return []
     causes = list(dict.fromkeys(change.cause for one in sets.values() for change in one))
-    more = f" or {len(causes) - MOST} more" if len(causes) > MOST else ""
-    if len(sets) > 1:
-        return [
-            f"Measure {' or '.join(causes[:MOST])}{more}: the trials cannot tell which of them makes the difference."
-        ]
-    (only,) = sets.values()
-    named = " and ".join(causes)
+    common = [cause for cause in causes if all(cause in {c.cause for c in one} for one in sets.values())]
+    others = [cause for cause in causes if cause not in common]
+    if others:
+        more = f" or {len(others) - MOST} more" if len(others) > MOST else ""
+        which = f"{' or '.join(others[:MOST])}{more}: the trials cannot tell which of them"
+        if common:
+            return [f"Measure {' and '.join(common)}, and {which} goes with it."]
+        return [f"Measure {which} makes the difference."]
+    only = next(iter(sets.values()))
     listed = sum(change.set == only[0].set for change in explained.changes)
     explains = f"alone of the causes compared explain{'s' if len(causes) == 1 else ''} the difference"
     if listed < only[0].changes:
         explains = f"{'is' if len(causes) == 1 else 'are'} a part of what makes the difference"
     if all(change.of_session for change in only):
         return [f"Calibrate the bench: {' with '.join(causes)} {explains}; loosen nothing in the action."]
-    return [f"Measure {named}, which {explains}."]
+    return [f"Measure {' and '.join(causes)}, which {explains}."]
 
 
 def advise_on_domain(outside: Mapping[int, str]) -> list[str]:

@@ -17,19 +17,19 @@ def _change(row: Row) -> str:
 
 
 COLUMNS = (
-    Column("set", "", "Number of the set, smaller sets first, then by evidence; each set by itself explains the "
-           "difference", int, head="set"),
+    Column("set", "", "Number of the set, the most probable first; each set by itself explains the difference", int,
+           head="set"),
     Column("changes", "", "How many changes the set has; fewer are listed where the trials do not tell what the others "
            "are", int),
     Column("cause", "", "What is changed: a parameter path, a felt, or an error of the session: gain, level or delay "
            "of the force, the clock's rate, an encoder's scale, delay or zero (a gain of 0.9 reads 0.9 of what "
            "acted)", str),
     Column("part", "", "The same with the name of the part", str, head="cause"),
-    Column("change", "factor or unit of the row", "Factor, or what is added, in the row's unit", head="change",
-           text=_change),
+    Column("change", "factor or unit of the row", "Factor, or what is added, in the row's unit; of an effect with a "
+           "unit its value", head="change", text=_change),
     Column("u", "1 or unit of the row", "Standard uncertainty of the change; relative where it is a factor"),
     Column("unit", "", "Unit of the change; 1 means a factor", str),
-    Column("log_odds", "1", "Natural logarithm of the set's evidence over that of the best of the smallest sets"),
+    Column("log_odds", "1", "Natural logarithm of the set's evidence over that of the most probable one"),
     Column("left", "1", "Share of the difference, squared in standard uncertainties, that is left with the set: of the "
            "trials' mean, or of all trials where not all have the change", head="difference left", shown=("%", 100.0)),
     Column("left_by_noise", "1", "The same share that noise and declared uncertainties alone leave, exceeded in one "

@@ -1,9 +1,9 @@
 """Which causes explain the differences of a session, as sentences, rows of a table and findings.
 
 Trials are sound and of one kind of stroke, until the key is let go. Causes are errors of the session's channels,
-changes of the model and effects that it lacks alike, in all trials, in one, from one on, or drifting. Named is what
-`search.find_causes` finds where it leaves nothing that a further cause would explain: one cause or pair, or at most
-`MOST_NAMED` that the trials cannot tell apart (docs/explanation/differences.md).
+changes of the model and effects that it lacks, in all trials, in one, from one on, or drifting. Named is what
+`search.find_causes` finds where it leaves nothing that a further cause would explain: one cause or pair, at most
+`MOST_NAMED` that the trials cannot tell apart, or what more of them have in common (docs/explanation/differences.md).
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from validation.prediction.joint_draws import chosen_trials
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.posterior import TABLE
 
-MOST_TRIALS = 12  # that are searched, evenly chosen
-MOST_NAMED = 3  # causes or pairs that the trials cannot tell apart; more are no answer
+MOST_TRIALS = 12  # that are searched, chosen at random
+MOST_NAMED = 3  # causes or pairs that the trials cannot tell apart; of more only what they have in common is named
 FINDINGS = {name: error.kind or name for name, error in ERROR_BY_NAME.items()}
 
 
@@ -43,16 +43,22 @@ class CompatibleChange:
     set: int  # number of the set: a cause or a pair, the most probable first
     changes: int  # how many changes the set has: more than are listed where the others are not told apart
     cause: str  # parameter, felt, or error of a channel of the session
-    change: float  # factor, or what is added in ``unit``; of a trend that of the last trial
+    # factor, or what is added in ``unit``, of the last trial of a trend; of an effect with a unit its value
+    change: float
     u: float  # its standard uncertainty; relative where ``unit`` is 1
     unit: str  # SI; 1 means a factor
     log_odds: float  # natural logarithm of the set's posterior odds to the most probable one
     left: float  # share of the difference, squared in standard uncertainties, that is left with it
     left_by_noise: float  # share that noise exceeds in one session of a hundred
     profile: str = ALL  # ``all`` trials, ``one``, a ``trend`` that grows evenly, a ``step``
-    # first, last: numbers of the first and last trial that has it
+    # first, last: numbers of the first and last trial that has it; of a trend, those between which it grows
     first: int = 0
     last: int = 0
+
+    @property
+    def identity(self) -> tuple[str, str, int]:
+        """Cause, profile and first trial: what it is but for its size."""
+        return self.cause, self.profile, self.first
 
     @property
     def words(self) -> str:
@@ -76,7 +82,8 @@ class CompatibleChange:
         known = f"(standard uncertainty {factor * self.u:.2g} {unit})"
         if self.profile == TREND:
             rate = abs(factor * self.change) / (self.last - self.first)
-            return f"{self.cause} drifts by {sign}{rate:.2g} {unit} per trial{drift} {known}"
+            total = f"{sign}{abs(factor * self.change):.2g} {unit}"
+            return f"{self.cause} drifts by {sign}{rate:.2g} {unit} per trial, {total}{drift} {known}"
         return f"{self.cause} {sign}{abs(factor * self.change):.2g} {unit}{when} {known}"
 
     @property
@@ -89,14 +96,14 @@ class CompatibleChange:
 class Explained:
     """What explains the differences."""
 
-    sentence: str = ""  # empty where the model cannot run
+    sentence: str = ""  # empty where the model cannot run, and without trials that can be compared
     changes: tuple[CompatibleChange, ...] = ()  # rows of the sets named
     nothing: bool = False  # whether the difference does not exceed its null distribution
     findings: tuple[SessionFinding, ...] = ()  # causes that some of the trials have
 
 
 def explain_difference(tested: ModelUnderTest, sound: Sequence[MeasuredTrial], effects: bool = True) -> Explained:
-    """Search for causes of the differences between the model and ``sound`` trials of one kind (12 at most);
+    """Search for causes of the differences between the model and ``sound`` trials of one kind (12 at most, at random);
     ``effects``: also try effects that the model lacks. Empty `Explained` without trials or a common time span; the
     model's store keeps the result.
 
@@ -110,7 +117,7 @@ def explain_difference(tested: ModelUnderTest, sound: Sequence[MeasuredTrial], e
         return Explained()
     try:
         trials = observe("validate", 0, choose_trials(sound))
-    except ValidationInputError:  # no span in common
+    except ValidationInputError:  # no span in common, or an encoder that stands still
         return Explained()
     return explain_observed(tested, trials, effects)
 
@@ -129,7 +136,7 @@ def explain_observed(tested: ModelUnderTest, trials: Sequence[ObservedTrial], ef
 
 
 def choose_trials(sound: Sequence[MeasuredTrial]) -> list[MeasuredTrial]:
-    """The trial that stands for all, then the others; so many, evenly chosen, where there are more."""
+    """The trial that stands for all, then the others; so many, chosen at random, where there are more."""
     first = select_representative(list(sound))
     others = [m for m in sound if m is not first]
     return [first, *chosen_trials(others, max_trials=MOST_TRIALS - 1)]
@@ -143,7 +150,8 @@ def _explain(tested: ModelUnderTest, trials: Sequence[ObservedTrial], effects: b
 
 def make_answer(found: Found, numbers: Sequence[int]) -> Explained:
     """Sentence on what a search ``found`` in the trials ``numbers``, its table rows and findings (these two only where
-    one to `MOST_NAMED` sets of causes explain the differences). Empty where the model cannot run."""
+    one to `MOST_NAMED` sets of causes explain the differences, or more have a cause in common). Empty where the model
+    cannot run."""
     search = found.search
     if search is None:
         return Explained()
@@ -160,34 +168,47 @@ def make_answer(found: Found, numbers: Sequence[int]) -> Explained:
         return Explained(f"none of the causes that were compared explains {what}, alone or in pairs; {beyond}")
     rows = [row for n, fit in enumerate(found.fits, 1) for row in _make_rows(search, n, fit, found.fits[0])]
     sets = _group_rows(rows)
-    words = "; ".join(" with ".join(row.words for row in one) for one in sets[:MOST_NAMED])
-    if len(sets) > MOST_NAMED:
-        common = _find_common_cause(rows)
-        most = "the most probable are: "
-        if common is None:
-            return Explained(
-                f"{len(sets)} causes or pairs of causes explain {what} about equally well, so that none is named; "
-                f"{most}{words}; {beyond}"
-            )
-        beside = "; ".join(row.words for one in sets[:MOST_NAMED] for row in one if not _is_same(row, common))
-        other = f"one of {len(sets)} causes that the trials cannot tell apart"
-        told = f"this is a part of what explains {what}; the other part is {other}"
-        finding = _make_finding([common], f"{common.words}: {told}")
-        sentence = f"{common.words}: {told}; {most}{beside}; {beyond}"
-        return Explained(sentence, (common,), findings=() if common.profile == ALL else (finding,))
+    first = {frozenset(row.identity for row in one): one for one in reversed(sets)}
+    kinds = [one for one in sets if first[frozenset(row.identity for row in one)] is one]
+    words = "; ".join(" with ".join(row.words for row in one) for one in sets)
+    if len(kinds) > MOST_NAMED:
+        return _name_common_cause(rows, kinds, what, beyond)
     some = {row.cause for row in rows if row.profile != ALL}
+    alone = "this cause explains" if len(sets[0]) == 1 else "these two causes together explain"
     if len(sets) == 1:
-        kind = "this cause explains" if len(sets[0]) == 1 else "these two causes together explain"
-        which = f"{kind} {what}, and no other that was compared does nearly as well"
+        which = f"{alone} {what}, and no other that was compared does nearly as well"
+    elif len(kinds) == 1:
+        which = f"{alone} {what}, at either of these sizes, which the trials cannot tell apart"
     else:
         which = f"each of these explains {what}, and the trials cannot tell them apart"
-    sentence = f"{_subject_words(rows)}{which}: {words}; {beyond}"
-    return Explained(sentence, tuple(rows), findings=_make_findings(sets, where) if some else ())
+    sentence = f"{_subject_words(rows, len(kinds))}{which}: {words}; {beyond}"
+    return Explained(sentence, tuple(rows), findings=_make_findings(kinds, where) if some else ())
 
 
-def _subject_words(rows: Sequence[CompatibleChange]) -> str:
-    kinds = {row.of_session for row in rows}
-    return "about the model or the session: " if len(kinds) == 2 else _SUBJECTS[kinds.pop()]
+def _name_common_cause(
+    rows: Sequence[CompatibleChange], kinds: Sequence[Sequence[CompatibleChange]], what: str, beyond: str
+) -> Explained:
+    """Answer where more than `MOST_NAMED` ``kinds`` of sets explain ``what`` differs: the cause that all ``rows`` of
+    sets have in common, or none."""
+    most, common = "the most probable are: ", _find_common_cause(rows)
+    if common is None:
+        words = "; ".join(" with ".join(row.words for row in one) for one in kinds[:MOST_NAMED])
+        return Explained(
+            f"{len(kinds)} causes or pairs of causes explain {what} about equally well, so that none is named; "
+            f"{most}{words}; {beyond}"
+        )
+    beside = "; ".join(row.words for one in kinds[:MOST_NAMED] for row in one if row.identity != common.identity)
+    other = f"one of {len(kinds)} causes that the trials cannot tell apart"
+    told = f"this is a part of what explains {what}; the other part is {other}"
+    findings = () if common.profile == ALL else (_make_finding([common], f"{common.words}: {told}"),)
+    return Explained(f"{common.words}: {told}; {most}{beside}; {beyond}", (common,), findings=findings)
+
+
+def _subject_words(rows: Sequence[CompatibleChange], kinds: int) -> str:
+    subjects = {row.of_session for row in rows}
+    if len(subjects) == 2:
+        return f"about the model {'and' if kinds == 1 else 'or'} the session: "
+    return _SUBJECTS[subjects.pop()]
 
 
 _SUBJECTS = {True: "about the session, not the model: ", False: "about the model, not the session: "}
@@ -196,15 +217,15 @@ _SUBJECTS = {True: "about the session, not the model: ", False: "about the model
 def _comparison_words(search: Search, trials: int) -> str:
     """Text on the kinds of causes that a search compared, on the trials that may have them (only all together where
     ``trials``, their number, is below four), and on what the answer assumes."""
-    named = [search.source(i) for i in search.named]
+    named = [search.source(i) for i in dict.fromkeys([*search.named, *(j for of in search.alike.values() for j in of)])]
     kinds = dict.fromkeys(re.sub(r"^\w+ encoder (\w+)$", r"\1 of the encoders", s.kind) for s in named if not s.added)
     lacking = len({s.name for s in named if s.added})
     if lacking:
         kinds[f"{lacking} effect{'s' if lacking > 1 else ''} that the model lacks"] = None
-    how = "each in all trials, in one, from one on and as a drift"
+    how = "in all trials, and those that may change also in one, from one on or as a drift"
     if trials < FEWEST_TOLD_APART:
-        how = "in all trials only, since fewer than four do not tell what single trials have, and by declared u alone"
-    return f"sizes hold if all else is as stated; compared were {', '.join(kinds)}, alone and in pairs, {how}"
+        how = "in all trials only, since fewer than four do not tell what single trials have"
+    return f"sizes hold if all else is as stated; compared were {', '.join(kinds)}, {how}"
 
 
 def _make_rows(search: Search, number: int, fit: Fit, best: Fit) -> list[CompatibleChange]:
@@ -235,17 +256,12 @@ def _group_rows(rows: Sequence[CompatibleChange]) -> list[list[CompatibleChange]
     return list(listed.values())
 
 
-def _is_same(row: CompatibleChange, other: CompatibleChange) -> bool:
-    """Whether two rows are of the same cause in the same trials."""
-    return (row.cause, row.profile, row.first) == (other.cause, other.profile, other.first)
-
-
 def _find_common_cause(rows: Sequence[CompatibleChange]) -> CompatibleChange | None:
     """Row of the cause that all sets have, with the standard uncertainty of its size whichever set is right; None where
     they have none in common."""
     count = len({row.set for row in rows})
     for row in rows:
-        same = [one for one in rows if _is_same(one, row)]
+        same = [one for one in rows if one.identity == row.identity]
         if len(same) == count:
             share = np.exp([one.log_odds for one in same])
             share /= share.sum()
@@ -257,17 +273,24 @@ def _find_common_cause(rows: Sequence[CompatibleChange]) -> CompatibleChange | N
     return None
 
 
-def _make_findings(sets: Sequence[Sequence[CompatibleChange]], where: str) -> tuple[SessionFinding, ...]:
-    """Findings on causes that only some trials have: one for each such cause of the only set, else a single one that
-    names those of all sets; ``where``: the trials, as text."""
-    told = "explains what {} differ by among themselves, and no other cause that was compared does nearly as well"
-    if len(sets) == 1:
-        rows = [row for row in sets[0] if row.profile != ALL]
-        return tuple(_make_finding([row], f"{row.words}: this {told.format(where)}") for row in rows)
-    rows = [row for one in sets for row in one if row.profile != ALL]
+def _make_findings(kinds: Sequence[Sequence[CompatibleChange]], where: str) -> tuple[SessionFinding, ...]:
+    """Findings on causes that only some trials have: one for each such cause of the only set, or of what all of
+    ``kinds``, sets of different causes, have in common; else a single one that names those of all; ``where``: the
+    trials, as text."""
+    told = f"explains what {where} differ by among themselves"
+    partial = [[row for row in one if row.profile != ALL] for one in kinds]
+    if len({frozenset(row.identity for row in rows) for rows in partial}) == 1:
+        out = []
+        for row in partial[0]:
+            others = [other.cause for other in kinds[0] if other is not row and other.profile != ALL]
+            best = ", and no other cause that was compared does nearly as well" if len(kinds) == 1 else ""
+            beside = f"with {others[0]}, " if others else ""
+            out.append(_make_finding([row], f"{row.words}: {beside}this {told}{best}"))
+        return tuple(out)
+    rows = [row for of in partial for row in of]
     words = "; ".join(dict.fromkeys(row.words for row in rows))
-    text = f"each of these explains what {where} differ by among themselves, and the trials cannot tell them apart: "
-    return (_make_finding(rows, text + words),)
+    text = f"each of these {told}, and the trials cannot tell them apart: {words}"
+    return (_make_finding(rows, text),)
 
 
 def _make_finding(rows: Sequence[CompatibleChange], text: str) -> SessionFinding:

@@ -1,7 +1,7 @@
 """What the model does where something is wrong in some trials: runs side by side, under a force of few points.
 
 Conventions: differences are measured less predicted, channel after channel, (3 m,) rad, at phases that the trials
-share. Derivatives are differences of runs of one trial, which stands for the others: strokes of one kind.
+share. Derivatives are differences of runs of one trial, which stands for the others of its condition.
 """
 
 from __future__ import annotations
@@ -40,7 +40,8 @@ class Point:
 
 @dataclass(frozen=True)
 class _Place:
-    """Where one trial is run: amounts of sources, index -> amount; an offset, or one knot, of the force."""
+    """Where one trial is run: amounts of sources, index -> amount; an offset of the force; the knot of its noise that
+    is raised, -1 for none."""
 
     amounts: tuple[tuple[int, float], ...] = ()
     offset_n: float = 0.0
@@ -57,7 +58,7 @@ class Responses:
     ----------
     tested : ModelUnderTest
     trials : sequence of ObservedTrial
-        Of one kind of stroke; the first stands for all where derivatives are found.
+        Of one kind of stroke.
     listed : sequence of Source
 
     Attributes
@@ -100,11 +101,8 @@ class Responses:
 
     def differences(self, points: Sequence[Point]) -> list[Array | None]:
         """Measured less predicted angles (trials, 3 m), rad, of key, whippen, hammer one after the other, at each
-        point, approximate: where trials have the same amounts two are run, and the others moved as these. None where a
-        run fails.
-
-        Where all trials have the same, two are run, and the others move as these do on the average, from the nearest
-        point where all have the same and were run. Causes are compared at `exact_differences`.
+        point, approximate where all trials have the same amounts: two are run, and the others move as these do on the
+        average from the nearest point of `exact_differences`. None where a run fails.
         """
         base = self.base
         if base is None:
@@ -151,7 +149,8 @@ class Responses:
         asked : point, index of the trial, index of the source
         here : differences (trials, 3 m) at each of the points
         longest : longest step of each difference; by default that of the source
-        central : whether differences are central, but of effects: of equivalent causes they are equal
+        central : whether differences are central, which those of effects never are; causes that do the same have then
+            the same derivatives, to whatever sides they bend the response
         """
         places, steps = [], []
         for n, (point, t, j) in enumerate(asked):

@@ -1,8 +1,8 @@
 """The search for causes: score test of all, alone and in pairs, and refits of the best by runs of the model.
 
-A cause is asked for only where the score test exceeds its Monte Carlo threshold. The causes that the linear model ranks
-first are refitted by Gauss–Newton with runs, and compared by their posterior. Beside the best one the model is taken
-linear again: where the score test still exceeds its threshold, a second cause is asked for in the same way.
+A cause is asked for only where the score test exceeds its Monte Carlo threshold. Each cause is run once, the likeliest
+are refitted by Gauss–Newton, and compared by their posterior. Beside the best one the model is linearised again: where
+the score test still exceeds its threshold, a second cause is asked for in the same way.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from validation.infer.hypotheses import ALL, LEAST_ADDED, SMALL_STEP, TREND, Sou
 from validation.infer.noise import law_family
 from validation.infer.observations import ENCODERS
 
-REFITTED = 12  # causes of each size that are refitted, the best of the linear model first
+REFITTED = 12  # causes, and then pairs, that are refitted: the likeliest after one run of each
 SECOND = 2  # best single causes beside which a second one is looked for
 RUNS = 128  # draws of the scatter between trials that are run: for the curvature around each fit, and the threshold
 MORE_RUNS, CLEAR = 896, 10.0  # further draws for a threshold, but where it is exceeded so many times
@@ -274,7 +274,7 @@ class Search:
         """Derivatives (trials, n, k) of each fit's predicted curves by its k causes, rad per unit amount, by runs: of a
         trend in every trial that has it, else in the trial that has most of it, taken for all.
 
-        Differences are taken over one standard uncertainty, as in `difference_steps`.
+        Differences are taken over at most one standard uncertainty.
         """
         asked, here, longest, trials = [], [], [], range(self.noise.trials)
         for fit in fits:
@@ -519,7 +519,7 @@ class Found:
 
     fits: tuple[Fit, ...] = ()  # causes, or pairs of them, that the trials cannot tell apart, the best first
     exceeds: bool = False  # whether the difference exceeds its null distribution
-    search: Search | None = None  # around the best; None where the model cannot run
+    search: Search | None = None  # around the best, or near it; None where the model cannot run
     left: float = 0.0  # score statistic of one more cause beside the best, over its threshold
 
 

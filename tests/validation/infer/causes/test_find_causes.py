@@ -262,7 +262,8 @@ def test_two_amounts_of_one_effect_that_do_the_same_are_both_told() -> None:
     assert sets(found) == {frozenset({("added felt", ALL, 1)})}
     below, above = sorted(found.changes, key=lambda row: row.change)
     assert below.change == pytest.approx(5e-5 / 1.6, abs=3 * below.u)
-    assert above.change == pytest.approx(5e-5 * 1.6, abs=3 * above.u) and "cannot tell them apart" in found.sentence
+    assert above.change == pytest.approx(5e-5 * 1.6, abs=3 * above.u)
+    assert "at either of these sizes, which the trials cannot tell apart" in found.sentence
 
 
 @given(st.floats(-3.0, 3.0), st.floats(0.0, 1.0))
@@ -280,6 +281,25 @@ def test_a_drift_is_told_by_what_it_adds_in_each_trial() -> None:
     (row,) = found.changes
     assert row.profile == TREND and abs(np.log(row.change) - 0.2) < 3 * row.u
     assert f"drifts by +{100 * (row.change - 1) / 5:.2g} % per trial" in row.words
+
+
+def test_what_two_pairs_have_in_common_is_told_once() -> None:
+    found = explain({0: [0, 0, 0, 1.2, 1.2, 1.2], SHAPES - 2: [-0.9] * 6}, 6)
+    gain = (FORCE_GAIN, STEP, 4)
+    assert sets(found) == {frozenset({gain, (f"law {j}", ALL, 1)}) for j in (SHAPES - 2, SHAPES - 1)}
+    assert found.sentence.startswith("about the model or the session: each of these explains")
+    (finding,) = found.findings
+    assert finding.kind == "force gain" and "cannot tell" not in finding.text and finding.text.count("force gain") == 1
+
+
+def test_two_causes_of_some_trials_are_told_with_each_other() -> None:
+    found = explain({0: [0, 0, 0, 1.2, 1.2, 1.2], 5: [0, -0.6, -0.6, -0.6, -0.6, -0.6]}, 6)
+    assert sets(found) == {frozenset({(FORCE_GAIN, STEP, 4), ("law 5", STEP, 2)})}
+    assert found.sentence.startswith("about the model and the session: these two causes together")
+    assert sorted(f.text.split(": ")[1][:20] for f in found.findings) == [
+        "with force gain, this"[:20],
+        "with law 5, this expl"[:20],
+    ]
 
 
 def test_what_no_cause_makes_is_called_none_with_what_was_compared() -> None:
