@@ -37,7 +37,7 @@ from validation.infer.budget import BIFURCATION, CONVERGED, Budget, End
 from validation.infer.channels import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL
 from validation.infer.estimates import IDENTIFIED, LACKING, NORMAL, estimate_all
 from validation.infer.fit import Fitted, fit_multistart
-from validation.infer.further import HALF_KNOWN, SENSORS, Candidate, Prospect, add_trials, prospects
+from validation.infer.further import HALF_KNOWN, SENSORS, Candidate, Prospect, add_trials, prospects, remaining_u
 from validation.infer.hypotheses import ADDED, list_addable_effects
 from validation.infer.identifiability import directions
 from validation.infer.identify import FIT_SHARE, LEAST_EFFECT_RAD, default_budget_s
@@ -494,7 +494,7 @@ class Experiment:
             for name in names:
                 columns, j = (m, moved.index(name)) if name in moved else (i, INSTRUMENT.index(name))
                 left -= (1 - HALF_KNOWN) * true[name] * columns[:, j]
-                columns[:, j] *= HALF_KNOWN
+                columns[:, j] *= HALF_KNOWN if name in moved else remaining_u(trial, name)
             blocks.append(replace(b, moved=m, instrument=i))
             linear.append(left)
         return blocks, linear

@@ -6,6 +6,7 @@ plan for ``record --plan``.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -30,7 +31,7 @@ from rig.session.force_correction import Quiet
 from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.infer.blocks import INSTRUMENT, Block, make_blocks, rows
-from validation.infer.channels import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL
+from validation.infer.channels import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL, ZERO
 from validation.infer.estimates import NORMAL
 from validation.infer.fit import LAST_ROUNDS, Fitted
 from validation.infer.noise import (
@@ -44,7 +45,7 @@ from validation.infer.noise import (
     scores,
     select_noise_model,
 )
-from validation.infer.observations import ObservedTrial, observe
+from validation.infer.observations import CHANNEL_NAMES, ObservedTrial, observe
 from validation.infer.problem import Problem
 from validation.infer.response import ModelResponse, Response
 from validation.measurement.trial import MeasuredTrial
@@ -387,9 +388,21 @@ def _append_typical_sizes(of_sessions: Array) -> Array:
 def _halve_sensor_u(problem: Problem, fitted: Fitted, columns: Sequence[str]) -> Marginal:
     """The model of the fit with errors of sensors half as large: of the force, which it moves, and of encoders."""
     moved = np.array([HALF_KNOWN if p.name in columns else 1.0 for p in problem.unknowns.moved])
-    instrument = np.array([HALF_KNOWN if name in columns else 1.0 for name in INSTRUMENT])
-    blocks = [replace(b, moved=b.moved * moved, instrument=b.instrument * instrument) for b in fitted.marginal.blocks]
+    blocks = []
+    for trial, b in zip(problem.trials, fitted.marginal.blocks, strict=True):
+        instrument = np.array([remaining_u(trial, name) if name in columns else 1.0 for name in INSTRUMENT])
+        blocks.append(replace(b, moved=b.moved * moved, instrument=b.instrument * instrument))
     return Marginal(blocks, fitted.marginal.sizes)
+
+
+def remaining_u(trial: ObservedTrial, name: str) -> float:
+    """Share of the standard uncertainty of a channel's error (of `INSTRUMENT`) that one more calibration leaves: of a
+    zero its rounding, too."""
+    c = next((k for k, c in enumerate(trial.channels) if name == f"{CHANNEL_NAMES[c]} {ZERO}"), -1)
+    if c < 0 or trial.u_steady_rad[c] == 0.0:
+        return HALF_KNOWN
+    calibrated, steady = float(trial.u_calibrated_rad[c]), float(trial.u_steady_rad[c])
+    return math.sqrt(steady**2 - (1.0 - HALF_KNOWN**2) * calibrated**2) / steady
 
 
 SHOWN = 8  # rows of a figure, on one page

@@ -8,6 +8,7 @@ A film has a clock of its own: of each phase its nearest frame is compared, at i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -141,6 +142,11 @@ class ObservedTrial:
     def column(self, name: str) -> Array:
         """Change (m,) of one channel."""
         return np.asarray(self.change_rad[:, self.channels.index(CHANNEL_NAMES.index(name))])
+
+    @property
+    def u_calibrated_rad(self) -> Array:
+        """``u_steady_rad`` (c,) without the zero's rounding: what a better calibration makes smaller."""
+        return np.sqrt(np.maximum(self.u_steady_rad**2 - self.u_zero_rad**2, 0.0))
 
     def model_time_s(self, film_late_s: float = 0.0) -> Array:
         """Times (k,) at which the model is needed: phases and frames."""
@@ -380,7 +386,7 @@ def _observe_driven_trial(name: str, session: int, m: MeasuredTrial, span: Span,
         noise_n=0.0,
         channels=WITHOUT_KEY,
         key=key,
-        u_key_rad=float(noise["u_steady_rad"][0]),
+        u_key_rad=math.sqrt(max(float(noise["u_steady_rad"][0] ** 2 - noise["u_zero_rad"][0] ** 2), 0.0)),
         u_key_scale=float(scale[0]),
         key_moves=True,
     )
@@ -454,7 +460,7 @@ def share_key_errors(trials: Sequence[ObservedTrial]) -> list[ObservedTrial]:
     return [
         t
         if t.key is not None
-        else replace(t, key_moves=True, u_key_rad=float(t.u_steady_rad[0]), u_key_scale=float(t.u_scale[0]))
+        else replace(t, key_moves=True, u_key_rad=float(t.u_calibrated_rad[0]), u_key_scale=float(t.u_scale[0]))
         for t in trials
     ]
 

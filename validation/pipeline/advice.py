@@ -65,27 +65,32 @@ def advise_on_causes(explained: Explained) -> list[str]:
     """One sentence, in a list, on what to measure or calibrate, from the causes that explain the difference in all
     trials; empty where there is none."""
     sets: dict[int, list[CompatibleChange]] = {}
-    for change in (c for c in explained.changes if c.profile == ALL):
+    for change in explained.changes:
         sets.setdefault(change.set, []).append(change)
-    if not sets:
+    if all(change.profile != ALL for change in explained.changes):
         return []
-    causes = list(dict.fromkeys(change.cause for one in sets.values() for change in one))
-    common = [cause for cause in causes if all(cause in {c.cause for c in one} for one in sets.values())]
-    others = [cause for cause in causes if cause not in common]
+    first: dict[tuple[str, str, int], CompatibleChange] = {}
+    for change in explained.changes:
+        first.setdefault(change.identity, change)
+    rows = list(first.values())
+    common = [row for row in rows if all(row.identity in {c.identity for c in one} for one in sets.values())]
+    others = list(dict.fromkeys(row.cause for row in rows if row not in common))
+    shared = [row.cause for row in common if row.profile == ALL]
     if others:
         more = f" or {len(others) - MOST} more" if len(others) > MOST else ""
         which = f"{' or '.join(others[:MOST])}{more}: the trials cannot tell which of them"
-        if common:
-            return [f"Measure {' and '.join(common)}, and {which} goes with it."]
+        if shared:
+            return [f"Measure {' and '.join(shared)}, and {which} goes with it."]
         return [f"Measure {which} makes the difference."]
-    only = next(iter(sets.values()))
-    listed = sum(change.set == only[0].set for change in explained.changes)
-    explains = f"alone of the causes compared explain{'s' if len(causes) == 1 else ''} the difference"
-    if listed < only[0].changes:
-        explains = f"{'is' if len(causes) == 1 else 'are'} a part of what makes the difference"
-    if all(change.of_session for change in only):
-        return [f"Calibrate the bench: {' with '.join(causes)} {explains}; loosen nothing in the action."]
-    return [f"Measure {' and '.join(causes)}, which {explains}."]
+    verb, partial = "explain" if len(shared) > 1 else "explains", [row.cause for row in common if row.profile != ALL]
+    explains = (
+        f"with {partial[0]} {verb} the difference" if partial else f"alone of the causes compared {verb} the difference"
+    )
+    if len(common) < common[0].changes:
+        explains = "is a part of what makes the difference"
+    elif all(row.of_session for row in common):
+        return [f"Calibrate the bench: {' with '.join(shared)} {explains}; loosen nothing in the action."]
+    return [f"Measure {' and '.join(shared)}, which {explains}."]
 
 
 def advise_on_domain(outside: Mapping[int, str]) -> list[str]:

@@ -55,9 +55,9 @@ NOTES = (
 TABLE = Table(
     "compatible_changes",
     "change of each cause, or pair of causes, of session or model that explains what model and trials differ by until "
-    "the key is let go: at most three, the most probable first, which trials do not tell apart, or what more than "
-    "three have in common. Empty where nothing need have changed, where no cause that was compared explains it, where "
-    "more do that have nothing in common, or where nothing was looked for",
+    "the key is let go: at most three, the most probable first, each at one or more sizes, which trials do not tell "
+    "apart, or what more than three have in common. Empty where nothing need have changed, where no cause that was "
+    "compared explains it, where more do that have nothing in common, or where nothing was looked for",
     COLUMNS,
     rows,
     (Page("causes", "Sets of changes that explain the difference", NOTES),),

@@ -22,6 +22,7 @@ from validation.infer.further import (
     add_trials,
     block_of,
     prospects,
+    remaining_u,
     scale_profile_force,
     u_from_noise_sizes,
     write_plan,
@@ -214,3 +215,14 @@ def test_a_plan_without_a_stroke_or_in_a_wrong_place_is_refused(tmp_path: Path) 
     with pytest.raises(ValidationInputError, match="allowed .toml"):
         write_plan([prospect()], tmp_path / "next.csv")
     assert not list(tmp_path.iterdir())
+
+
+def test_one_more_calibration_leaves_the_rounding_of_a_zero() -> None:
+    trial = replace(
+        toy.trial(1, np.zeros((toy.M, 3))),
+        u_zero_rad=np.array([3e-6, 0.0, 5e-6]),
+        u_steady_rad=np.array([5e-6, 2e-6, 5e-6]),
+    )
+    left = [remaining_u(trial, f"{name} encoder zero") for name in ("key", "whippen", "hammer")]
+    assert left == pytest.approx([np.hypot(3e-6, 0.5 * 4e-6) / 5e-6, 0.5, 1.0])
+    assert remaining_u(trial, "hammer encoder scale") == remaining_u(trial, "jack film scale") == 0.5

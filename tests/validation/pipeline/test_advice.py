@@ -67,11 +67,19 @@ def test_causes_are_measured_alone_or_told_apart() -> None:
     assert said.startswith("Calibrate the bench") and "loosen nothing" in said
     (said,) = advice.advise_on_causes(Explained("x", (replace(change(1, "hammer.mass"), changes=2),)))
     assert said == "Measure hammer.mass, which is a part of what makes the difference."
-    pairs = [change(n, cause) for n, one in enumerate(("ab", "ac"), 1) for cause in one]
+    pairs = [replace(change(n, cause), changes=2) for n, one in enumerate(("ab", "ac"), 1) for cause in one]
     (said,) = advice.advise_on_causes(Explained("x", tuple(pairs)))
     assert said == "Measure a, and b or c: the trials cannot tell which of them goes with it."
     (said,) = advice.advise_on_causes(Explained("x", (change(1, "tau"), change(2, "tau"))))  # two sizes
     assert said == "Measure tau, which alone of the causes compared explains the difference."
+    step = replace(change(2, "force gain"), profile="step", first=4, last=6)
+    (said,) = advice.advise_on_causes(Explained("x", (change(1, "law a"), step)))
+    assert said == "Measure law a or force gain: the trials cannot tell which of them makes the difference."
+    both = replace(change(1, "law a"), changes=2), replace(step, set=1, changes=2)
+    (said,) = advice.advise_on_causes(Explained("x", both))
+    assert said == "Measure law a, which with force gain explains the difference."
+    (said,) = advice.advise_on_causes(Explained("x", (replace(change(1, "force gain"), changes=2),)))
+    assert said == "Measure force gain, which is a part of what makes the difference."  # the other part may be a law
     drift = CompatibleChange(1, 1, "force gain", 1.05, 0.01, "1", 0.0, 0.1, "trend", 1, 6)
     assert not advice.advise_on_causes(Explained("x", (drift,)))  # a finding says it
 

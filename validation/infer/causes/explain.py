@@ -182,7 +182,7 @@ def make_answer(found: Found, numbers: Sequence[int]) -> Explained:
     else:
         which = f"each of these explains {what}, and the trials cannot tell them apart"
     sentence = f"{_subject_words(rows, len(kinds))}{which}: {words}; {beyond}"
-    return Explained(sentence, tuple(rows), findings=_make_findings(kinds, where) if some else ())
+    return Explained(sentence, tuple(rows), findings=_make_findings(sets, where) if some else ())
 
 
 def _name_common_cause(
@@ -258,39 +258,47 @@ def _group_rows(rows: Sequence[CompatibleChange]) -> list[list[CompatibleChange]
 
 def _find_common_cause(rows: Sequence[CompatibleChange]) -> CompatibleChange | None:
     """Row of the cause that all sets have, with the standard uncertainty of its size whichever set is right; None where
-    they have none in common."""
+    they have none in common, or two sizes of it that are no part of one."""
+    sets = {frozenset(row.identity for row in one): one for one in _group_rows(rows)}
     count = len({row.set for row in rows})
     for row in rows:
         same = [one for one in rows if one.identity == row.identity]
         if len(same) == count:
-            share = np.exp([one.log_odds for one in same])
-            share /= share.sum()
-            size = np.array([math.log(one.change) if one.unit == "1" else one.change for one in same])
-            u = np.array([one.u for one in same])
-            spread = math.sqrt(float(share @ (u**2 + (size - share @ size) ** 2)))
-            mean = math.exp(share @ size) if row.unit == "1" else float(share @ size)
-            return replace(row, set=1, change=mean, u=spread)
+            return _merge_sizes(same) if len(sets) == count else None
     return None
 
 
-def _make_findings(kinds: Sequence[Sequence[CompatibleChange]], where: str) -> tuple[SessionFinding, ...]:
-    """Findings on causes that only some trials have: one for each such cause of the only set, or of what all of
-    ``kinds``, sets of different causes, have in common; else a single one that names those of all; ``where``: the
-    trials, as text."""
+def _merge_sizes(same: Sequence[CompatibleChange]) -> CompatibleChange:
+    """Row of one cause from its rows in several sets: its size, and its standard uncertainty whichever set is right."""
+    share = np.exp([one.log_odds for one in same])
+    share /= share.sum()
+    factor = same[0].unit == "1"
+    size = np.array([math.log(one.change) if factor else one.change for one in same])
+    mean = float(share @ size)
+    u = math.sqrt(float(share @ (np.array([one.u for one in same]) ** 2 + (size - mean) ** 2)))
+    return replace(same[0], set=1, change=math.exp(mean) if factor else mean, u=u)
+
+
+def _make_findings(sets: Sequence[Sequence[CompatibleChange]], where: str) -> tuple[SessionFinding, ...]:
+    """Findings on causes that only some trials have: one for each such cause where all ``sets`` have the same; else a
+    single one that names those of all, if each has some; ``where``: the trials, as text."""
     told = f"explains what {where} differ by among themselves"
-    partial = [[row for row in one if row.profile != ALL] for one in kinds]
-    if len({frozenset(row.identity for row in rows) for rows in partial}) == 1:
-        out = []
-        for row in partial[0]:
-            others = [other.cause for other in kinds[0] if other is not row and other.profile != ALL]
-            best = ", and no other cause that was compared does nearly as well" if len(kinds) == 1 else ""
-            beside = f"with {others[0]}, " if others else ""
-            out.append(_make_finding([row], f"{row.words}: {beside}this {told}{best}"))
-        return tuple(out)
-    rows = [row for of in partial for row in of]
-    words = "; ".join(dict.fromkeys(row.words for row in rows))
-    text = f"each of these {told}, and the trials cannot tell them apart: {words}"
-    return (_make_finding(rows, text),)
+    partial = [[row for row in one if row.profile != ALL] for one in sets]
+    if not all(partial):
+        return ()
+    if len({frozenset(row.identity for row in rows) for rows in partial}) > 1:
+        rows = [row for of in partial for row in of]
+        words = "; ".join(dict.fromkeys(row.words for row in rows))
+        text = f"each of these {told}, and the trials cannot tell them apart: {words}"
+        return (_make_finding(rows, text),)
+    out = []
+    best = ", and no other cause that was compared does nearly as well" if len(sets) == 1 else ""
+    for row in partial[0]:
+        others = [other.cause for other in partial[0] if other is not row]
+        beside = f"with {others[0]}, " if others else ""
+        merged = _merge_sizes([one for rows in partial for one in rows if one.identity == row.identity])
+        out.append(_make_finding([merged], f"{merged.words}: {beside}this {told}{best}"))
+    return tuple(out)
 
 
 def _make_finding(rows: Sequence[CompatibleChange], text: str) -> SessionFinding:

@@ -142,8 +142,9 @@ class ScoreTest:
 
     def __init__(self, noise: BalancedNoise, columns: Array, candidates: Sequence[Candidate]) -> None:
         self.noise, self.columns = noise, columns
-        self.source = np.array([c.source for c in candidates])
-        self.weights = helmert(noise.trials) @ np.array([c.weights for c in candidates]).T
+        self.source = np.array([c.source for c in candidates], dtype=np.intp)
+        weights = np.array([c.weights for c in candidates]).reshape(-1, noise.trials)
+        self.weights = helmert(noise.trials) @ weights.T
         self._mean = [solve_triangular(root, columns, lower=True) for root in noise.mean]
         self._between = [solve_triangular(root, columns, lower=True) for root in noise.between]
 

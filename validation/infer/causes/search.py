@@ -1,8 +1,8 @@
 """The search for causes: score test of all, alone and in pairs, and refits of the best by runs of the model.
 
-A cause is asked for only where the score test exceeds its Monte Carlo threshold. Each cause is run once, the likeliest
-are refitted by Gauss–Newton, and compared by their posterior. Beside the best one the model is linearised again: where
-the score test still exceeds its threshold, a second cause is asked for in the same way.
+A cause is asked for only where the score test exceeds its Monte Carlo threshold. Causes are run at some amounts, the
+likeliest are refitted by Gauss–Newton, and compared by their posterior. Beside the best one the model is linearised
+again: where the score test still exceeds its threshold, a second cause is asked for in the same way.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from validation.infer.hypotheses import ALL, LEAST_ADDED, SMALL_STEP, TREND, Sou
 from validation.infer.noise import law_family
 from validation.infer.observations import ENCODERS
 
-REFITTED = 12  # causes, and then pairs, that are refitted: the likeliest after one run of each
+REFITTED = 12  # causes, and then pairs, that are refitted: the likeliest after a first run or two steps
 SECOND = 2  # best single causes beside which a second one is looked for
 RUNS = 128  # draws of the scatter between trials that are run: for the curvature around each fit, and the threshold
 MORE_RUNS, CLEAR = 896, 10.0  # further draws for a threshold, but where it is exceeded so many times
@@ -406,7 +406,7 @@ class Search:
         best = singles[0]
         beside = [i for i in self._list_shared(added=False) if not self.source(i).error and i not in best.members]
         moved = self._try_amounts([self.start_fit((*best.members, i), best) for i in beside], LARGE)
-        return [*self.start_effects(list(started.values())), *_choose_likeliest(moved)]
+        return [*self.start_effects(list(started.values())), *self.choose_likeliest(moved)]
 
     def rank_candidates(self, fit: Fit, held: Sequence[int]) -> list[int]:
         """Candidates (indexes) by their gain beside the ``held`` ones of a fit, the largest first."""
@@ -445,7 +445,16 @@ class Search:
         levels = [self.start_fit((i,)) for i in self.named if self.source(i).name == FORCE_LEVEL]
         moved += self._try_amounts(levels, LEVELS)
         effects = self.refit(self.start_effects([self.start_fit((i,)) for i in added]), rounds=1)
-        return _choose_likeliest([*stepped, *moved, *effects])
+        return self.choose_likeliest([*stepped, *moved, *effects])
+
+    def choose_likeliest(self, fits: Sequence[Fit]) -> list[Fit]:
+        """The `REFITTED` fits of other causes with the largest log posterior, the best first, with their derivatives
+        there."""
+        likeliest: dict[frozenset[int], Fit] = {}
+        for fit in sorted(fits, key=lambda f: -f.log_posterior):
+            likeliest.setdefault(frozenset(fit.members), fit)
+        chosen = list(likeliest.values())[:REFITTED]
+        return [replace(f, columns=c) for f, c in zip(chosen, self.columns_at(chosen), strict=True)]
 
     def _list_shared(self, added: bool) -> list[int]:
         """Candidates `named` (indices) that all trials have: effects that the model lacks, or all others."""
@@ -482,10 +491,11 @@ class Search:
         return out
 
     def _is_same(self, fit: Fit, other: Fit) -> bool:
-        """Whether two fits have the same causes, of amounts within two standard uncertainties."""
+        """Whether two fits have the same causes, of amounts within two of the larger standard uncertainties."""
         if fit.members != other.members:
             return False
-        return bool(np.all(np.abs(fit.z - other.z) < 2.0 * np.sqrt(np.diag(self.covariance(other)))))
+        u = np.sqrt(np.maximum(np.diag(self.covariance(fit)), np.diag(self.covariance(other))))
+        return bool(np.all(np.abs(fit.z - other.z) < 2.0 * u))
 
     def start_effects(self, fits: Sequence[Fit]) -> list[Fit]:
         """The fits, those with an added effect of amount 0 run with it at each of `AMOUNTS` and replaced by the
@@ -503,14 +513,6 @@ class Search:
             if n not in out or found.log_posterior > out[n].log_posterior:
                 out[n] = found
         return list(out.values())
-
-
-def _choose_likeliest(fits: Sequence[Fit]) -> list[Fit]:
-    """The `REFITTED` fits of other causes with the largest log posterior, the best first."""
-    likeliest: dict[tuple[int, ...], Fit] = {}
-    for fit in sorted(fits, key=lambda f: -f.log_posterior):
-        likeliest.setdefault(fit.members, fit)
-    return list(likeliest.values())[:REFITTED]
 
 
 @dataclass(frozen=True)
@@ -553,12 +555,14 @@ def find_causes(responses: Responses, effects: bool = True) -> Found:
     around, fits = search.exchange_causes(singles)
     left = around.rest(fits[0], threshold)
     if left > 1.0:
-        pairs = around.refit(around.refit(around.pairs(fits), rounds=2)[:REFITTED])
+        pairs = around.refit(around.choose_likeliest(around.refit(around.pairs(fits), rounds=2)))
         if pairs and 2.0 * (pairs[0].log_posterior - fits[0].log_posterior) > threshold.single:
             around, fits = around.exchange_causes(pairs)
             alone = around.refit([around.start_fit((i,), fits[0]) for i in fits[0].members])
             if alone and 2.0 * (fits[0].log_posterior - alone[0].log_posterior) <= threshold.single:
-                around, fits = around.exchange_causes(alone)  # beside what the pair has right, the other is not needed
+                closer, singles = around.exchange_causes(alone)  # from what the pair has right
+                if closer.rest(singles[0], threshold) <= 1.0:
+                    around, fits = closer, singles
             left = around.rest(fits[0], threshold)
         if 1.0 < left < CLEAR:
             left = around.rest(fits[0], around.find_threshold(around.draw_runs(RUNS + MORE_RUNS, seed=3)))

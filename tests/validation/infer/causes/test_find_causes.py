@@ -328,6 +328,25 @@ def test_trials_that_agree_need_no_cause() -> None:
     assert found.nothing and not found.changes and "no part of the model need have changed" in found.sentence
 
 
+def test_a_model_that_does_not_answer_is_not_asked_further() -> None:
+    class Still(Curved):
+        def columns(self, asked: Any, here: Any, longest: Any = (), central: bool = False) -> list[Array]:
+            return [np.zeros(3 * M) for _ in asked]
+
+    assert explain({3: [1.2] * 3}, 3, made=Still) == Explained()
+
+
+def test_two_sizes_within_their_uncertainty_are_one() -> None:
+    found = explain({4: [1.02] * 3}, 3, made=Peaked)  # where the effect does most
+    assert len(found.changes) == 1 and "either of these sizes" not in found.sentence
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_pair_is_kept_where_neither_cause_of_it_leaves_noise(seed: int) -> None:
+    found = explain({0: [1.5] * 3, 6: [-0.9] * 3}, 3, seed)
+    assert sets(found) == {frozenset({(FORCE_GAIN, ALL, 1), ("law 6", ALL, 1)})}
+
+
 def test_contrasts_are_orthonormal_and_beside_the_mean() -> None:
     turn = helmert(5)
     assert turn[0] == pytest.approx(np.full(5, 0.2))
