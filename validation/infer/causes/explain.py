@@ -66,7 +66,10 @@ class CompatibleChange:
         when = {ALL: "", ONE: f" in trial {self.first}", TREND: ""}.get(self.profile, f" from trial {self.first} on")
         drift = f" from trial {self.first} to trial {self.last}"
         if self.cause.startswith(ADDED) and self.unit != "1":
-            return f"{self.cause} = {self.change:.3g} {self.unit} (standard uncertainty {self.u:.2g})"
+            factor, unit = (1e6, "µs") if self.unit == "s" else (1.0, self.unit)
+            return (
+                f"{self.cause} = {factor * self.change:.3g} {unit} (standard uncertainty {factor * self.u:.2g} {unit})"
+            )
         if self.unit == "1":
             places = max(2, 1 - math.floor(math.log10(max(self.u * self.change, 1e-9))))
             size = f"× {self.change:.{places}f}"

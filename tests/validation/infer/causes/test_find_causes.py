@@ -264,6 +264,7 @@ def test_two_amounts_of_one_effect_that_do_the_same_are_both_told() -> None:
     assert below.change == pytest.approx(5e-5 / 1.6, abs=3 * below.u)
     assert above.change == pytest.approx(5e-5 * 1.6, abs=3 * above.u)
     assert "at either of these sizes, which the trials cannot tell apart" in found.sentence
+    assert f"added felt = {1e6 * above.change:.3g} µs (standard uncertainty {1e6 * above.u:.2g} µs)" in found.sentence
 
 
 @given(st.floats(-3.0, 3.0), st.floats(0.0, 1.0))
