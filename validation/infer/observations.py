@@ -8,7 +8,6 @@ A film has a clock of its own: of each phase its nearest frame is compared, at i
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -146,7 +145,7 @@ class ObservedTrial:
     @property
     def u_calibrated_rad(self) -> Array:
         """``u_steady_rad`` (c,) without the zero's rounding: what a better calibration makes smaller."""
-        return np.sqrt(np.maximum(self.u_steady_rad**2 - self.u_zero_rad**2, 0.0))
+        return remove_rounding(self.u_steady_rad, self.u_zero_rad)
 
     def model_time_s(self, film_late_s: float = 0.0) -> Array:
         """Times (k,) at which the model is needed: phases and frames."""
@@ -259,6 +258,12 @@ def nearest_samples(m: MeasuredTrial, span: Span, phases: Array) -> Array:
     """Indices (m,) of samples nearest to the phases: between samples a straight line misses an impact by 1e-4 rad."""
     nearest = np.round(np.interp(span.top_s + phases, m.time_s, np.arange(m.time_s.size)))
     return np.asarray(np.clip(nearest, 0, m.time_s.size - 1), dtype=int)
+
+
+def remove_rounding(u_steady_rad: Array, u_zero_rad: Array) -> Array:
+    """Standard uncertainty (c,), rad, that a calibration leaves of what is alike in all trials, without the rounding of
+    the zero."""
+    return np.sqrt(np.maximum(u_steady_rad**2 - u_zero_rad**2, 0.0))
 
 
 def encoder_noise(m: MeasuredTrial) -> dict[str, Any]:
@@ -386,7 +391,7 @@ def _observe_driven_trial(name: str, session: int, m: MeasuredTrial, span: Span,
         noise_n=0.0,
         channels=WITHOUT_KEY,
         key=key,
-        u_key_rad=math.sqrt(max(float(noise["u_steady_rad"][0] ** 2 - noise["u_zero_rad"][0] ** 2), 0.0)),
+        u_key_rad=float(remove_rounding(noise["u_steady_rad"], noise["u_zero_rad"])[0]),
         u_key_scale=float(scale[0]),
         key_moves=True,
     )

@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping, Sequence
 from validation.findings.find_faults import order_kinds
 from validation.findings.finding import RIG, SessionFinding, Source
 from validation.findings.unusable import list_unusable_data, name_unusable
-from validation.infer.causes.explain import CompatibleChange, Explained
+from validation.infer.causes.explain import CompatibleChange, Explained, group_by_set
 from validation.infer.hypotheses import ALL
 from validation.measurement.trial import trials_in_words
 from validation.result import AGREES
@@ -64,16 +64,14 @@ def advise_on_findings(findings: Sequence[SessionFinding], source: Source = RIG)
 def advise_on_causes(explained: Explained) -> list[str]:
     """One sentence, in a list, on what to measure or calibrate, from the causes that explain the difference in all
     trials; empty where there is none."""
-    sets: dict[int, list[CompatibleChange]] = {}
-    for change in explained.changes:
-        sets.setdefault(change.set, []).append(change)
     if all(change.profile != ALL for change in explained.changes):
         return []
     first: dict[tuple[str, str, int], CompatibleChange] = {}
     for change in explained.changes:
         first.setdefault(change.identity, change)
     rows = list(first.values())
-    common = [row for row in rows if all(row.identity in {c.identity for c in one} for one in sets.values())]
+    sets = [{change.identity for change in one} for one in group_by_set(explained.changes)]
+    common = [row for row in rows if all(row.identity in one for one in sets)]
     others = list(dict.fromkeys(row.cause for row in rows if row not in common))
     shared = [row.cause for row in common if row.profile == ALL]
     if others:

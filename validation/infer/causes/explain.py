@@ -31,7 +31,7 @@ from validation.prediction.joint_draws import chosen_trials
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.posterior import TABLE
 
-MOST_TRIALS = 12  # that are searched, chosen at random
+MOST_TRIALS = 12  # that are searched, by lot where there are more
 MOST_NAMED = 3  # causes or pairs that the trials cannot tell apart; of more only what they have in common is named
 FINDINGS = {name: error.kind or name for name, error in ERROR_BY_NAME.items()}
 
@@ -106,7 +106,7 @@ class Explained:
 
 
 def explain_difference(tested: ModelUnderTest, sound: Sequence[MeasuredTrial], effects: bool = True) -> Explained:
-    """Search for causes of the differences between the model and ``sound`` trials of one kind (12 at most, at random);
+    """Search for causes of the differences between the model and ``sound`` trials of one kind (12 at most, by lot);
     ``effects``: also try effects that the model lacks. Empty `Explained` without trials or a common time span; the
     model's store keeps the result.
 
@@ -139,7 +139,7 @@ def explain_observed(tested: ModelUnderTest, trials: Sequence[ObservedTrial], ef
 
 
 def choose_trials(sound: Sequence[MeasuredTrial]) -> list[MeasuredTrial]:
-    """The trial that stands for all, then the others; so many, chosen at random, where there are more."""
+    """The trial that stands for all, then the others; so many, by lot, where there are more."""
     first = select_representative(list(sound))
     others = [m for m in sound if m is not first]
     return [first, *chosen_trials(others, max_trials=MOST_TRIALS - 1)]
@@ -170,13 +170,14 @@ def make_answer(found: Found, numbers: Sequence[int]) -> Explained:
     if not found.fits or found.left > 1.0:
         return Explained(f"none of the causes that were compared explains {what}, alone or in pairs; {beyond}")
     rows = [row for n, fit in enumerate(found.fits, 1) for row in _make_rows(search, n, fit, found.fits[0])]
-    sets = _group_rows(rows)
-    first = {frozenset(row.identity for row in one): one for one in reversed(sets)}
-    kinds = [one for one in sets if first[frozenset(row.identity for row in one)] is one]
+    sets = group_by_set(rows)
+    first: dict[frozenset[tuple[str, str, int]], list[CompatibleChange]] = {}
+    for one in sets:
+        first.setdefault(frozenset(row.identity for row in one), one)
+    kinds = list(first.values())  # without those that differ in size only
     words = "; ".join(" with ".join(row.words for row in one) for one in sets)
     if len(kinds) > MOST_NAMED:
-        return _name_common_cause(rows, kinds, what, beyond)
-    some = {row.cause for row in rows if row.profile != ALL}
+        return _name_common_cause(sets, kinds, what, beyond)
     alone = "this cause explains" if len(sets[0]) == 1 else "these two causes together explain"
     if len(sets) == 1:
         which = f"{alone} {what}, and no other that was compared does nearly as well"
@@ -185,15 +186,18 @@ def make_answer(found: Found, numbers: Sequence[int]) -> Explained:
     else:
         which = f"each of these explains {what}, and the trials cannot tell them apart"
     sentence = f"{_subject_words(rows, len(kinds))}{which}: {words}; {beyond}"
-    return Explained(sentence, tuple(rows), findings=_make_findings(sets, where) if some else ())
+    return Explained(sentence, tuple(rows), findings=_make_findings(sets, where))
 
 
 def _name_common_cause(
-    rows: Sequence[CompatibleChange], kinds: Sequence[Sequence[CompatibleChange]], what: str, beyond: str
+    sets: Sequence[Sequence[CompatibleChange]],
+    kinds: Sequence[Sequence[CompatibleChange]],
+    what: str,
+    beyond: str,
 ) -> Explained:
-    """Answer where more than `MOST_NAMED` ``kinds`` of sets explain ``what`` differs: the cause that all ``rows`` of
-    sets have in common, or none."""
-    most, common = "the most probable are: ", _find_common_cause(rows)
+    """Answer where more than `MOST_NAMED` sets of other causes, ``kinds``, explain ``what`` differs: the cause that all
+    ``sets`` have in common, or none, as where two sets differ in size only."""
+    most, common = "the most probable are: ", _find_common_cause(sets) if len(kinds) == len(sets) else None
     if common is None:
         words = "; ".join(" with ".join(row.words for row in one) for one in kinds[:MOST_NAMED])
         return Explained(
@@ -252,22 +256,21 @@ def _make_rows(search: Search, number: int, fit: Fit, best: Fit) -> list[Compati
     return out
 
 
-def _group_rows(rows: Sequence[CompatibleChange]) -> list[list[CompatibleChange]]:
+def group_by_set(rows: Sequence[CompatibleChange]) -> list[list[CompatibleChange]]:
+    """Rows of each set, the sets and their rows in the order that they have."""
     listed: dict[int, list[CompatibleChange]] = {}
     for row in rows:
         listed.setdefault(row.set, []).append(row)
     return list(listed.values())
 
 
-def _find_common_cause(rows: Sequence[CompatibleChange]) -> CompatibleChange | None:
+def _find_common_cause(sets: Sequence[Sequence[CompatibleChange]]) -> CompatibleChange | None:
     """Row of the cause that all sets have, with the standard uncertainty of its size whichever set is right; None where
-    they have none in common, or two sizes of it that are no part of one."""
-    sets = {frozenset(row.identity for row in one): one for one in _group_rows(rows)}
-    count = len({row.set for row in rows})
-    for row in rows:
-        same = [one for one in rows if one.identity == row.identity]
-        if len(same) == count:
-            return _merge_sizes(same) if len(sets) == count else None
+    they have none in common."""
+    for row in sets[0]:
+        same = [other for one in sets for other in one if other.identity == row.identity]
+        if len(same) == len(sets):
+            return _merge_sizes(same)
     return None
 
 
@@ -284,7 +287,7 @@ def _merge_sizes(same: Sequence[CompatibleChange]) -> CompatibleChange:
 
 def _make_findings(sets: Sequence[Sequence[CompatibleChange]], where: str) -> tuple[SessionFinding, ...]:
     """Findings on causes that only some trials have: one for each such cause where all ``sets`` have the same; else a
-    single one that names those of all, if each has some; ``where``: the trials, as text."""
+    single one that names those of all, if each has some; none otherwise. ``where``: the trials, as text."""
     told = f"explains what {where} differ by among themselves"
     partial = [[row for row in one if row.profile != ALL] for one in sets]
     if not all(partial):
@@ -299,7 +302,7 @@ def _make_findings(sets: Sequence[Sequence[CompatibleChange]], where: str) -> tu
     for row in partial[0]:
         others = [other.cause for other in partial[0] if other is not row]
         beside = f"with {others[0]}, " if others else ""
-        merged = _merge_sizes([one for rows in partial for one in rows if one.identity == row.identity])
+        merged = _merge_sizes([other for rows in partial for other in rows if other.identity == row.identity])
         out.append(_make_finding([merged], f"{merged.words}: {beside}this {told}{best}"))
     return tuple(out)
 

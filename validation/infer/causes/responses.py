@@ -1,4 +1,4 @@
-"""What the model does where something is wrong in some trials: runs side by side, under a force of few points.
+"""What the model does where something is wrong in some trials: runs side by side.
 
 Conventions: differences are measured less predicted, channel after channel, (3 m,) rad, at phases that the trials
 share. Derivatives are differences of runs of one trial, which stands for the others of its condition.
@@ -27,7 +27,7 @@ from validation.prediction.joint_draws import drawn_tolerance
 from validation.prediction.many_runs import Run, coarse_force, run_many
 from validation.prediction.model_under_test import ModelUnderTest
 
-SPACING_S = 2e-4  # of the force's points: at 0.6 ms the memory of a felt came out 3 standard uncertainties off
+FINE_SPACING_S = 2e-4  # of the force's points: at 0.6 ms the memory of a felt came out 3 standard uncertainties off
 BUMP_N = 0.1  # for differences, of the whole force or at one knot
 
 
@@ -317,7 +317,7 @@ class Responses:
             if knot >= 0:
                 knots = noise_knots(trial)
                 force = force + np.interp(trial.force_time_s, knots, BUMP_N * (np.arange(knots.size) == knot))
-            self._forces[key] = coarse_force(trial.force_time_s, force, SPACING_S)
+            self._forces[key] = coarse_force(trial.force_time_s, force, FINE_SPACING_S)
         return self._forces[key]
 
     def _find_rest(

@@ -205,12 +205,12 @@ class ScoreTest:
         return found, int(np.argmax(np.max(beside, axis=1)))
 
     def statistics(self, turned: Array) -> tuple[float, float]:
-        """The largest score statistics, as `threshold` has them in drawn sessions, of one cause and of a pair."""
+        """The largest score statistics, as `find_threshold` has them in drawn sessions, of one cause and of a pair."""
         every = range(len(DEVIATIONS))
         one, two = self._search(turned[None], every, {k: self.gram(k) for k in every})
         return float(one[0]), float(two[0])
 
-    def threshold(self, turned: Array, runs: Array, seed: int = 0) -> Threshold:
+    def find_threshold(self, turned: Array, runs: Array, seed: int = 0) -> Threshold:
         """Thresholds of the score statistic of one cause and of a pair, by Monte Carlo: the search repeated in `DRAWS`
         sessions of the null hypothesis fitted to ``turned`` (trials, n), mean and contrasts of residuals, whose trials
         scatter as ``runs`` (draws, n); rad."""

@@ -85,8 +85,7 @@ class Search:
             tangents.append(columns)
         self.columns, self._tangents, self._turn = tangents[0], tangents, helmert(len(trials))
         if before is None or at.point != before.at.point:
-            runs, linear = self._draw(RUNS)
-            self.curved = runs - linear
+            self.curved = self._draw_curvature(RUNS)
         else:
             self.curved = before.curved
         known = known_root(responses.tested.action, listed)
@@ -109,31 +108,33 @@ class Search:
         added = np.array([s.added for s in self.responses.listed])
         return np.where(added, np.inf, np.clip(self.test.known_u(0), LEAST_STEP, SMALL_STEP))
 
-    def _draw(self, count: int, seed: int = 0) -> tuple[Array, Array]:
-        """Changes (count, n) of the curves of trials whose laws and lengths scatter, each of the next trial in turn: as
-        run, and by the tangent of the condition that is the nearer to that trial's."""
+    def _draw_scatter(self, count: int, seed: int) -> Array:
+        """Amounts (count, p) by which the laws and lengths of trials scatter; which effects are listed does not change
+        them."""
         scatter = np.array([s.scatter for s in self.responses.listed])
-        moved = np.flatnonzero(scatter)  # which effects are listed does not change the draws
+        moved = np.flatnonzero(scatter)
         amounts = np.zeros((count, scatter.size))
         amounts[:, moved] = scatter[moved] * np.random.default_rng(seed).standard_normal((count, moved.size))
-        nearest = [self._nearest_condition(k % self._turn.shape[0]) for k in range(count)]
-        linear = np.array([self._tangents[c] @ z for c, z in zip(nearest, amounts, strict=True)])
-        return self.responses.curve_changes(amounts, self.at.each, self.at.point), linear
-
-    def _nearest_condition(self, t: int) -> int:
-        """Which of the `_conditions` is the nearest to that of trial ``t`` (index)."""
-        weights = np.array([self.responses.candidates[i].weights for i in self.at.members]).reshape(-1, len(self._turn))
-        away = [float(np.sum((weights[:, t] - weights[:, at]) ** 2)) for at, _ in self._conditions()]
-        return int(np.argmin(away))
+        return amounts
 
     def draw_runs(self, count: int, seed: int) -> Array:
-        """Changes (count, n), rad, of the curves of trials whose laws and lengths scatter, as run."""
-        return self._draw(count, seed)[0]
+        """Changes (count, n), rad, of the curves of trials whose laws and lengths scatter, each of the next trial in
+        turn, as run."""
+        return self.responses.curve_changes(self._draw_scatter(count, seed), self.at.each, self.at.point)
+
+    def _draw_curvature(self, count: int) -> Array:
+        """Changes of `draw_runs` (count, n), rad, less those by the tangent of the condition nearest to the trial's."""
+        weights = np.array([self.responses.candidates[i].weights for i in self.at.members]).reshape(-1, len(self._turn))
+        known = weights[:, [t for t, _ in self._conditions()]]
+        nearest = np.argmin(np.sum((weights[:, :, None] - known[:, None]) ** 2, axis=0), axis=1)
+        amounts = self._draw_scatter(count, seed=0)
+        linear = [self._tangents[nearest[k % nearest.size]] @ z for k, z in enumerate(amounts)]
+        return self.draw_runs(count, seed=0) - np.array(linear)
 
     def find_threshold(self, runs: Array) -> Threshold:
         """Thresholds of one cause and of a pair under the null hypothesis, of which trials scatter as ``runs``, drawn
         by `draw_runs`."""
-        return self.test.threshold(self.turned(self.at.each), runs)
+        return self.test.find_threshold(self.turned(self.at.each), runs)
 
     def _conditions(self) -> list[tuple[int, float]]:
         """Trials to linearise, (index, share of all trials that it represents): those with least and most of the causes
@@ -298,8 +299,7 @@ class Search:
 
     def rest(self, fit: Fit, threshold: Threshold) -> float:
         """Largest score statistic of one more cause beside a fit, over its threshold."""
-        gains, _ = self.gains(fit, fit.members)
-        return float(gains.max()) / threshold.single
+        return float(self.gains(fit, fit.members).max()) / threshold.single
 
     def evidence(self, fit: Fit) -> float:
         """Natural logarithm of a fit's evidence, but for a constant that all fits of as many causes share: amounts are
@@ -410,19 +410,15 @@ class Search:
 
     def rank_candidates(self, fit: Fit, held: Sequence[int]) -> list[int]:
         """Candidates (indexes) by their gain beside the ``held`` ones of a fit, the largest first."""
-        gains, _ = self.gains(fit, held)
-        return [self.named[int(i)] for i in np.argsort(-gains, kind="stable")]
+        return [self.named[int(i)] for i in np.argsort(-self.gains(fit, held), kind="stable")]
 
-    def gains(self, fit: Fit | None = None, held: Sequence[int] = ()) -> tuple[Array, int]:
+    def gains(self, fit: Fit, held: Sequence[int]) -> Array:
         """Score statistic (P,) of the candidates `named` beside the causes ``held`` (candidate indices) of a fit, its
-        others removed linearly, and the index in `DEVIATIONS` of the likeliest deviation; without a fit at the search's
-        own point."""
-        if fit is None:
-            return self.test.gains(self.turned(self.at.each))
+        others removed linearly."""
         gone = [k for k, i in enumerate(fit.members) if i not in held]
         kept = [k for k, i in enumerate(fit.members) if i in held]
         each = fit.each + self.effect(fit, gone) if gone else fit.each
-        return self.test.gains(self.turned(each), [self.named.index(fit.members[k]) for k in kept], fit.z[kept])
+        return self.test.gains(self.turned(each), [self.named.index(fit.members[k]) for k in kept], fit.z[kept])[0]
 
     def is_exceeded(self, threshold: Threshold, times: float = 1.0) -> bool:
         """Whether one cause or a pair gains more than its threshold, so many times."""

@@ -10,11 +10,13 @@ import pytest
 import model
 from tests.validation.infer import toy
 from validation.events.key_lift import SCALE_RADIUS_M
+from validation.infer import hypotheses
 from validation.infer.causes import explain
 from validation.infer.causes.responses import Point, Responses, knot_noise_n
 from validation.infer.channels import FORCE_GAIN
 from validation.infer.hypotheses import ADDED, ALL, JOINTS, STEP, list_addable_effects, sources
 from validation.prediction.model_under_test import ModelUnderTest
+from validation.prediction.posterior import Posterior
 
 ACTION = model.load_action()
 BY_NAME = {source.name: source for source in list_addable_effects(ACTION)}
@@ -120,3 +122,17 @@ def test_force_that_bends_between_samples_is_as_uncertain_as_a_twelfth_of_its_se
     step_s = float(np.median(np.diff(time_s)))
     bent = knot_noise_n(replace(trial, force_n=0.6 * ((time_s - time_s[0]) / step_s) ** 2))
     assert bent[1:-1] / straight[1:-1] == pytest.approx(np.hypot(1.0, 1.2 / 12.0 / 0.02), rel=0.02)
+
+
+def test_what_an_identification_knows_of_a_mass_is_relative_where_the_cause_is_a_factor(monkeypatch) -> None:
+    """Its u is in SI there: taken as a logarithm, an identified mass was known some 60,000 times too well."""
+    value, names = ACTION["whippen.inertia"], ("whippen.inertia", "contact08.second.y")
+    known = Posterior(
+        names, tuple((name,) for name in names), (0.05 * value, 2e-4), (False, False), np.zeros((0, 2)), np.zeros(0), {}
+    )
+    monkeypatch.setattr(hypotheses, "posterior_of", lambda action: known)
+    listed = [s for s in sources(ACTION, toy.short_forte(PRELOAD_N)) if s.name in names]
+    assert sorted(s.name for s in listed) == sorted(names)
+    root = hypotheses.known_root(ACTION, listed)
+    u = {s.name: float(np.sqrt((root @ root.T)[i, i])) * s.wrong for i, s in enumerate(listed)}
+    assert u == pytest.approx({"whippen.inertia": 0.05, "contact08.second.y": 2e-4})

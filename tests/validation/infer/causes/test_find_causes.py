@@ -415,6 +415,6 @@ def test_threshold_is_exceeded_as_seldom_as_stated(noise: BalancedNoise) -> None
     test = ScoreTest(noise, shapes(), candidates(LISTED, range(1, 7)))
     rng, runs = np.random.default_rng(4), scattered_runs()
     sessions = [noise.draw(int(k), 1, rng, runs)[0] for k in rng.integers(0, 3, 300)]
-    threshold = test.threshold(sessions[0], runs)
+    threshold = test.find_threshold(sessions[0], runs)
     assert sum(test.gains(one)[0].max() > threshold.single for one in sessions) <= 7  # 1.5 expected at 0.5 %
     assert 10.0 < threshold.single < threshold.pair
